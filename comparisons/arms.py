@@ -32,7 +32,7 @@ from frictionid.fitting.torque_balance import (
     fit_torques,
     torque_balance,
 )
-from frictionid.fitting.torque_balance.residual import left_to_friction
+from frictionid.fitting.torque_balance.solve import left_to_friction
 from frictionid.friction import along
 from frictionid.friction.laws import (
     CoulombViscous,

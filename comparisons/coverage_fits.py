@@ -10,8 +10,8 @@ from coverage_cases import DELAY, Case, rig_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.covariance import half_widths
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.fitting.one_step.one_step_fit import half_widths
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Inputs

@@ -25,7 +25,7 @@ from frictionid.deploy.export.cost import at_horizon, reaching
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats import ExportSettings, writer_of
 from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.rollouts import predict
+from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction
 
 STEP = 0.0005  # [s], at most, of MuJoCo's RK4

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from frictionid import mechanics as mechanisms
     from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
+    from frictionid.api.check import quick as quick
     from frictionid.api.compare import compare as compare
     from frictionid.api.comparison import Comparison as Comparison
     from frictionid.api.comparison import load_comparison as load_comparison
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from frictionid.api.fitted import Fit as Fit
     from frictionid.api.listing import identifiers as identifiers
     from frictionid.api.listing import laws as laws
-    from frictionid.api.quick import quick as quick
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from frictionid.evaluation.folds import Split as Split
     from frictionid.evaluation.folds import make_folds as make_folds
     from frictionid.evaluation.predicted_motion import predicted_motion as predicted_motion
-    from frictionid.evaluation.protocol import Protocol as Protocol
+    from frictionid.evaluation.prepared import Protocol as Protocol
     from frictionid.fitting.identifier import Identifier as Identifier
     from frictionid.fitting.identifiers import BlackBox as BlackBox
     from frictionid.fitting.identifiers import Frictionless as Frictionless

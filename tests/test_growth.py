@@ -15,7 +15,7 @@ from frictionid.data.readers import table
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter
-from frictionid.evaluation.one_step import held_out_residual
+from frictionid.evaluation.scoring import held_out_residual
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem

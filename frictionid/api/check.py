@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from typing import Any
 
@@ -13,6 +14,9 @@ from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.report.console import printed, printed_html
+from frictionid.quickstart import quick as first
+from frictionid.quickstart.quick_picture import quick_figure
+from frictionid.quickstart.quick_text import show_quick
 from frictionid.report.diagnostics import as_json, show_verdict
 from frictionid.report.figures.diagnostics import PICTURES
 from frictionid.report.figures.style import drawn
@@ -111,3 +115,49 @@ def check(data: DatasetLike, published: Any = None) -> Verdict:
     """
     model = None if published is None else friction_of(published)
     return Verdict(checks.check(dataset_of(data), model))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FirstVerdict(first.Quick):
+    """A first verdict; see `frictionid.quickstart.quick.Quick` for its attributes."""
+
+    def __repr__(self) -> str:
+        return printed(partial(show_quick, self)).rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        return printed_html(partial(show_quick, self))
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The laws on held-out motion: name, parameters, error [rad], standing."""
+        rows = [
+            (c.name, c.parameters, c.error, c.standing.standing if c.standing else "undecided")
+            for c in self.candidates
+        ]
+        return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
+
+    def plot(self) -> Any:
+        """Friction by all laws and their errors, as a Matplotlib figure.
+
+        Raises
+        ------
+        InputError
+            Where the data are unusable.
+        """
+        if self.chosen is None:
+            raise InputError("plot: the data are unusable, nothing was fitted")
+        return drawn(partial(quick_figure, self))
+
+
+def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> FirstVerdict:
+    """Check a data set, compare three friction laws on held-out motion, and say which one holds.
+
+    `done` is called with the name of each step that is finished.
+
+    Raises
+    ------
+    InputError
+        Where the recordings are too short to hold any motion out.
+    """
+    found = first.quick(dataset_of(data), done)
+    return FirstVerdict(**{f.name: getattr(found, f.name) for f in fields(found)})

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.api.comparison import Comparison
-from frictionid.api.methods import method_of
+from frictionid.api.fit import method_of
 from frictionid.api.models import (
     DatasetLike,
     count,

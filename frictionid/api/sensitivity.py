@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 from pydantic import ValidationError
 
-from frictionid.api.methods import method_of
+from frictionid.api.fit import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock

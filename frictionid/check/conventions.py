@@ -16,8 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import WIDTH
-from frictionid.check.motion import Measured, characteristic_speeds
+from frictionid.check.motion import WIDTH, Measured, characteristic_speeds
 from frictionid.data.gears import Gears
 from frictionid.fitting.one_step.balances import Rows, balances_of
 

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS
-from frictionid.check.delay import Delay
 from frictionid.check.facts import JointFacts
 from frictionid.check.findings import Finding
-from frictionid.check.hypothesis_tests import HypothesisTests
-from frictionid.check.motion import Measured
+from frictionid.check.hypothesis_tests import Delay, HypothesisTests
+from frictionid.check.motion import MIN_WINDOWS, Measured
 from frictionid.check.regression import Estimate
 from frictionid.mechanics import Mechanism
 

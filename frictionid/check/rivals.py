@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import WIDTH
 from frictionid.check.findings import Finding, percent
 from frictionid.check.model_errors import ModelError, model_errors
-from frictionid.check.motion import Measured
+from frictionid.check.motion import WIDTH, Measured
 from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
 from frictionid.fitting.one_step.balances import Rows
 

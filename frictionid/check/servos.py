@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, adapted
 from frictionid.check.findings import Finding, percent
-from frictionid.check.motion import Measured, Motion
+from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, adapted
 from frictionid.check.partial_regression import (
     Nuisance,
     PartialEstimate,

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.delay import Delay
 from frictionid.check.findings import Finding
+from frictionid.check.hypothesis_tests import Delay
 from frictionid.check.regression import Estimate, Regression
 from frictionid.check.torque_source import TorqueSource
 from frictionid.fitting.one_step.balances import Rows

@@ -6,29 +6,34 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import adapted, is_blurred
+from frictionid.check.clock import in_seconds, sampling_findings
 from frictionid.check.conventions import Scored
 from frictionid.check.coverage import advice, still_joints
-from frictionid.check.delay import Delay
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.gravity_model import GravityShares, gravity_findings, gravity_shares
-from frictionid.check.hypothesis_tests import HypothesisTests, run_tests, untested
-from frictionid.check.identifiable import Identifiable, identifiable
+from frictionid.check.hypothesis_tests import Delay, HypothesisTests, run_tests, untested
 from frictionid.check.log_faults import dead_torques, log_findings
-from frictionid.check.model_errors import ModelError
-from frictionid.check.motion import Measured, Motion, motions_of
-from frictionid.check.outliers import without_outliers
-from frictionid.check.passive import energy_findings, passive_time, rest_findings
-from frictionid.check.published import Compared, compared, incompatible
-from frictionid.check.questions import Question, questions
+from frictionid.check.model_errors import Compared, ModelError, compared, incompatible
+from frictionid.check.motion import Measured, Motion, adapted, is_blurred, motions_of
+from frictionid.check.passive import (
+    GravityShares,
+    energy_findings,
+    gravity_findings,
+    gravity_shares,
+    passive_time,
+    rest_findings,
+)
+from frictionid.check.questions import Identifiable, Question, identifiable, questions
 from frictionid.check.regression import Estimate, Regression, regress, widened
-from frictionid.check.sampling import sampling_findings
-from frictionid.check.sensors import frozen_angles, frozen_findings, frozen_torques, unwrapped
+from frictionid.check.sensors import (
+    frozen_angles,
+    frozen_findings,
+    frozen_torques,
+    unwrapped,
+    without_outliers,
+)
 from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
-from frictionid.check.time_unit import in_seconds
-from frictionid.check.torque_place import place_findings
-from frictionid.check.torque_source import TorqueSource, torque_sources
+from frictionid.check.torque_source import TorqueSource, place_findings, torque_sources
 from frictionid.check.unmeasured import unmeasured
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset

@@ -67,7 +67,7 @@ def quick(
 
     The exit status is 2 where the data are unusable, else 0.
     """
-    from frictionid.api.quick import quick as first_verdict
+    from frictionid.api.check import quick as first_verdict
     from frictionid.cli.progress import running
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes

@@ -124,7 +124,7 @@ def _method(
     consistent: bool,
 ) -> Method:
     """Method that the options name."""
-    from frictionid.api.methods import method_of
+    from frictionid.api.fit import method_of
     from frictionid.errors import InputError
 
     if by not in (None, "shooting", "inverse_dynamics"):

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.complexity import complexity_score
-from frictionid.comparison.equations import with_equations, with_intervals
+from frictionid.comparison.fit_model import with_equations, with_intervals
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -37,13 +36,49 @@ from frictionid.evaluation import (
     trajectory_folds,
     with_speeds,
 )
+from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.plausibility import Beyond, beyond_motion
+from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Method
+from frictionid.fitting.method import Fit, Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Refined
-from frictionid.friction import Friction
+from frictionid.friction import Constraints, Friction
+
+
+def complexity_score(fit: Fit) -> Score | None:
+    """Effective number of parameters of the friction of all data; None of recipes of one's own.
+
+    Of a fit with a covariance, by shooting or inverse dynamics, how many parameters, those of the
+    machine and its sensors too, the data determine: at no bound, with a finite error.
+    """
+    friction = fit.friction[-1]
+    if fit.refined is not None and not friction.law.is_network:
+        covariance, own = fit.refined.covariance, fit.refined.fitted.constraints
+        known = np.isfinite(covariance.error) & ~covariance.bound
+        count = float(sum(known[k] for k in _once(covariance.parameters, own)))
+    elif isinstance(fit, OneStepFit):
+        count = effective_parameters(friction, fit.problem, fit.weights)
+    elif friction.law.is_network:
+        count = float(np.size(friction.theta))
+    else:
+        return None
+    return Score("all", "effective_parameters", "count", value=count)
+
+
+def _once(parameters: Sequence[Parameter], constraints: Constraints | None) -> list[int]:
+    """Places of the parameters, those of equal joints once."""
+    if constraints is None or not constraints.equal:
+        return list(range(len(parameters)))
+    owner = constraints.owner
+    return [
+        k
+        for k, p in enumerate(parameters)
+        if p.block != "friction" or owner[p.place[0]] == p.place[0]
+    ]
 
 
 class Result(NamedTuple):

@@ -14,8 +14,7 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Fit
-from frictionid.fitting.one_step.covariance import covariance_of_fit
-from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.one_step.one_step_fit import OneStepFit, covariance_of_fit
 from frictionid.friction import Friction, Groups
 
 LEVEL = 0.01  # p-values below it say that joints are not equal

@@ -40,10 +40,9 @@ class Kind:
 
     Examples
     --------
-    >>> from frictionid.friction.laws import CoulombViscous, Stribeck
+    >>> from frictionid.friction.laws import Stribeck
     >>> from frictionid.fitting.identifiers import LeastSquares
-    >>> asymmetric = Choice("symmetric", False, (LeastSquares, AsymmetricStribeck))
-    >>> kind = Kind((LeastSquares, Stribeck), (asymmetric,))
+    >>> kind = Kind((LeastSquares, Stribeck))
     >>> kind.build({"symmetric": False, "width": 0.1, "iterations": 9}, "identifier").law
     Stribeck(width=0.1, shape='tanh', symmetric=False)
     """

@@ -19,7 +19,7 @@ from frictionid.fitting.identifiers import (
     SINDy,
     SparseDynamics,
 )
-from frictionid.fitting.identifiers.estimators import estimator_named
+from frictionid.fitting.identifiers.regressor import estimator_named
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.state_network import StateNetwork
@@ -41,6 +41,7 @@ from frictionid.friction.laws import (
     LSTM,
     MLP,
     Library,
+    NoFriction,
     Spline,
     StateLSTM,
     StateMLP,
@@ -92,7 +93,6 @@ _SOLVERS = (
 
 # Laws of identifiers of their own; all others are fitted by nonlinear least squares.
 _FITTED_OTHERWISE: Mapping[str, Kind] = {
-    "none": _kind(Frictionless),
     "spline": _kind(Linear, Spline),
     "sindy": _kind(SINDy, Library),
     "sklearn": _kind(Regressor, estimator_named, without=["inputs"]),
@@ -107,10 +107,11 @@ _FITTED_OTHERWISE: Mapping[str, Kind] = {
     "published": _kind(Published, _published),
 }
 IDENTIFIERS: Mapping[str, Kind] = {
+    "none": _kind(Frictionless),
     **{
         kind: _kind(LeastSquares, law)
         for kind, law in LAWS.items()
-        if not (law.is_network or law.is_sparse or law is Table)
+        if not (law.is_network or law.is_sparse or law in (NoFriction, Table))
     },
     **_FITTED_OTHERWISE,
 }

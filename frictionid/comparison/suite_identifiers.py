@@ -44,12 +44,6 @@ def identifier_of(
     settings = entry.given
     if entry.kind == "published" and isinstance(settings.get("file"), str):
         settings["file"] = str(folder / settings["file"])
-    either_side = entry.kind.removesuffix("_asymmetric")
-    if either_side != entry.kind and either_side in IDENTIFIERS:
-        raise InputError(
-            f"{where}: kind = {entry.kind!r} is a law, which the identifier {either_side!r} fits "
-            "with the setting symmetric = false"
-        )
     if ":" in entry.kind:
         identifier = _imported(entry.kind, settings, folder, where)
     else:
@@ -77,7 +71,7 @@ def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
     Examples
     --------
     >>> identifier_named("coulomb_viscous", {"width": 0.05}).law
-    CoulombViscous(width=0.05, shape='tanh')
+    CoulombViscous(width=0.05, shape='tanh', symmetric=True)
     """
     for key in settings:
         if key in IdentifierEntry.model_fields:

@@ -24,8 +24,8 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameters import DelayBlock, ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
-from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]

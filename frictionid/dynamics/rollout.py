@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
 from frictionid.dynamics.compiled.machine import machine_of
-from frictionid.dynamics.compiled.rollout import rolled_out
+from frictionid.dynamics.compiled.step import rolled_out
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import StepSize, step_size_of

@@ -17,7 +17,6 @@ from frictionid.arrays import Array, namespace, solve
 from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
 from frictionid.dynamics.step_size import StepSize
-from frictionid.dynamics.stiction import stiction
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import (
     Crossing,
@@ -26,6 +25,7 @@ from frictionid.dynamics.zero_crossing import (
     after_crossing,
     break_away,
     crossing,
+    stiction,
 )
 from frictionid.friction import Friction, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of

@@ -6,6 +6,9 @@ from frictionid.evaluation.curves import (
     curves,
     known_speeds,
     member_curves,
+    steady_state,
+    true_calibration,
+    true_friction,
     velocity_grid,
     with_speeds,
 )
@@ -17,17 +20,17 @@ from frictionid.evaluation.free_run import (
     trajectory_folds,
     with_motor_torque,
 )
-from frictionid.evaluation.ground_truth import steady_state, true_calibration, true_friction
 from frictionid.evaluation.initial_states import (
     InitialStates,
     initial_state_folds,
     make_initial_states,
 )
-from frictionid.evaluation.one_step import held_out_residual, one_step_scores
+from frictionid.evaluation.predicted_motion import predict, rollout_scores
 from frictionid.evaluation.prepared import (
     CalibratedView,
     EstimatedStates,
     Prepared,
+    Protocol,
     calibrated_views,
     prepare,
     prepared_for,
@@ -38,10 +41,15 @@ from frictionid.evaluation.prepared import (
     with_parameters,
     without_physics,
 )
-from frictionid.evaluation.protocol import Protocol
-from frictionid.evaluation.rollouts import predict, rollout_scores
 from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_value
-from frictionid.evaluation.scoring import Evaluation, beside_friction, score_folds, score_model
+from frictionid.evaluation.scoring import (
+    Evaluation,
+    beside_friction,
+    held_out_residual,
+    one_step_scores,
+    score_folds,
+    score_model,
+)
 
 __all__ = [
     "SCORE_COLUMNS",

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.data.joint_scales import norm_of
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
-from frictionid.evaluation.curves import curve_error, curve_scores, curves
+from frictionid.evaluation.curves import curve_error, curve_scores, curves, steady_state
 from frictionid.evaluation.example_motions import (
     FEWEST,
     common_examples,
@@ -26,16 +27,56 @@ from frictionid.evaluation.example_motions import (
 )
 from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory_folds
-from frictionid.evaluation.ground_truth import steady_state
 from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
-from frictionid.evaluation.one_step import held_out_residual, one_step_scores
 from frictionid.evaluation.plausibility import dissipated
+from frictionid.evaluation.predicted_motion import predict, rollout_scores
 from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
-from frictionid.evaluation.rollouts import predict, rollout_scores
-from frictionid.evaluation.score_frame import Score, score_frame
+from frictionid.evaluation.score_frame import Score, score_frame, summarise
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Law, along, along_own
+
+
+def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:
+    """Residuals (k, n) [rad/s] of some rows, each by the friction that has not seen it.
+
+    friction : batch of F frictions; use : (K,) true for the k rows; fold : (k,) friction of each.
+    """
+    rows = np.flatnonzero(use)
+    whole = problem.of_rows(rows)
+    owner = np.zeros(len(whole.nodes.first) - 1, dtype=int)
+    owner[whole.recording] = fold
+    undivided = (owner[whole.recording] == fold).all()
+    if undivided and friction.law.has_memory and type(friction.law).relaxation is Law.relaxation:
+        return whole.residual(along_own(friction[owner], whole.nodes))
+    out = np.empty((len(rows), problem.r.shape[-1]))
+    for f in np.unique(fold):
+        own = problem.of_rows(rows[fold == f])
+        out[fold == f] = own.residual(along(friction[int(f)], own.nodes))
+    return out
+
+
+def one_step_scores(
+    residual: Array,
+    fold: Array,
+    score: str,
+    velocity_units: Sequence[str] = (),
+    sizes: Array | None = None,
+) -> Iterator[Score]:
+    """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled.
+
+    velocity_units : of each joint, all "rad/s" where there are none
+    sizes : (n,) of the joints, see `joint_scales`
+    """
+    n = residual.shape[-1]
+    units = tuple(velocity_units) or ("rad/s",) * n
+    norm, unit = norm_of(residual, units, np.ones(n) if sizes is None else sizes)
+    of = Score("all", score, unit=unit)
+    for f in np.unique(fold):
+        yield from summarise(norm[fold == f], of._replace(fold=str(f)))
+    yield from summarise(norm, of)
+    for j, own in enumerate(units):
+        yield from summarise(np.abs(residual[:, j]), of._replace(joint=str(j + 1), unit=own))
 
 
 class Evaluation(NamedTuple):

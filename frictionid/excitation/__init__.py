@@ -1,6 +1,6 @@
 """Design of experiments: torque signals that identify friction and inertia, within limits."""
 
-from frictionid.excitation.design import Design, design_signals
+from frictionid.excitation.design import Design, MonteCarlo, design_signals, monte_carlo
 from frictionid.excitation.experiment import Experiment, load_mechanism
 from frictionid.excitation.information import (
     Information,
@@ -9,7 +9,6 @@ from frictionid.excitation.information import (
     standard_errors,
 )
 from frictionid.excitation.limits import Limits, limits_of
-from frictionid.excitation.monte_carlo import MonteCarlo, monte_carlo
 from frictionid.excitation.motion import Motions, predict_motions
 from frictionid.excitation.prior_friction import prior_friction_of
 from frictionid.excitation.search import Search, search_signals

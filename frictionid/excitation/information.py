@@ -27,8 +27,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
 from frictionid.excitation.experiment import Experiment
-from frictionid.excitation.motion import Motions
-from frictionid.excitation.smoothing import jerk_decades, smoothed_states, smoother_gains
+from frictionid.excitation.motion import Motions, jerk_decades, smoothed_states, smoother_gains
 from frictionid.fitting.one_step.residual import (
     Problem,
     integral_problem,

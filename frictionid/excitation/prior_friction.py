@@ -29,7 +29,7 @@ def prior_friction_of(text: str, limits: Limits) -> Friction:
     --------
     >>> limits = Limits(np.array([0.0, 0.2]), np.array([10.0, 20.0]), np.array([np.inf, np.inf]))
     >>> print(prior_friction_of("viscous=0.002", limits))
-    CoulombViscous(width=0.02, shape='tanh')
+    CoulombViscous(width=0.02, shape='tanh', symmetric=True)
       joint 1  coulomb 0.01 N m, viscous 0.002 N m s/rad
       joint 2  coulomb 0.01 N m, viscous 0.002 N m s/rad
     """

@@ -58,7 +58,7 @@ def read_bam(document: Mapping[str, Any], where: str) -> Friction:
         For unknown models, and numbers that are missing or none.
 
     >>> print(read_bam({"model": "m1", "friction_base": 0.1, "friction_viscous": 0.02}, "m1.json"))
-    CoulombViscous(width=0.02, shape='tanh')
+    CoulombViscous(width=0.02, shape='tanh', symmetric=True)
       joint 1  coulomb 0.1 N m, viscous 0.02 N m s/rad
     """
     model = str(document["model"])

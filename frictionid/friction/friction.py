@@ -92,7 +92,7 @@ class Friction:
     >>> from frictionid.friction.laws import CoulombViscous
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.02], [0.05, 0.0]]))
     >>> print(tf)
-    CoulombViscous(width=0.02, shape='tanh')
+    CoulombViscous(width=0.02, shape='tanh', symmetric=True)
       joint 1  coulomb 0.1 N m, viscous 0.02 N m s/rad
       joint 2  coulomb 0.05 N m, viscous 0 N m s/rad
     >>> tf.curve(np.array([-1.0, 1.0]))
@@ -157,7 +157,7 @@ class Friction:
 
         >>> from frictionid.friction.laws import Thermal
         >>> print(Friction(Thermal(), np.array([[0.1, 0.02, -0.01, 0.0]])).at_temperature(35.0))
-        CoulombViscous(width=0.02, shape='tanh')
+        CoulombViscous(width=0.02, shape='tanh', symmetric=True)
           joint 1  coulomb 0.09 N m, viscous 0.02 N m s/rad
         """
         check_temperature(self.law, temperature)

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.operations import OPERATIONS
-from frictionid.programs.program import Line, Operand, Program, Value, needed
+from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value, needed
 
 _SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_and": "and"} | {
     "logical_or": "or",

@@ -28,7 +28,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.statistics import Choice, Standing, choose
 from frictionid.fitting.shooting import document_of
-from frictionid.fitting.shooting.default_blocks import torque_is_sampled
+from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
 
 LAWS = ("none", "coulomb_viscous", "stribeck", "spline")  # by their number of parameters

@@ -17,7 +17,7 @@ import numpy as np
 
 from frictionid.config import Positive, check_settings
 from frictionid.data.readers.table import read_table
-from frictionid.data.sample_faults import first_fault
+from frictionid.data.signal_checks import first_fault
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes

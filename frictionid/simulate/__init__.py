@@ -4,7 +4,7 @@ It shares the mechanics with the identified models, but neither the physics step
 """
 
 from frictionid.simulate.dataset_folder import check_dataset_folder, write_dataset
-from frictionid.simulate.load_friction import LoadFriction
+from frictionid.simulate.modes import LoadFriction
 from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate

@@ -12,8 +12,7 @@ from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
-from frictionid.simulate.load_friction import LoadFriction
-from frictionid.simulate.modes import TrueSystem
+from frictionid.simulate.modes import LoadFriction, TrueSystem
 from frictionid.simulate.torques import AnyCommand
 from frictionid.simulate.tracking import Controller, Fourier
 from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck

@@ -14,10 +14,9 @@ from fixtures.paths import DATA
 
 from frictionid.__main__ import main
 from frictionid.check import LEVELS, Finding, check
-from frictionid.check.balance_windows import adaptive_rows, unit_rows
-from frictionid.check.delay import delay_of
 from frictionid.check.facts import clock_of, joints_of
-from frictionid.check.motion import motions_of
+from frictionid.check.hypothesis_tests import delay_of
+from frictionid.check.motion import adaptive_rows, motions_of, unit_rows
 from frictionid.check.regression import regress
 from frictionid.check.verdict import judge
 from frictionid.comparison.fit_model import fit_model

@@ -6,8 +6,7 @@ import time
 
 import numpy as np
 
-from frictionid.check.balance_windows import unit_rows
-from frictionid.check.motion import Measured, Motion
+from frictionid.check.motion import Measured, Motion, unit_rows
 from frictionid.check.sensors import FITS, LARGE, WIDTH, WORSE, frozen_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal

@@ -7,9 +7,8 @@ import pytest
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
-from frictionid.check.clock_faults import clock_findings
-from frictionid.check.log_faults import coarse_velocities, repeated_rows
-from frictionid.check.unsigned_torque import unsigned_torques
+from frictionid.check.clock import clock_findings
+from frictionid.check.log_faults import coarse_velocities, repeated_rows, unsigned_torques
 from frictionid.data.signals import Signal, taken
 
 COUNT = 20

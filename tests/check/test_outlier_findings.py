@@ -8,7 +8,7 @@ from fixtures.paths import DATA
 
 from frictionid.check import check
 from frictionid.check.motion import Measured, motions_of
-from frictionid.check.outliers import without_outliers
+from frictionid.check.sensors import without_outliers
 from frictionid.data.readers.dataset import load_dataset
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from fixtures.paths import DATA
 
+from frictionid.check.clock import sampling_findings
 from frictionid.check.motion import Measured, motions_of
-from frictionid.check.sampling import sampling_findings
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 

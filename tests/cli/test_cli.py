@@ -237,7 +237,7 @@ def test_a_model_with_its_own_mechanism_is_evaluated_with_it(place, call):
     columns = {name: {"value": values[0]} for name, values in TRUTH.items() if name != "kind"}
     document = {
         "format": "frictionid model 1",
-        "law": {"kind": "stribeck_asymmetric"},
+        "law": {"kind": "stribeck", "symmetric": False},
         "joints": [columns],
     }
     for name, own in (("right", {}), ("heavy", {"mass": 0.4})):

@@ -8,7 +8,7 @@ from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.arrays import times
-from frictionid.comparison.complexity import complexity_score
+from frictionid.comparison.cross_validate import complexity_score
 from frictionid.comparison.equal_joints import LEVEL, differences
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
@@ -16,8 +16,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.fitting.one_step.covariance import half_widths
-from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.one_step.one_step_fit import OneStepFit, half_widths
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings

@@ -20,7 +20,7 @@ from frictionid.comparison.suite import IdentifierEntry, load_suite
 from frictionid.comparison.suite_identifiers import identifier_of
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tuning import study_specs, tune, tuning_tasks
-from frictionid.comparison.tuning.nested_folds import training_benchmark
+from frictionid.comparison.tuning.studies import training_benchmark
 from frictionid.comparison.tuning.tuning_task import TuningTask
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds

@@ -111,14 +111,6 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
         np.testing.assert_array_equal(again.base, base)
 
 
-def test_a_model_file_with_the_old_key_is_still_read(tmp_path):
-    friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
-    save_model(friction, tmp_path / "m.json", LAWS)
-    text = (tmp_path / "m.json").read_text()
-    (tmp_path / "m.json").write_text(text.replace('"calibration"', '"rig"'))
-    assert load_model(tmp_path / "m.json", LAWS).calibration is not None
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [

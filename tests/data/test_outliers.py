@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
-from frictionid.data.outliers import _roughness, smoothed
-from frictionid.data.prediction_residuals import JerkFit, prediction_residuals
+from frictionid.data.outliers import JerkFit, _roughness, prediction_residuals, smoothed
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_outliers
 

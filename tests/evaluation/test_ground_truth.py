@@ -9,7 +9,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.evaluation import make_initial_states, steady_state, true_friction
-from frictionid.evaluation.rollouts import predict
+from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, at_rest
 from frictionid.simulate import Curve, FilmLag, LuGre
 

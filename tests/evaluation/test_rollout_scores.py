@@ -128,7 +128,7 @@ def test_starts_know_nothing_of_what_comes_later():
 
 
 def test_memory_at_the_start_knows_nothing_of_what_comes_later():
-    from frictionid.evaluation.rollouts import _memory
+    from frictionid.evaluation.predicted_motion import _memory
 
     data = dataset()
     late = tuple(disturbed(r, 0.8) for r in data.recordings)
@@ -280,7 +280,7 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     ids=["film lag", "sampled"],
 )
 def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
-    from frictionid.evaluation.rollouts import _memory
+    from frictionid.evaluation.predicted_motion import _memory
 
     data = dataset()
     starts = starts_of(data)

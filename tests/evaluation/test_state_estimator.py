@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from frictionid.evaluation import Protocol, prepare
-from frictionid.evaluation.initial_state_estimator import estimate_initial_states
+from frictionid.evaluation.initial_states import estimate_initial_states
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import CoulombViscous, FilmLag
 from frictionid.friction.laws import Stribeck as StribeckLaw

@@ -36,8 +36,8 @@ from frictionid.excitation.information import (
     base_jacobian,
     friction_jacobian,
 )
+from frictionid.excitation.motion import smoother_gains
 from frictionid.excitation.search import e_criterion, exchange, simulated
-from frictionid.excitation.smoothing import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import Problem, integral_problem, mask_stiction

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from frictionid.check.balance_windows import unit_rows
-from frictionid.check.motion import motions_of
+from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal

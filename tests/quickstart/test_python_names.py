@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import frictionid
-from frictionid.api.quick import FirstVerdict
+from frictionid.api.check import FirstVerdict
 from frictionid.comparison import cross_validate
 from frictionid.comparison.fit_model import fit_model
 from frictionid.evaluation.predicted_motion import predicted_motion

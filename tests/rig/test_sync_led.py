@@ -21,8 +21,7 @@ from fixtures.simulated_films import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictionid.check.balance_windows import unit_rows
-from frictionid.check.motion import motions_of
+from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError

@@ -22,13 +22,13 @@ from frictionid.comparison.fit_model import fitted
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
-from frictionid.comparison.sensitivity.split import training_and_test
 from frictionid.comparison.sensitivity.variations import Variation, varied
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, file_name
 from frictionid.config import nearest
-from frictionid.data.recordings import Dataset
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, taken
 from frictionid.errors import InputError
 from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
 from frictionid.evaluation.curves import curve_error
@@ -37,6 +37,43 @@ from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
 from frictionid.fitting.shooting import Shooting
+
+EVERY = 3  # the last of three recordings is held out
+TRAINING = 0.7  # share of a recording's time, where there are fewer than three
+
+
+def training_and_test(dataset: Dataset) -> tuple[Dataset, Dataset]:
+    """Every third recording is held out; of fewer than three the last 30 % of each one's time.
+
+    >>> from frictionid import load_dataset
+    >>> train, test = training_and_test(load_dataset("acrobot_clean"))
+    >>> len(train.recordings), len(test.recordings)
+    (17, 8)
+    """
+    recordings = dataset.recordings
+    if len(recordings) >= EVERY:
+        held = np.arange(len(recordings)) % EVERY == EVERY - 1
+        train = tuple(r for r, out in zip(recordings, held, strict=True) if not out)
+        test = tuple(r for r, out in zip(recordings, held, strict=True) if out)
+    else:
+        train, test = zip(*map(_parts, recordings), strict=True)
+    return replace(dataset, recordings=train), replace(dataset, recordings=test)
+
+
+def _parts(recording: Recording) -> tuple[Recording, Recording]:
+    """The recording before and after a moment; the torque keeps its samples."""
+    begin, end = recording.angle.time[[0, -1]]
+    moment = begin + TRAINING * (end - begin)
+
+    def part(late: bool) -> Recording:
+        def own(signal: Signal) -> Signal:
+            return taken(signal, (signal.time >= moment) == late)
+
+        velocity = recording.velocity and own(recording.velocity)
+        return replace(recording, angle=own(recording.angle), velocity=velocity)
+
+    return part(False), part(True)
+
 
 FORMAT = 1  # of the result files
 

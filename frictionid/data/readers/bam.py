@@ -22,8 +22,8 @@ from frictionid.config import Strict, checked
 from frictionid.data.readers.table import table_name
 from frictionid.data.readers.unpacking import unzip
 from frictionid.data.recordings import Recording
-from frictionid.data.sample_faults import first_fault
 from frictionid.data.servo import Servo, servo_torque, terminal_voltage
+from frictionid.data.signal_checks import first_fault
 from frictionid.data.signals import Array, Signal, taken
 from frictionid.errors import InputError
 from frictionid.files import read_bytes

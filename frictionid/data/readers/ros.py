@@ -12,7 +12,7 @@ from frictionid.config import Strict, checked, nearest
 from frictionid.data.readers.ros_messages import joint_states, values_of
 from frictionid.data.readers.table import table_name
 from frictionid.data.recordings import Recording
-from frictionid.data.sample_faults import first_fault
+from frictionid.data.signal_checks import first_fault
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
 

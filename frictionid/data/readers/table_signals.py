@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from frictionid.data.readers.table import Table
-from frictionid.data.sample_faults import first_fault
+from frictionid.data.signal_checks import first_fault
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
 

@@ -15,7 +15,7 @@ from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.formats import ExportSettings, Written
 from frictionid.deploy.export.nearest import follows_more, sliding
 from frictionid.evaluation.curves import slow_speed
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Law
 from frictionid.friction.bam_files import GEAR, MODELS, MOTOR
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
 from frictionid.friction.laws.levels import VELOCITIES
@@ -59,10 +59,10 @@ def held(own: ExportedFriction) -> Friction:
     M5 with a share of the motor torque, where there are data.
     """
     law, theta = own.law, own.friction.theta
-    if isinstance(law, CoulombViscous | Stribeck | GearLoad):
+    if _is_plain(law) and not isinstance(law, MotorLoad):
         sharp = replace(law, width=CoulombViscous().width, shape="tanh")
         return replace(own.friction, law=sharp, constraints=None)
-    if isinstance(law, MotorLoad):
+    if _is_plain(law):
         return _geared(own, [[*row, 0.0, _NONE] for row in theta])
     w, torque = sliding(own)
     u = np.zeros_like(w)
@@ -76,6 +76,13 @@ def held(own: ExportedFriction) -> Friction:
         return _geared(own, rows)
     plain = [[level, peak, velocity, viscous] for level, viscous, _, peak, velocity in rows]
     return replace(own.friction, law=Stribeck(), theta=np.array(plain), constraints=None)
+
+
+def _is_plain(law: Law) -> bool:
+    """Whether BAM has the law: it knows one level for both directions, and no squared loss."""
+    if isinstance(law, CoulombViscous | Stribeck):
+        return law.symmetric
+    return isinstance(law, GearLoad) or (isinstance(law, MotorLoad) and not law.squared)
 
 
 def _geared(own: ExportedFriction, rows: Sequence[Sequence[float]]) -> Friction:
@@ -122,8 +129,7 @@ def _uncalibrated(own: ExportedFriction) -> list[str]:
 
 def _same(own: ExportedFriction) -> bool:
     law = own.law
-    exact = isinstance(law, CoulombViscous | Stribeck | GearLoad | MotorLoad)
-    return exact and law.sharpened() != law
+    return _is_plain(law) and law.sharpened() != law
 
 
 def _model(friction: Friction, joint: int) -> tuple[str, dict[str, float]]:

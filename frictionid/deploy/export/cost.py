@@ -11,7 +11,7 @@ from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.errors import InputError
 from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.rollouts import predict
+from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 

@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import POINTS, curves, slow_speed
-from frictionid.friction import Friction, Inputs, along, at_rest
+from frictionid.friction import Friction, Inputs, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
 
 _SAME = 1e-9  # of the torques: what rounding does
@@ -37,7 +37,7 @@ def nearest(own: ExportedFriction) -> Friction:
     >>> nearest(exported(model, speeds=(10.0,))).theta.round(4)
     array([[0.108 , 0.0188]])
     """
-    if isinstance(own.law, CoulombViscous):
+    if is_coulomb_viscous(own.law):
         return _held(own, own.friction.theta)
     w, torque = sliding(own)
     fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
@@ -51,6 +51,11 @@ def nearest(own: ExportedFriction) -> Friction:
 
 def _held(own: ExportedFriction, theta: Array) -> Friction:
     return replace(own.friction, law=CoulombViscous(), theta=theta, constraints=None)
+
+
+def is_coulomb_viscous(law: Law) -> bool:
+    """Whether a law is Coulomb and viscous friction, the same in both directions."""
+    return isinstance(law, CoulombViscous) and law.symmetric
 
 
 def sliding(own: ExportedFriction) -> tuple[Array, Array]:
@@ -85,7 +90,7 @@ def rule(own: ExportedFriction) -> str:
 
 def differs(own: ExportedFriction, held: Friction) -> bool:
     """Whether a friction is another one than the model's, beyond rounding."""
-    if isinstance(own.law, CoulombViscous):
+    if is_coulomb_viscous(own.law):
         return own.law.sharpened() == own.law
     if own.law.has_memory or follows_more(own.friction):
         return True
@@ -122,7 +127,7 @@ def lost_by(own: ExportedFriction, held: Friction, target: str, names: str) -> l
     """Sentences on what Coulomb and viscous friction lose of the model."""
     if not differs(own, held):
         return []
-    if isinstance(own.law, CoulombViscous):
+    if is_coulomb_viscous(own.law):
         return [
             f"{target} has a step at w = 0, the model smooths it over {own.law.width:g} rad/s "
             f"({own.law.shape}); {names} are its level and slope"

@@ -8,19 +8,111 @@ order, and stable however steep friction is. A held part's velocity A w has no d
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from frictionid.arrays import Array, solve
 from frictionid.dynamics.sliding_friction import Stiction, braked
 from frictionid.dynamics.state import State, driven, inputs
-from frictionid.dynamics.tangent.law_derivatives import Slopes, by_theta, slopes
-from frictionid.dynamics.tangent.memory import advance_memory, memory_rates
-from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, inverse_of_free
-from frictionid.dynamics.tangent.zero_crossing import cross_tangent
+from frictionid.dynamics.tangent.law_derivatives import SPEED, Slopes, by_memory, by_theta, slopes
+from frictionid.dynamics.tangent.tangent import MotionModel, Tangent, inverse_of_free, rows_of_parts
 from frictionid.dynamics.torque_balance import constrained
 from frictionid.dynamics.zero_crossing import Crossing
+from frictionid.friction import Memory
 from frictionid.friction.coordinates import of_parts, onto_joints
 from frictionid.mechanics import Partials
+
+_GRAZE = 0.1  # of a slow speed
+
+
+def cross_tangent(
+    tangent: Tangent, start: list[Array], w0: Array, crossing: Crossing, h: Array, slow: Array
+) -> None:
+    """Change the derivatives of the rows that cross w = 0 in a substep, in place.
+
+    A joint that stops keeps the derivative of its angle and hands its momentum on. Of a joint that
+    passes, friction switches its side earlier or later: dw changes by kick dt, where t = h w1/(w1 -
+    w0) is the time since the crossing.
+
+    start : derivatives of w before the substep; w0 : (k, n) velocities before it; h : (k,) length
+    slow : (m,) speeds of parts near rest
+    """
+    n, rows, turns = len(tangent.q), crossing.rows, crossing.turns
+    w0, w1 = of_parts(w0, turns), of_parts(crossing.w, turns)
+    angle, end = [q[:, rows] for q in tangent.q], [w[:, rows] for w in tangent.w]
+    for j in range(n):
+        angle[j] -= np.where(crossing.stops[:, j], h / 2, 0.0) * end[j]
+    if crossing.passes.any():
+        later = np.zeros_like(end[0])
+        before, after = rows_of_parts(start, turns), rows_of_parts(end, turns)
+        for j in range(w1.shape[-1]):
+            # minus the derivative of the time since the crossing; bounded where w = 0 is just met
+            gap = np.maximum((w0[:, j] - w1[:, j]) ** 2, (_GRAZE * slow[j]) ** 2)
+            part = np.where(crossing.passes[:, j], h / gap, 0.0)
+            later += part * (w0[:, j] * after[j] - w1[:, j] * before[j])
+        for i in range(n):
+            end[i] = end[i] - crossing.jump[:, i] * later
+    if crossing.stops.any():
+        free = inverse_of_free(crossing.M, crossing.sticking, turns)
+        kept = (free[..., None] * crossing.M[:, None]).sum(-2)
+        some = np.asarray(crossing.stops.any(-1))
+        kept = np.where(some[:, None, None], kept, np.eye(n))
+        end = [np.asarray(sum(kept[:, i, j] * end[j] for j in range(n))) for i in range(n)]
+    for i in range(n):
+        tangent.q[i][:, rows], tangent.w[i][:, rows] = angle[i], end[i]
+
+
+class MemoryRates(NamedTuple):
+    """Derivatives of the memory after some time, by the memory, velocity and theta before it.
+
+    by_memory : of each entry (K, n) by each entry; by_w : (K, n); by_theta : (m, K), of each entry
+    """
+
+    by_memory: tuple[Memory, ...]
+    by_w: Memory
+    by_theta: tuple[Array, ...]
+
+
+def memory_rates(model: MotionModel, state: State, u: Array, dt: Array) -> MemoryRates:
+    """Those over dt at a state; none for laws that advance with the samples."""
+    law, theta = model.friction.law, model.friction.theta
+    if not state.memory or law.sample_time is not None:
+        return MemoryRates((), (), ())
+    x = inputs(model.plant, model.friction, state, u)
+    up, down = (
+        law.advance(theta, x._replace(w=x.w + s * SPEED), state.memory, dt) for s in (1.0, -1.0)
+    )
+    by_w = tuple((a - b) / (2 * SPEED) for a, b in zip(up, down, strict=True))
+
+    def one(i: int) -> tuple[Memory, Array]:
+        def of_memory(memory: Memory) -> Array:
+            return law.advance(theta, x, memory, dt)[i]
+
+        def of_theta(theta: Array) -> Array:
+            return law.advance(theta, x, state.memory, dt)[i]
+
+        own = by_theta(theta, model.free, of_theta, None, 0.0 * x.w)
+        return by_memory(of_memory, state.memory), own
+
+    inner, own = zip(*(one(i) for i in range(len(state.memory))), strict=True)
+    return MemoryRates(inner, by_w, own)
+
+
+def advance_memory(model: MotionModel, tangent: Tangent, rates: MemoryRates) -> None:
+    """Advance the derivatives of the memory, in place, over the time of the rates."""
+    new, moves = [], rows_of_parts(tangent.w, model.turns)
+    for inner, by_w, own in zip(rates.by_memory, rates.by_w, rates.by_theta, strict=True):
+        rows = []
+        for j, dw in enumerate(moves):
+            change = by_w[:, j] * dw
+            for slope, entry in zip(inner, tangent.memory, strict=True):
+                change += slope[:, j] * entry[j]
+            for k in model.free.of(j):
+                change[tangent.theta + k] += own[k]
+            rows.append(change)
+        new.append(rows)
+    tangent.memory[:] = new or tangent.memory
 
 
 def advance_tangent(

@@ -6,14 +6,35 @@ Nothing here names torch: tensors bring along what is needed, on whatever device
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.dynamics.tangent.smoothed_law import SmoothedLaw
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.law import WrappedLaw
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SmoothedLaw(WrappedLaw):
+    """A law around another, with the other's smoothing at rest, of `width` and `shape`."""
+
+    width: float = field()  # without the default of `Law`
+    shape: str = field()
+
+    def __post_init__(self) -> None:
+        """The other law has checked its smoothing."""
+
+    def __repr__(self) -> str:
+        return repr(self.law)
+
+    @property
+    def inner(self) -> Law:
+        """The other law, with the smoothing that is asked for."""
+        same = self.width == self.law.width
+        return self.law if same else self.law.with_width(self.width)
+
 
 _ROOM = 4_000_000  # numbers of rows' own parameters at a time
 

@@ -1,11 +1,9 @@
 """Identifiers: fit the parameters of friction to one-step problems, one per file."""
 
-from frictionid.fitting.identifiers.black_box import BlackBox
 from frictionid.fitting.identifiers.check_identifier import check_identifier
-from frictionid.fitting.identifiers.frictionless import Frictionless
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.identifiers.linear import Linear
-from frictionid.fitting.identifiers.published import Published
+from frictionid.fitting.identifiers.published import BlackBox, Frictionless, Published
 from frictionid.fitting.identifiers.regressor import Regressor
 from frictionid.fitting.identifiers.sindy import SINDy
 from frictionid.fitting.identifiers.sparse_dynamics import SparseDynamics

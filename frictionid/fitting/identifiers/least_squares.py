@@ -64,7 +64,7 @@ class LeastSquares(Identifier):
     >>> problem = synthetic_problem(joints=1)
     >>> friction = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> print(friction[0])
-    CoulombViscous(width=0.02, shape='tanh')
+    CoulombViscous(width=0.02, shape='tanh', symmetric=True)
       joint 1  coulomb 0.1265 N m, viscous 0.01494 N m s/rad
     """
 

@@ -12,6 +12,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
+from frictionid.friction.laws import NoFriction
 
 
 @dataclass(frozen=True)
@@ -45,3 +46,40 @@ class Published(Identifier):
             calibration=calibration,
             constraints=None,
         )
+
+
+@dataclass(frozen=True)
+class BlackBox(Identifier):
+    """Fits a problem of unit inertia, in which rows of joints at rest count like all others.
+
+    inner : identifier of a law that is the negative acceleration
+
+    >>> import numpy as np
+    >>> from frictionid.fitting.identifiers import SparseDynamics
+    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> problem = synthetic_problem(joints=1)
+    >>> BlackBox(SparseDynamics(degree=1)).fit(problem, np.ones((1, len(problem.r))), 0).mechanism
+    'unit'
+    """
+
+    inner: Identifier
+    uses_mechanism = False
+
+    @property
+    def seeded(self) -> bool:
+        """Whether the seed may change the result of the inner identifier."""
+        return self.inner.seeded
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        return replace(self.inner.fit(problem, weights, seed), mechanism="unit")
+
+
+@dataclass(frozen=True)
+class Frictionless(Identifier):
+    """Identifier `none`: friction is zero."""
+
+    seeded = False
+    fixed = True
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        return Friction(NoFriction(), np.zeros((len(weights), problem.r.shape[-1], 0)))

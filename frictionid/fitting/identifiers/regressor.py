@@ -6,16 +6,20 @@ the variance of Tf_j is that of the residuals times [(G'G)^-1]_jj.
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array, times
-from frictionid.config import check_settings
+from frictionid.config import check_settings, is_installed
 from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
@@ -215,3 +219,81 @@ def _tabulated(law: Table, trained: _Trained, data: TrainingSet) -> Array:
         table = np.stack(features(at_rest(w), ("w",), _WIDTH), axis=-1)
         levels.append(np.maximum(side * trained.predict(table), 0.0))
     return np.concatenate(levels)
+
+
+def _smooth_and_noise() -> Any:
+    from sklearn.gaussian_process.kernels import RBF, WhiteKernel
+
+    return 1.0 * RBF([1.0, 1.0]) + WhiteKernel(0.01)
+
+
+# Class and default settings of each name; what is callable is made when it is needed.
+NAMED: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "gradient_boosting": (
+            "sklearn.ensemble.GradientBoostingRegressor",
+            {"max_depth": 2, "min_samples_leaf": 5},
+        ),
+        "random_forest": (
+            "sklearn.ensemble.RandomForestRegressor",
+            {"n_estimators": 50, "min_samples_leaf": 5},
+        ),
+        "kernel_ridge": (
+            "sklearn.kernel_ridge.KernelRidge",
+            {"kernel": "rbf", "gamma": 1.0, "alpha": 0.1},
+        ),
+        "svr": ("sklearn.svm.SVR", {"C": 10.0, "epsilon": 0.05}),
+        "knn": ("sklearn.neighbors.KNeighborsRegressor", {"n_neighbors": 9}),
+        "gaussian_process": (
+            "sklearn.gaussian_process.GaussianProcessRegressor",
+            {"kernel": _smooth_and_noise},
+        ),
+    }
+)
+
+
+def estimator_named(estimator: str, settings: Mapping[str, Any] = MappingProxyType({})) -> Any:
+    """Regressor of a name in `NAMED`, or of a class "package.module:Class" or "package.Class".
+
+    estimator : gradient_boosting, random_forest, kernel_ridge, svr, knn, gaussian_process, or a
+        class such as "sklearn.svm.LinearSVR"
+    settings : arguments of the regressor's constructor
+
+    Raises
+    ------
+    InputError
+        For unknown names and settings.
+
+    >>> estimator_named("knn", {"n_neighbors": 5})
+    KNeighborsRegressor()
+    """
+    name, defaults = NAMED.get(estimator, (estimator, {}))
+    made = _imported(name)
+    usual = {key: value() if callable(value) else value for key, value in defaults.items()}
+    try:
+        regressor = made(**{**usual, **settings})
+        if hasattr(regressor, "_validate_params"):  # of scikit-learn: now, not in the first fit
+            regressor._validate_params()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"sklearn: estimator {estimator!r}: {error}") from None
+    return regressor
+
+
+def _imported(name: str) -> Any:
+    module, _, last = name.partition(":") if ":" in name else name.rpartition(".")
+    if not module:
+        near = get_close_matches(name, list(NAMED), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise InputError(
+            f"sklearn: estimator {name!r} is unknown; {hint}known are {', '.join(NAMED)}, and "
+            'classes such as "sklearn.svm.LinearSVR"'
+        )
+    if not is_installed(module):
+        raise InputError(f"sklearn: estimator {name!r} is of no installed package: install it")
+    try:
+        found = getattr(importlib.import_module(module), last)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"sklearn: estimator {name!r} cannot be imported ({error})") from None
+    if not (isinstance(found, type) and hasattr(found, "fit") and hasattr(found, "predict")):
+        raise InputError(f"sklearn: estimator {name!r} is no class with fit and predict")
+    return found

@@ -9,7 +9,8 @@ Each threshold proposes an active set; recordings that are held out decide which
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -29,12 +30,34 @@ from frictionid.fitting.identifiers.active_sets import (
     selected,
     unit_columns,
 )
-from frictionid.fitting.identifiers.pysindy_proposals import proposed_coefficients
 from frictionid.fitting.one_step.grams import clusters, columns, grams
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
 from frictionid.friction import Friction
 from frictionid.friction.laws.library import Library
+
+_DIGITS = 9
+_UNCHECKED: dict[str, Any] = {"assume_finite": True, "skip_parameter_validation": True}
+
+
+def proposed_coefficients(T: Array, optimizers: Iterable[Any]) -> Iterator[Array]:
+    """Coefficients (N,) by each optimiser, for a Gram matrix T (N + 1, N + 1) with the target last.
+
+    The optimisers see a factor X of T = X'X, whose N + 1 rows have the same least squares as the
+    rows behind T.
+    """
+    from sklearn import config_context
+
+    # without the last digits: what an optimiser makes of a fold must not depend on rounding
+    values, vectors = np.linalg.eigh(np.round(T, _DIGITS))
+    X = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    for optimizer in optimizers:
+        # pysindy warns where no term is left, or it stopped early; checks take most of its time
+        with warnings.catch_warnings(), config_context(**_UNCHECKED):
+            warnings.simplefilter("ignore")
+            coefficients = optimizer.fit(X[:, :-1], X[:, -1]).coef_
+        yield np.ravel(coefficients)
+
 
 _HALF = 0.5
 _FASTER = 0.98  # quantile of the speeds that must reach where a peak has fallen off

@@ -17,8 +17,7 @@ from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
-from frictionid.fitting.identifiers.pysindy_proposals import proposed_coefficients
-from frictionid.fitting.identifiers.sindy import Fraction
+from frictionid.fitting.identifiers.sindy import Fraction, proposed_coefficients
 from frictionid.fitting.one_step.grams import clusters, grams
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised

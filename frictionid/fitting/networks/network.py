@@ -19,12 +19,17 @@ from frictionid.arrays import Array
 from frictionid.config import Count, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.networks.adam import Adam
-from frictionid.fitting.networks.batches import batches, padded_items
 from frictionid.fitting.networks.compiled import check_compiler, compiled
-from frictionid.fitting.networks.early_stopping import EarlyStopping, Share, held_out
-from frictionid.fitting.networks.ensemble_seeds import member_seeds
-from frictionid.fitting.networks.scales import friction_scales
+from frictionid.fitting.networks.training import (
+    Adam,
+    EarlyStopping,
+    Share,
+    batches,
+    friction_scales,
+    held_out,
+    member_seeds,
+    padded_items,
+)
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
 from frictionid.friction import Friction, Law
@@ -34,8 +39,7 @@ from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 if TYPE_CHECKING:
     from frictionid.fitting.networks.fold_stack import FoldStack
-    from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
-    from frictionid.fitting.networks.mlp_training_set import RowTrainingSet
+    from frictionid.fitting.networks.training_sets import RowTrainingSet, SequenceTrainingSet
 
 
 @dataclass(frozen=True)
@@ -160,8 +164,10 @@ class Network(Identifier):
     def _training_set(
         self, stack: FoldStack, weights: Array
     ) -> RowTrainingSet | SequenceTrainingSet:
-        from frictionid.fitting.networks.lstm_training_set import SequenceTrainingSet
-        from frictionid.fitting.networks.mlp_training_set import RowTrainingSet
+        from frictionid.fitting.networks.training_sets import (
+            RowTrainingSet,
+            SequenceTrainingSet,
+        )
 
         if not stack.law.cells:
             return RowTrainingSet(stack, weights)

@@ -21,8 +21,7 @@ from frictionid.fitting.parameters.parameter_block import (
     ParameterBlock,
     Values,
 )
-from frictionid.fitting.shooting.combination_law import CombinationLaw
-from frictionid.fitting.shooting.torque_samples import TorqueSamples
+from frictionid.fitting.shooting.combinations import CombinationLaw, TorqueSamples
 from frictionid.friction import Friction
 
 _ITERATIONS = 12  # Gauss-Newton iterations towards wanted torques

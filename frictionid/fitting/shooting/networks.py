@@ -9,11 +9,10 @@ import numpy as np
 
 from frictionid.arrays import namespace
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.fitting.parameters.blocks import FrictionBlock
 from frictionid.fitting.parameters.combinations import CombinationBlock
-from frictionid.fitting.parameters.friction import FrictionBlock
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
-from frictionid.fitting.shooting.combination_law import CombinationLaw
-from frictionid.fitting.shooting.torque_samples import TorqueSamples
+from frictionid.fitting.shooting.combinations import CombinationLaw, TorqueSamples
 from frictionid.friction import Friction
 
 _MOST = 20  # combinations of a joint

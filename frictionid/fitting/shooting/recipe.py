@@ -16,12 +16,11 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe, TrainingData
 from frictionid.fitting.one_step.one_step_fit import ErrorBars, OneStepFit
 from frictionid.fitting.parameters import ParameterBlock
-from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS
 from frictionid.fitting.shooting.known_calibration import KnownCalibration
 from frictionid.fitting.shooting.refine import Refined, fit_blocks
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.servo_problem import has_actuator
-from frictionid.fitting.shooting.settings import Settings
+from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings
 from frictionid.friction import Friction
 
 

@@ -14,20 +14,26 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
+from frictionid.errors import InputError
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
-from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     ParameterBlock,
     values_of,
     with_values,
 )
+from frictionid.fitting.shooting.combinations import torque_samples
 from frictionid.fitting.shooting.covariance import Covariance, covariance_of
-from frictionid.fitting.shooting.data_checks import check_blocks, check_data, warnings_of
-from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, blocks_for
-from frictionid.fitting.shooting.gauss_newton import Solution, solve
-from frictionid.fitting.shooting.limits_of_data import limits_of_data
+from frictionid.fitting.shooting.data_checks import (
+    check_blocks,
+    check_data,
+    explained,
+    limits_of_data,
+    warnings_of,
+)
+from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
 from frictionid.fitting.shooting.networks import as_given, on_arrays, with_combinations
 from frictionid.fitting.shooting.odd_recordings import OddRecording, odd_recordings, odd_sentences
 from frictionid.fitting.shooting.omitted_blocks import (
@@ -38,12 +44,53 @@ from frictionid.fitting.shooting.omitted_blocks import (
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
-from frictionid.fitting.shooting.settings import Settings
+from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
 from frictionid.fitting.shooting.significance import Dropped, least_significant
-from frictionid.fitting.shooting.torque_samples import torque_samples
-from frictionid.fitting.shooting.window_settings import settings_error, smoothing_error
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+
+_LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
+
+
+def settings_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+    """Covariance (D, D) between windows of other lengths, where the motion is not explained.
+
+    A model that explains the motion finds the same with windows of any length, but for noise. One
+    that does not errs more the longer it predicts, and its parameters are those of a length that
+    somebody chose. With the moves m_k of one Gauss-Newton step each, by windows of other lengths:
+
+        C = mean_k m_k m_k'
+    """
+    network = solution.estimate.friction.law.is_network
+    if explained(problem, solution) or network or not problem.count:
+        return 0.0
+    seconds, moves = problem.settings.windows[-1], []
+    for length in _LENGTHS:
+        try:
+            moves.append(move_with_windows(problem, solution, length * seconds))
+        except InputError:  # no three intervals in one piece are left
+            continue
+    known = [move for move in moves if np.isfinite(move).all()]
+    return np.mean([np.outer(m, m) for m in known], axis=0) if known else 0.0
+
+
+def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+    """Covariance (D, D) of what a law's own smoothing does to its parameters.
+
+    The bias is in proportion to the smoothing: with the move m of one Gauss-Newton step by the law
+    with half of it, the law without any would move the parameters by 2 m.
+
+        C = (2 m) (2 m)'
+    """
+    friction = solution.estimate.friction
+    finer = friction.law.finer()
+    if finer is friction.law or not problem.count:
+        return 0.0
+    estimate = solution.estimate._replace(friction=replace(friction, law=finer))
+    there = solution._replace(estimate=estimate)
+    move = 2.0 * move_with_windows(problem, there, problem.settings.windows[-1])
+    return np.outer(move, move) if np.isfinite(move).all() else 0.0
+
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 

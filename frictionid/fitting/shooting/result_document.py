@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.fitting.parameters.parameter_block import IDEAL, Parameter
-from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.shooting.combinations import CombinationLaw
 from frictionid.fitting.shooting.refine import Refined
 
 LEVELS = (0.9, 0.95)

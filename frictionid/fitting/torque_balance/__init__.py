@@ -2,7 +2,7 @@
 
 from frictionid.fitting.torque_balance.fit import fit_torques
 from frictionid.fitting.torque_balance.method import InverseDynamics
-from frictionid.fitting.torque_balance.settings import TorqueSettings
+from frictionid.fitting.torque_balance.solve import TorqueSettings
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
 
 __all__ = [

@@ -9,9 +9,13 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.fitting.parameters.parameter_block import free_blocks
-from frictionid.fitting.torque_balance.residual import TorqueProblem
-from frictionid.fitting.torque_balance.settings import TorqueSettings
-from frictionid.fitting.torque_balance.solve import TorqueSolution, normal_equations, solve
+from frictionid.fitting.torque_balance.solve import (
+    TorqueProblem,
+    TorqueSettings,
+    TorqueSolution,
+    normal_equations,
+    solve,
+)
 from frictionid.mechanics.rigid_body.consistent import nearest_consistent
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 

@@ -16,7 +16,7 @@ from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.one_step_fit import checked_fit
 from frictionid.fitting.one_step.residual import speed_range
 from frictionid.fitting.parameters import ParameterBlock
-from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks
 from frictionid.fitting.shooting.covariance import grouped_covariance
 from frictionid.fitting.shooting.gauss_newton import Solution
@@ -24,9 +24,15 @@ from frictionid.fitting.shooting.refine import Diagnostics, Refined
 from frictionid.fitting.shooting.significance import Dropped, least_significant
 from frictionid.fitting.shooting.windows import NormalEquations
 from frictionid.fitting.torque_balance.consistent import made_consistent
-from frictionid.fitting.torque_balance.residual import TorqueProblem, left_to_friction, logged_gain
-from frictionid.fitting.torque_balance.settings import TorqueSettings
-from frictionid.fitting.torque_balance.solve import TorqueSolution, normal_equations, solve
+from frictionid.fitting.torque_balance.solve import (
+    TorqueProblem,
+    TorqueSettings,
+    TorqueSolution,
+    left_to_friction,
+    logged_gain,
+    normal_equations,
+    solve,
+)
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
 from frictionid.friction import Friction, Inputs, along, constraints_of
 from frictionid.friction.coordinates import with_units_of

@@ -20,10 +20,10 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting.default_blocks import applicable
 from frictionid.fitting.shooting.recipe import ShootingData, ShootingFit, check_mechanism
+from frictionid.fitting.shooting.settings import applicable
 from frictionid.fitting.torque_balance.fit import fit_torques
-from frictionid.fitting.torque_balance.settings import TorqueSettings
+from frictionid.fitting.torque_balance.solve import TorqueSettings
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
 from frictionid.friction import Friction
 

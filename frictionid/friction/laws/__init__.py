@@ -22,8 +22,7 @@ from frictionid.friction.laws.play import Play
 from frictionid.friction.laws.ripple import Ripple
 from frictionid.friction.laws.spline import Spline
 from frictionid.friction.laws.state_library import StateLibrary
-from frictionid.friction.laws.state_lstm import StateLSTM
-from frictionid.friction.laws.state_mlp import StateMLP
+from frictionid.friction.laws.state_networks import StateLSTM, StateMLP
 from frictionid.friction.laws.stribeck import Stribeck
 from frictionid.friction.laws.sum import Sum
 from frictionid.friction.laws.table import Table

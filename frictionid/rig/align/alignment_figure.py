@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, unit_rows
-from frictionid.check.motion import motions_of
+from frictionid.check.motion import MIN_WINDOWS, motions_of, unit_rows
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import unit_rows
-from frictionid.check.delay import delay_of
-from frictionid.check.motion import motions_of
+from frictionid.check.hypothesis_tests import delay_of
+from frictionid.check.motion import motions_of, unit_rows
 from frictionid.check.partial_regression import PARAMETER_PRIOR
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import integrals_of

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
 
 from frictionid.arrays import Array
-from frictionid.check.balance_windows import MIN_WINDOWS, WIDTH
+from frictionid.check.motion import MIN_WINDOWS, WIDTH
 from frictionid.check.partial_regression import partial_regression
 from frictionid.data.integrals import averages, integrals_of
 from frictionid.data.signals import Signal, cut

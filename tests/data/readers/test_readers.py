@@ -20,8 +20,10 @@ from fixtures.reader_files import (
 )
 
 from frictionid.data.readers.bam import XL330_GAIN, read_bam
-from frictionid.data.readers.dfki_double_pendulum import read_dfki_double_pendulum
-from frictionid.data.readers.dfki_simple_pendulum import read_dfki_simple_pendulum
+from frictionid.data.readers.dfki import (
+    read_dfki_double_pendulum,
+    read_dfki_simple_pendulum,
+)
 from frictionid.data.readers.emps import read_emps
 from frictionid.data.readers.ibm import read_ibm
 from frictionid.data.readers.markers import read_markers

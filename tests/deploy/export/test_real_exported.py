@@ -14,7 +14,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.cost import at_horizon
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats import ExportSettings
-from frictionid.evaluation.rollouts import predict
+from frictionid.evaluation.predicted_motion import predict
 
 sys.path.append(str(ROOT / "comparisons"))
 from exported import halves, row, with_starts

@@ -18,9 +18,13 @@ from frictionid.fitting.identifiers.synthetic_problem import (
     synthetic_weights,
     true_friction,
 )
-from frictionid.fitting.networks.compressed import CompressedNetwork, _torque
-from frictionid.fitting.networks.compressed_problem import compressed, node_speeds
-from frictionid.fitting.networks.early_stopping import held_out
+from frictionid.fitting.networks.compressed import (
+    CompressedNetwork,
+    _torque,
+    compressed,
+    node_speeds,
+)
+from frictionid.fitting.networks.training import held_out
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import MLP, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model

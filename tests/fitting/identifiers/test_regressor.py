@@ -14,8 +14,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Regressor, check_identifier
-from frictionid.fitting.identifiers.estimators import NAMED, estimator_named
-from frictionid.fitting.identifiers.regressor import torques
+from frictionid.fitting.identifiers.regressor import NAMED, estimator_named, torques
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along

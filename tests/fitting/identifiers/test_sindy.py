@@ -11,7 +11,7 @@ from fixtures.paths import DATA
 from pysindy import FourierLibrary, PolynomialLibrary
 
 from frictionid.__main__ import main
-from frictionid.comparison.equations import with_equations
+from frictionid.comparison.fit_model import with_equations
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.plants import plant_of
@@ -20,11 +20,10 @@ from frictionid.errors import InputError
 from frictionid.files import read_json
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.fitting.one_step.covariance import half_widths
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.one_step_fit import OneStepFit
+from frictionid.fitting.one_step.one_step_fit import OneStepFit, half_widths
 from frictionid.fitting.parameters import FrictionBlock
-from frictionid.fitting.parameters.friction import on_support
+from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.recipe import ShootingFit, refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
@@ -290,14 +289,9 @@ def test_it_comes_back_from_its_file(tmp_path):
     np.testing.assert_array_equal(again.theta, friction.theta)
 
 
-def test_settings_of_older_suites_are_read():
-    old, new = {"sets": False, "sure": 1.5}, SINDy(search_sets=False, n_standard_errors=1.5)
-    assert identifier_named("sindy", old) == new
-
-
 def test_its_settings_choose_library_and_optimiser():
     assert identifier_named("sindy", {}) == SINDy()
-    assert identifier_named("sindy", {"sets": False}) == SINDy(search_sets=False)
+    assert identifier_named("sindy", {"search_sets": False}) == SINDy(search_sets=False)
     made = identifier_named(
         "sindy",
         {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5},

@@ -126,11 +126,6 @@ def test_monomials_are_products_of_their_variables() -> None:
     assert len(law.units) == len(f) == len(set(f))
 
 
-def test_settings_of_older_suites_are_read() -> None:
-    made = identifier_named("sindy_dynamics", {"sure": 1.5})
-    assert made == BlackBox(SparseDynamics(n_standard_errors=1.5))
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [

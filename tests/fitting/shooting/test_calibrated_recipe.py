@@ -151,16 +151,6 @@ def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
     assert [block.name for block in fair.by.blocks] == ["friction", "delay"]
 
 
-def test_suites_with_the_old_key_are_still_read(tmp_path):
-    old = {key: value for key, value in RECIPE.items() if key != "calibration"}
-    files = [
-        tiny.write_suite(tmp_path / name, changed(recipe))
-        for name, recipe in (("old", {**old, "rig": RECIPE["calibration"]}), ("new", RECIPE))
-    ]
-    was, now = ([task.recipe for task in tasks_of(load_suite(file), file)] for file in files)
-    assert was == now
-
-
 def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_path):
     twice = [
         {"path": "tiny"},

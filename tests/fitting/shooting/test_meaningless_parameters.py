@@ -7,7 +7,7 @@ import numpy as np
 from frictionid.data.calibration import Calibration
 from frictionid.fitting.parameters import Estimate, FrictionBlock
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.meaningless_parameters import meaningless
+from frictionid.fitting.shooting.covariance import meaningless
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import mechanism_of

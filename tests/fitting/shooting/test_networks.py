@@ -15,11 +15,10 @@ from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
-from frictionid.evaluation.curves import curve_error, curves, velocity_grid
-from frictionid.evaluation.ground_truth import steady_state
+from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, document_of, refine, refine_folds
-from frictionid.fitting.shooting.combination_law import CombinationLaw
+from frictionid.fitting.shooting.combinations import CombinationLaw
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs

@@ -122,7 +122,7 @@ def called(monkeypatch, *words):
 
 SUITE = """
 name = "s"
-starts = "model"
+initial_states = "model"
 horizons = [0.25]
 [folds]
 count = 2

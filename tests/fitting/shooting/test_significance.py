@@ -14,7 +14,7 @@ from frictionid.data.signals import Signal
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Covariance, Settings, Shooting, refine
-from frictionid.fitting.shooting.default_blocks import DEFAULT_BLOCKS, applicable
+from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
 from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous

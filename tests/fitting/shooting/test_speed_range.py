@@ -11,8 +11,7 @@ from fixtures.command_line import run_command
 from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
 from frictionid.evaluation import curves, velocity_grid
-from frictionid.evaluation.curves import curve_error
-from frictionid.evaluation.ground_truth import steady_state
+from frictionid.evaluation.curves import curve_error, steady_state
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine

@@ -35,7 +35,7 @@ from frictionid.fitting.parameters.parameter_block import (
     with_values,
 )
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings, torque_balance
-from frictionid.fitting.torque_balance.residual import TorqueProblem
+from frictionid.fitting.torque_balance.solve import TorqueProblem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad, Stribeck
 from frictionid.mechanics import double_pendulum

@@ -39,3 +39,25 @@ def read_dfki_double_pendulum(path: Path, settings: Mapping[str, Any]) -> Record
         signal_of(table, "time", angle),
         signal_of(table, "time", torque, hold="linear" if measured else "previous"),
     )
+
+
+class SimplePendulumSettings(Strict):
+    """Settings of the reader `dfki_simple_pendulum`.
+
+    torque : between two samples: "linear" for measured torques, "previous" for held commands
+    """
+
+    torque: Literal["linear", "previous"] = "linear"
+
+
+def read_dfki_simple_pendulum(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angle, velocity and torque of one joint; 0 hangs down, all in SI units."""
+    given = checked(SimplePendulumSettings, dict(settings), f"{path}: [reader]")
+    names = ["time", "position", "velocity", "torque"]
+    table = read_table(read_bytes(path), str(path), names)
+    return Recording(
+        table_name(path.name),
+        signal_of(table, "time", ["position"]),
+        signal_of(table, "time", ["torque"], hold=given.torque),
+        velocity=signal_of(table, "time", ["velocity"]),
+    )

@@ -82,3 +82,39 @@ class StateLSTM(NetworkLaw):
         """Acceleration (..., n) [rad/s^2]."""
         y = outputs(theta[..., 3 + count(self.gate_sizes) :], z, self.sizes)[..., 0]
         return theta[..., 0] * y
+
+
+@dataclass(frozen=True)
+class StateMLP(NetworkLaw):
+    """Tf = -acceleration f(q, w, u of all joints), f a network with `hidden` tanh units.
+
+    joints : whose state it sees
+    turning : whether the joints turn, or slide
+    width : of the smooth sign of w that is one of its inputs [rad/s]
+    """
+
+    joints: Count = 2
+    hidden: Hidden = (32, 32)
+    turning: bool = True
+    width: float = 0.1
+    shape = ""  # of an input, not of friction
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        return SCALES
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        return (width_of(self.joints, self.turning), *self.hidden, 1)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * (theta[..., 0] + x.w)
+
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
+        z = state_features(theta, x, self.joints, self.turning, self.width)
+        zero = 0.0 * z[..., 0]
+        return Features(z, zero, zero - 1.0)
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        """Acceleration (..., n) [rad/s^2]."""
+        return theta[..., 0] * outputs(theta[..., 3:], z, self.sizes)[..., 0]

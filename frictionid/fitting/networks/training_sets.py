@@ -1,0 +1,248 @@
+"""Training set of recurrent networks: pieces of recordings, as tensors.
+
+Cells read some samples before the rows that count, which fills their memory.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.fitting.networks.fold_stack import FoldStack, Tensor, WeightedRows
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Nodes
+from frictionid.friction.laws.layers import count
+from frictionid.friction.laws.network_law import NetworkLaw
+
+
+class Cells(torch.autograd.Function):
+    """Outputs (T - burn_in, S, H, B) of S sets of H cells that read (T, S, a, B) samples.
+
+    With weights W (S, a + H + 1, 4 H) and the arguments of the gates
+
+        [i, f, o, g] = W' [read_t, h_(t-1), 1]
+
+    a sample changes contents c and outputs h, which begin at zero [Hochreiter1997]:
+
+        c_t = sigmoid(f) c_(t-1) + sigmoid(i) tanh(g),   h_t = sigmoid(o) tanh(c_t)
+    """
+
+    @staticmethod
+    def forward(ctx: Any, W: Tensor, read: Tensor, burn_in: int) -> Tensor:
+        (T, S, a, B), H = read.shape, W.shape[2] // 4
+        like = {"dtype": W.dtype, "device": W.device}
+        x = torch.zeros(T + 1, S, a + H + 1, B, **like)  # [read_t, h_(t-1), 1]
+        x[:T, :, :a], x[:, :, -1] = read, 1.0
+        h, c = x[:, :, a:-1], torch.zeros(T + 1, S, H, B, **like)
+        gates, tanh_c = torch.empty(T, S, 4 * H, B, **like), torch.empty(T, S, H, B, **like)
+        W_t = W.transpose(1, 2)
+        i, f, o, g = gates.chunk(4, dim=2)
+        series = (x[:T], gates, gates[:, :, : 3 * H], i, f, o, g, c[:T], c[1:], tanh_c, h[1:])
+        for x_t, all_t, ifo_t, i_t, f_t, o_t, g_t, c_before, c_t, tanh_t, h_t in zip(
+            *(values.unbind() for values in series), strict=True
+        ):
+            torch.bmm(W_t, x_t, out=all_t)
+            ifo_t.sigmoid_()
+            g_t.tanh_()
+            torch.mul(f_t, c_before, out=c_t).addcmul_(i_t, g_t)
+            torch.tanh(c_t, out=tanh_t)
+            torch.mul(o_t, tanh_t, out=h_t)
+        ctx.save_for_backward(W, x, gates, c, tanh_c)
+        return h[1 + burn_in :]
+
+    @staticmethod
+    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
+        """dL/dW = sum_t x_t a_t' with a_t, the slopes in the arguments of the gates."""
+        W, x, gates, c, tanh_c = ctx.saved_tensors
+        a = _argument_slopes(W, gates, c, tanh_c, slopes[0])  # (T, S, 4 H, B)
+        rows = x[:-1].permute(1, 2, 0, 3).flatten(2)
+        return rows @ a.permute(1, 0, 3, 2).flatten(1, 2), None, None
+
+
+def _argument_slopes(W: Tensor, gates: Tensor, c: Tensor, tanh_c: Tensor, slope: Tensor) -> Tensor:
+    """Slopes a (T, S, 4 H, B) of the loss L in the arguments of the gates i, f, o and g.
+
+    From the slopes dL/dh (T - burn_in, S, H, B) of the outputs, backwards in time: with i, f, o and
+    g the values of the gates, the slopes in outputs and contents are
+
+        dh_t = slope_t + W_h a_(t+1)
+        dc_t = dh_t o (1 - tanh(c_t)^2) + f_(t+1) dc_(t+1)
+
+    and those in the arguments
+
+        a_t = [dc_t g i (1 - i), dc_t c_(t-1) f (1 - f), dh_t tanh(c_t) o (1 - o), dc_t i (1 - g^2)]
+    """
+    T, S, H, B = tanh_c.shape
+    i, f, o, g = gates.chunk(4, dim=2)
+    c_by_h = o * (1 - tanh_c * tanh_c)
+    o_by_h = tanh_c * o * (1 - o)
+    by_c = [g * i * (1 - i), c[:-1] * f * (1 - f), torch.zeros_like(o), i * (1 - g * g)]
+    a = torch.empty(T, S, 4, H, B, dtype=W.dtype, device=W.device)
+    series = (a, a[:, :, 2], a.flatten(2, 3), torch.stack(by_c, dim=2), c_by_h, o_by_h, f)
+    steps = list(zip(*(values.unbind() for values in series), strict=True))
+    W_h, burn_in = W[:, -1 - H : -1], T - len(slope)
+    dh, dc = torch.zeros_like(tanh_c[0]), torch.zeros_like(tanh_c[0])
+    for t in range(T - 1, -1, -1):
+        a_t, a_o_t, flat_t, by_c_t, c_by_h_t, o_by_h_t, f_t = steps[t]
+        if t >= burn_in:
+            dh += slope[t - burn_in]
+        dc.addcmul_(dh, c_by_h_t)
+        torch.mul(by_c_t, dc[:, None], out=a_t)
+        torch.mul(dh, o_by_h_t, out=a_o_t)
+        dc *= f_t
+        dh = torch.bmm(W_h, flat_t)
+    return a.flatten(2, 3)
+
+
+class SequenceTrainingSet:
+    """Pieces of recordings under weights (F, K): `burn_in` samples, then `targets` rows that count.
+
+    Each piece is an item of a batch.
+
+    used : (F, items), which of them have rows with a weight in a fold
+    """
+
+    def __init__(self, stack: FoldStack, weights: Array, burn_in: int, targets: int):
+        problem = stack.problem
+        self.law, self.burn_in, self.rows_per_item = stack.law, burn_in, targets
+        self.per_sample = problem.nodes.per_sample
+        samples, points, rows = _pieces(problem, burn_in, targets)
+        self.items = len(samples)
+        self.used = np.any(np.pad(weights, ((0, 0), (0, 1)))[:, rows] > 0, axis=2)
+        pad = ((0, 1), (0, 0))  # one more piece, without weight
+        self.samples, self.points = (stack.tensor(np.pad(x, pad)) for x in (samples, points))
+        self.targets = stack.tensor(np.pad(rows, pad, constant_values=len(problem.r)))
+        self.rows = WeightedRows(stack, weights)
+        self.coefficients = [float(c) for c in problem.coefficients]
+        self.first = stack.first_nodes()[:, None, None]
+        of = stack.law.features(stack.theta[:, None], problem.nodes.inputs)
+        parts: Any = ((of.read, 2), (of.z, 2), (of.share, 1), (of.sign, 1))
+        self.read, self.z, self.share, self.sign = (stack.by_fold(*part) for part in parts)
+
+    def cost(self, theta: Tensor, items: Tensor) -> Tensor:
+        """Mean weighted squares (F,) of the rows of the pieces (F, B)."""
+        read = self._taken(self.read, self.samples[items])  # (F, B, T, n, a)
+        points = self.points[items]
+        z, share, sign = (self._taken(s, points) for s in (self.z, self.share, self.sign))
+        torque = self._level(theta, read, z, share) * sign
+        width = self.per_sample * (self.rows_per_item - 1) + 1
+        mean = sum(
+            c * torque[:, :, m : m + width : self.per_sample]
+            for m, c in enumerate(self.coefficients)
+        )
+        squares = self.rows.squares(self.targets[items], mean)
+        return squares.sum((1, 2)) / (items.shape[1] * self.rows_per_item)
+
+    def _taken(self, values: Tensor, nodes: Tensor) -> Tensor:
+        """Values at nodes (F, ...) of each fold, from those of all folds in one series."""
+        flat = (nodes + self.first).flatten()
+        return values.index_select(0, flat).unflatten(0, nodes.shape)
+
+    def _level(self, theta: Tensor, read: Tensor, z: Tensor, share: Tensor) -> Tensor:
+        """Level (F, B, points, n); cells of odd laws read the motion and its mirror image."""
+        signs = (1.0, -1.0) if self.law.odd else (1.0,)
+        h = self._cells(theta, torch.cat([sign * read for sign in signs], dim=1))
+        h = h.repeat_interleave(self.per_sample, dim=2)[:, :, : share.shape[2]]
+        levels = []
+        for own in h.chunk(len(signs), dim=1):
+            features = torch.cat([z, own], dim=-1).flatten(1, 2)
+            level: Any = self.law.level(theta[:, None], features, share.flatten(1, 2))
+            levels.append(level.unflatten(1, share.shape[1:3]))
+        return sum(levels) / len(levels)
+
+    def _cells(self, theta: Tensor, read: Tensor) -> Tensor:
+        """Outputs (F, B, T - burn_in, n, cells) of the cells that read (F, B, T, n, a)."""
+        a, b = self.law.gate_sizes
+        weights = theta[..., 3 : 3 + count(self.law.gate_sizes)].flatten(0, 1)
+        by_time = read.permute(2, 0, 3, 4, 1).flatten(1, 2)  # (T, F n, a, B)
+        h = Cells.apply(weights.unflatten(1, (a + 1, b)), by_time, self.burn_in)
+        return h.unflatten(1, theta.shape[:2]).permute(1, 4, 0, 2, 3)
+
+
+def _pieces(problem: Problem, burn_in: int, targets: int) -> tuple[Array, Array, Array]:
+    """Nodes (C, T) of the samples, nodes (C, P) of the targets, and their rows (C, targets).
+
+    Samples before a recording's first, and after its last, repeat these; targets without a row have
+    the row K.
+    """
+    nodes, per = problem.nodes, problem.nodes.per_sample
+    further = len(problem.coefficients) - 1  # nodes of a row beyond its first
+    row_at = np.full(len(nodes.time), len(problem.r))
+    row_at[problem.stencil[:, 0]] = np.arange(len(problem.r))
+    length = burn_in + targets + further // per
+    samples, points, rows = [], [], []
+    for first, end in zip(nodes.first[:-1], nodes.first[1:], strict=True):
+        last = (end - first - 1) // per
+        for begin in range(-burn_in, last - burn_in, targets):
+            at = begin + np.arange(length)
+            samples.append(first + per * np.clip(at, 0, last))
+            point = per * (begin + burn_in) + np.arange(per * (targets - 1) + further + 1)
+            points.append(first + np.clip(point, 0, end - first - 1))
+            target = begin + burn_in + np.arange(targets)
+            row = row_at[first + per * np.clip(target, 0, last)]
+            rows.append(np.where(target <= last, row, len(problem.r)))
+    return np.stack(samples), np.stack(points), np.stack(rows)
+
+
+class RowTrainingSet:
+    """Rows of a problem under weights (F, K); each is an item of a batch.
+
+    used : (F, items), which of them have a weight in a fold
+    """
+
+    rows_per_item = 1
+
+    def __init__(self, stack: FoldStack, weights: Array):
+        problem = stack.problem
+        self.law, self.items = stack.law, len(problem.r)
+        self.rows, self.used = WeightedRows(stack, weights), np.asarray(weights > 0)
+        self.stencil = stack.tensor(np.pad(problem.stencil, ((0, 1), (0, 0))))
+        self.coefficients = stack.tensor(problem.coefficients)[:, None]
+        self.first = stack.first_nodes()[:, None]
+        memory = window(stack.law, problem.nodes)
+        of = stack.law.features(stack.theta[:, None], problem.nodes.inputs, memory)
+        parts = ((of.z, 2), (of.share, 1), (of.sign, 1))
+        self.features = [stack.by_fold(part, axes) for part, axes in parts]
+
+    def cost(self, theta: Tensor, items: Tensor) -> Tensor:
+        """Mean weighted squares (F,) of the items (F, B)."""
+        torque = self._torque(theta, self.stencil[items].flatten(1))
+        mean = (torque.unflatten(1, (-1, len(self.coefficients))) * self.coefficients).sum(2)
+        return self.rows.squares(items, mean).mean(1)
+
+    def _torque(self, theta: Tensor, nodes: Tensor) -> Tensor:
+        """Torque (F, N, n) at nodes (F, N)."""
+        flat = (nodes + self.first).flatten()
+        z, share, sign = (s.index_select(0, flat).unflatten(0, nodes.shape) for s in self.features)
+        level: Tensor = self.law.level(theta[:, None], z, share)
+        return level * sign
+
+
+def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
+    """Memory (S, n) at each node of a law that remembers samples of the velocity, newest first.
+
+    Raises
+    ------
+    InputError
+        Where a law has a memory of another kind.
+    """
+    if not law.has_memory:
+        return ()
+    if not law.reads_window:
+        raise InputError(f"{law}: networks with a memory of this kind cannot be trained")
+    first = np.repeat(nodes.first[:-1], np.diff(nodes.first))
+    place = np.arange(len(nodes.time)) - first
+    newest = place // nodes.per_sample
+    ages = [np.maximum(newest - age, 0) for age in range(law.samples)]
+    places = [first + age * nodes.per_sample for age in ages]
+    q, w = nodes.inputs.q, nodes.inputs.w
+    if not law.presliding:
+        return tuple(w[at] for at in places)
+    # before a recording, as in the initial memory state: as if the velocity had been constant
+    missing = [np.maximum(age - newest, 0)[:, None] for age in range(law.samples)]
+    pairs = zip(places, missing, strict=True)
+    return (w[places[0]], *(q[at] - law.sample_time * k * w[first] for at, k in pairs))
