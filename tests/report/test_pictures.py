@@ -6,8 +6,7 @@ from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from matplotlib.colors import to_hex
 
-from frictionid.check.balance_windows import unit_rows
-from frictionid.check.motion import motions_of
+from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.plants import plant_of
 from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction

@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, curves, speeds, velocity_grid
-from frictionid.evaluation.ground_truth import steady_state
+from frictionid.evaluation.curves import steady_state
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
