@@ -180,7 +180,7 @@ FAMILIES = {
 # laws whose form was learned, by their names in model files
 LEARNED = (
     *("mlp", "window_mlp", "lstm", "ensemble", "TorchModule", "library", "table"),
-    *("spline", "spline_asymmetric"),
+    "spline",
 )
 
 

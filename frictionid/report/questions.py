@@ -15,7 +15,7 @@ from frictionid.report.sections import EULER, Section
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
 DISSIPATION = ("dissipation", "cycle_work")  # checks
-LEVELS_ONLY = ("coulomb_viscous", "coulomb_viscous_asymmetric")  # laws, by their names in files
+LEVELS_ONLY = ("coulomb_viscous",)  # laws, by their names in files
 
 
 @dataclass(frozen=True)
