@@ -19,13 +19,3 @@ verdict                   the sequence of all checks
 from frictionid.check.findings import LEVELS, Finding
 from frictionid.check.torque_source import TorqueSource, torque_sources
 from frictionid.check.verdict import Verdict, check, judge
-
-__all__ = [
-    "LEVELS",
-    "Finding",
-    "TorqueSource",
-    "Verdict",
-    "check",
-    "judge",
-    "torque_sources",
-]

@@ -18,27 +18,3 @@ from frictionid.excitation.trajectory_design import (
     TrajectoryTask,
     design_trajectories,
 )
-
-__all__ = [
-    "Design",
-    "Experiment",
-    "Information",
-    "Limits",
-    "MonteCarlo",
-    "Motions",
-    "Search",
-    "SignalSpace",
-    "TrajectoryDesign",
-    "TrajectoryTask",
-    "covariances",
-    "design_signals",
-    "design_trajectories",
-    "expected_information",
-    "limits_of",
-    "load_mechanism",
-    "monte_carlo",
-    "predict_motions",
-    "prior_friction_of",
-    "search_signals",
-    "standard_errors",
-]

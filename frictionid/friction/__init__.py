@@ -11,21 +11,3 @@ bam_files     parameter files of BAM as frictions
 from frictionid.friction.constraints import Constraints, Groups, SpeedRange, constraints_of
 from frictionid.friction.friction import Friction, Nodes, along, along_own, memory_along, units_of
 from frictionid.friction.law import Inputs, Law, Memory, at_rest, joined
-
-__all__ = [
-    "Constraints",
-    "Friction",
-    "Groups",
-    "Inputs",
-    "Law",
-    "Memory",
-    "Nodes",
-    "SpeedRange",
-    "along",
-    "along_own",
-    "at_rest",
-    "constraints_of",
-    "joined",
-    "memory_along",
-    "units_of",
-]

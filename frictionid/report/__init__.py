@@ -24,15 +24,3 @@ from frictionid.report.terminal import (
     side_by_side_json,
 )
 from frictionid.report.write import build
-
-__all__ = [
-    "build",
-    "results_json",
-    "show",
-    "show_fit",
-    "show_refined",
-    "show_scores",
-    "show_side_by_side",
-    "show_summary",
-    "side_by_side_json",
-]

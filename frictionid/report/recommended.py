@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.kind_descriptions import summary
+from frictionid.comparison.kind_descriptions import meaning, summary
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
@@ -59,12 +60,19 @@ def chosen_of(section: Section, verdict: Verdict) -> Model | None:
 
 def equation_of(model: Model) -> str:
     """Equation of a model's law in words and symbols, "" where its law is not one of ours."""
-    law = LAWS.get(str(model.document.get("law", {}).get("kind", "")))
+    table = model.document.get("law", {})
+    law = LAWS.get(str(table.get("kind", "")))
     if law is None:
         return ""
     family = [summary(part) for part in law.__mro__ if issubclass(part, Law)]
     equations = [text for text in family if text.startswith("Tf")]
-    return " ".join(dict.fromkeys([family[0], *equations[:1]])).replace("`", "")
+    switched = [
+        f"{field.name} = {meaning(law, field.name)}."
+        for field in fields(law)
+        if isinstance(field.default, bool) and table.get(field.name, field.default) != field.default
+    ]
+    words = dict.fromkeys([family[0], *equations[:1], *switched])
+    return " ".join(words).replace("`", "")
 
 
 def horizons_of(data: SummaryData, model: Model) -> list[Horizon]:

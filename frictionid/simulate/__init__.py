@@ -12,32 +12,3 @@ from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, 
 from frictionid.simulate.tracking import Controller, Fourier, sampled_loop, track
 from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
 from frictionid.simulate.variation import Variation
-
-__all__ = [
-    "Camera",
-    "Chirp",
-    "Command",
-    "Controller",
-    "Curve",
-    "Drive",
-    "FilmLag",
-    "Fourier",
-    "LoadFriction",
-    "LuGre",
-    "Multisine",
-    "Noise",
-    "Rig",
-    "Run",
-    "Sine",
-    "Steps",
-    "Stribeck",
-    "TrueFriction",
-    "Variation",
-    "check_dataset_folder",
-    "load_rig",
-    "noise_free",
-    "sampled_loop",
-    "simulate",
-    "track",
-    "write_dataset",
-]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,7 @@ from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.figures.style import styles
-from frictionid.report.recommended import horizons_of
+from frictionid.report.recommended import equation_of, horizons_of
 from frictionid.report.reliability import astray, loose
 from frictionid.report.sections import rollout
 from frictionid.report.tables import escape_latex, latex, markdown
@@ -212,3 +213,17 @@ def test_notes_of_a_model_are_code_and_no_html(tmp_path):
     folder = made.built(made.write(tmp_path, [task]))
     html = (folder / "index.html").read_text()
     assert "<img src=x" not in html and "<code>&lt;img src=x onerror=alert(1)&gt;" in html
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ({"kind": "stribeck"}, "+ viscous w."),
+        ({"kind": "stribeck", "symmetric": False}, "symmetric = false gives each direction"),
+        ({"kind": "motor_load", "squared": True}, "squared = true adds rise u^2"),
+    ],
+)
+def test_the_equation_says_which_switches_of_its_law_are_on(law, words):
+    model = SimpleNamespace(document={"law": law})
+    assert equation_of(model).count(words) == 1
+    assert ("= true" in equation_of(model) or "= false" in equation_of(model)) == (len(law) > 1)

@@ -10,13 +10,3 @@ tuned_suite    the suite with the settings that were chosen
 from frictionid.comparison.tuning.studies import StudyResult, StudySpec, study_specs, tune
 from frictionid.comparison.tuning.tuned_suite import chosen_suite
 from frictionid.comparison.tuning.tuning_task import TuningTask, tuning_tasks
-
-__all__ = [
-    "StudyResult",
-    "StudySpec",
-    "TuningTask",
-    "chosen_suite",
-    "study_specs",
-    "tune",
-    "tuning_tasks",
-]

@@ -7,15 +7,3 @@ from frictionid.fitting.identifiers.published import BlackBox, Frictionless, Pub
 from frictionid.fitting.identifiers.regressor import Regressor
 from frictionid.fitting.identifiers.sindy import SINDy
 from frictionid.fitting.identifiers.sparse_dynamics import SparseDynamics
-
-__all__ = [
-    "BlackBox",
-    "Frictionless",
-    "LeastSquares",
-    "Linear",
-    "Published",
-    "Regressor",
-    "SINDy",
-    "SparseDynamics",
-    "check_identifier",
-]

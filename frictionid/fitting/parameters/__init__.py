@@ -10,18 +10,3 @@ from frictionid.fitting.parameters.blocks import (
     OffsetBlock,
 )
 from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
-
-__all__ = [
-    "ActuatorBlock",
-    "BacklashBlock",
-    "BiasBlock",
-    "DelayBlock",
-    "Estimate",
-    "FrictionBlock",
-    "GainBlock",
-    "InertiaBlock",
-    "OffsetBlock",
-    "Parameter",
-    "ParameterBlock",
-    "TargetDelayBlock",
-]

@@ -21,27 +21,3 @@ from frictionid.fitting.shooting.result_document import document_of
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of, logged_torque
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.fitting.shooting.window_states import SampleWindows, solve_states
-
-__all__ = [
-    "CalibratedRecipe",
-    "Covariance",
-    "Diagnostics",
-    "Intervals",
-    "Linearisation",
-    "Refined",
-    "SampleWindows",
-    "Segment",
-    "Settings",
-    "Shooting",
-    "ShootingProblem",
-    "Solution",
-    "covariance_of",
-    "document_of",
-    "intervals_of",
-    "logged_torque",
-    "refine",
-    "refine_folds",
-    "shooting_problem",
-    "solve",
-    "solve_states",
-]

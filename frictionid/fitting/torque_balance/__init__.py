@@ -4,11 +4,3 @@ from frictionid.fitting.torque_balance.fit import fit_torques
 from frictionid.fitting.torque_balance.method import InverseDynamics
 from frictionid.fitting.torque_balance.solve import TorqueSettings
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
-
-__all__ = [
-    "InverseDynamics",
-    "TorqueBalance",
-    "TorqueSettings",
-    "fit_torques",
-    "torque_balance",
-]

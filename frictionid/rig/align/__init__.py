@@ -2,5 +2,3 @@
 
 from frictionid.rig.align.clock import Alignment, Clock, align
 from frictionid.rig.align.cross_correlation import CoarseOffset
-
-__all__ = ["Alignment", "Clock", "CoarseOffset", "align"]
