@@ -5,10 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
 from numpy.typing import NDArray
-
-_NUMPY = array_namespace(np.empty(0))
 
 # An array of NumPy. Where a tensor of torch may stand in its place, the namespace is found from the
 # arguments, never chosen by the code.
@@ -23,9 +20,13 @@ def namespace(*arrays: Array) -> Any:
     1.0
     """
     for a in arrays:  # to look further is a sixth of a rollout's time
-        if type(a) is not np.ndarray and hasattr(a, "shape"):
+        if type(a) is not np.ndarray and hasattr(a, "shape") and not isinstance(a, np.generic):
+            if hasattr(a, "__array_namespace__"):
+                return a.__array_namespace__()
+            from array_api_compat import array_namespace  # tensors of torch, whose extra brings it
+
             return array_namespace(*(a for a in arrays if hasattr(a, "shape")))
-    return _NUMPY
+    return np
 
 
 def columns(xp: Any, *entries: Array) -> Array:

@@ -116,6 +116,7 @@ def predict(
     from frictionid.api.evaluate import predict as predicted
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.errors import needs
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
 
@@ -125,6 +126,8 @@ def predict(
         friction, load_dataset(dataset, data, trust=trust), horizon, every, whole=whole
     )
     if out.suffix == ".parquet":
+        with needs("parquet"):
+            import pyarrow  # noqa: F401 (pandas writes by it)
         write_bytes(out, table.to_parquet(index=False))
     else:
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())

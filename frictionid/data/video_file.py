@@ -10,10 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.files import written_beside
+
+with needs("camera"):
+    import cv2
 
 
 class VideoFormat(NamedTuple):

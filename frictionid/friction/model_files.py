@@ -19,7 +19,7 @@ import numpy as np
 
 from frictionid.config import imported, unknown
 from frictionid.data.calibration import Calibration
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.files import TEMPORARY, read_json, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
 from frictionid.friction.bam_files import is_bam, read_bam
@@ -131,7 +131,8 @@ def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) ->
     document = model_document(friction, laws)
     path, beside = model_paths(path)
     if friction.law.is_network:
-        from safetensors.numpy import save
+        with needs("networks"):
+            from safetensors.numpy import save
 
         content = save({"theta": np.ascontiguousarray(document["theta"])})
         _keep_named(path, beside)
@@ -170,8 +171,9 @@ def own_law(reference: str) -> type[Law]:
 
 def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
     """Weights that stand in a file beside the model file."""
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
+    with needs("networks"):
+        from safetensors import SafetensorError
+        from safetensors.numpy import load
 
     name = str(table.get("file"))
     if Path(name).name != name or Path(name).suffix != _WEIGHTS:

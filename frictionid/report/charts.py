@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import is_installed
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.report.figures.curves import band_of
 from frictionid.report.figures.panels import most
@@ -43,9 +44,11 @@ class Chart(NamedTuple):
 
 @cache
 def plotly_script() -> bytes:
-    """The library that draws charts, compressed; it comes with the Python package."""
+    """The library that draws charts, compressed; empty without it: the page shows pictures then."""
     import gzip
 
+    if not is_installed("plotly"):
+        return b""
     from plotly.offline import get_plotlyjs
 
     return gzip.compress(get_plotlyjs().encode(), 9, mtime=0)

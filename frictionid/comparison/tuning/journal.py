@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from frictionid.comparison.search_space import Space, text_of
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.files import write_bytes
 
 JOURNAL = "journal.log"
@@ -110,9 +110,10 @@ def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -
         Where it cannot be written, is no journal, or has trials that are neither to be kept nor to
         be replaced.
     """
-    import optuna
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
+    with needs("tuning"):
+        import optuna
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
 
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     path = folder / JOURNAL

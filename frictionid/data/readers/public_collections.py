@@ -13,7 +13,7 @@ from types import MappingProxyType
 from pydantic import Field
 
 from frictionid.config import Strict, nearest, parse_toml
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes, write_bytes
 
 
@@ -74,7 +74,8 @@ def collection_named(name: str) -> Collection:
 
 def cached(name: str) -> Path:
     """Folder of a collection: in $FRICTIONID_DATA where that is set, else in the user's cache."""
-    import pooch
+    with needs("public"):
+        import pooch
 
     home = os.environ.get("FRICTIONID_DATA") or pooch.os_cache("frictionid")
     return Path(home) / name
@@ -173,7 +174,8 @@ def folder_hint(name: str) -> str:
 
 
 def _retrieve(url: str, file: File, folder: Path, name: str) -> None:
-    import pooch
+    with needs("public"):
+        import pooch
 
     pooch.get_logger().setLevel("WARNING")
     target = folder / file.name

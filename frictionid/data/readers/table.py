@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from frictionid.data.readers.mat import mat_column, read_mat
 from frictionid.data.readers.unpacking import check_cells, unzip
 from frictionid.data.signals import Array
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 
 _RECORDER = "the reader drive_recorder (data/README.md)"
 _NAMES = 20  # of columns, in a complaint
@@ -256,8 +256,9 @@ def _number(cell: str, row: int, name: str, file: str) -> float:
 
 
 def _parquet_names(content: bytes, file: str) -> list[str]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    with needs("parquet"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
     try:
         return list(pq.ParquetFile(io.BytesIO(content)).schema_arrow.names)
@@ -266,9 +267,10 @@ def _parquet_names(content: bytes, file: str) -> list[str]:
 
 
 def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    import pyarrow.parquet as pq
+    with needs("parquet"):
+        import pyarrow as pa
+        import pyarrow.compute as pc
+        import pyarrow.parquet as pq
 
     # What pyarrow raises at damaged files: its own errors, OSError, and ValueError at broken text.
     damage = (pa.ArrowException, OSError, ValueError)

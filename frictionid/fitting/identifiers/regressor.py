@@ -20,7 +20,7 @@ from pydantic import Field
 
 from frictionid.arrays import Array, times
 from frictionid.config import check_settings, is_installed
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
@@ -113,7 +113,8 @@ class Regressor(Identifier):
 
     def _trained(self, data: TrainingSet, seed: int) -> _Trained:
         """A copy of the estimator, fitted to scaled features and torques."""
-        from sklearn.base import clone
+        with needs("sindy"):
+            from sklearn.base import clone
 
         if self.inputs == ("w",):
             data = _binned(data, self.bins)
@@ -187,7 +188,8 @@ def _fit(estimator: Any, x: Array, y: Array, weight: Array) -> None:
 
 def _check_estimator(estimator: Any) -> None:
     """Refuse what has no fit and predict, or is no regressor by scikit-learn's own word."""
-    from sklearn.base import BaseEstimator, is_regressor
+    with needs("sindy"):
+        from sklearn.base import BaseEstimator, is_regressor
 
     if not all(callable(getattr(estimator, name, None)) for name in ("fit", "predict")):
         raise InputError(f"sklearn: {estimator!r} is no regressor with fit and predict")

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from frictionid.arrays import Array
 from frictionid.config import NotNegative, check_settings
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import (
     Constraints,
@@ -46,7 +46,8 @@ def proposed_coefficients(T: Array, optimizers: Iterable[Any]) -> Iterator[Array
     The optimisers see a factor X of T = X'X, whose N + 1 rows have the same least squares as the
     rows behind T.
     """
-    from sklearn import config_context
+    with needs("sindy"):
+        from sklearn import config_context
 
     # without the last digits: what an optimiser makes of a fold must not depend on rounding
     values, vectors = np.linalg.eigh(np.round(T, _DIGITS))
@@ -185,7 +186,8 @@ class SINDy(Identifier):
         return lines
 
     def _optimizer(self, threshold: float) -> Any:
-        from pysindy import SR3, STLSQ
+        with needs("sindy"):
+            from pysindy import SR3, STLSQ
 
         if self.optimizer == "stlsq":
             return STLSQ(threshold=threshold, alpha=self.ridge, unbias=False)

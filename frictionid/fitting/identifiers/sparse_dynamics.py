@@ -14,7 +14,7 @@ from pydantic import Field
 
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, check_settings
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
 from frictionid.fitting.identifiers.sindy import Fraction, proposed_coefficients
@@ -86,7 +86,8 @@ class SparseDynamics(Identifier):
 
     def _proposals(self, T: Array, usable: Array) -> set[tuple[int, ...]]:
         """Active sets that STLSQ proposes for the thresholds, of the usable columns (P,)."""
-        from pysindy import STLSQ
+        with needs("sindy"):
+            from pysindy import STLSQ
 
         own = np.flatnonzero(usable)
         optimizers = (STLSQ(threshold=t, alpha=self.ridge, unbias=False) for t in self.thresholds)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 
 _DEFAULT = {"darwin": "clang++", "win32": "cl"}  # what PyTorch calls where CXX names no other
 
@@ -47,7 +47,8 @@ def compiled(cost: Callable[..., Any]) -> Callable[..., Any]:
     InputError
         In that call, where PyTorch cannot compile it.
     """
-    import torch
+    with needs("networks"):
+        import torch
 
     with _without_warnings():
         fast: Callable[..., Any] = torch.compile(cost)

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 
 from frictionid.arrays import Array
+from frictionid.errors import needs
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction.laws.network_law import NetworkLaw
+
+with needs("networks"):
+    import torch
+
 
 Tensor = Any  # of torch
 

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from frictionid.arrays import Array
 from frictionid.config import Count, Positive, check_settings
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.networks.compiled import check_compiler, compiled
 from frictionid.fitting.networks.training import (
@@ -131,7 +131,8 @@ class Network(Identifier):
 
         training, held : weights (F, K) of the rows that are fitted and of those that are held out
         """
-        import torch
+        with needs("networks"):
+            import torch
 
         fitted, held_out_set = (self._training_set(stack, part) for part in (training, held))
         rows, per_item = len(stack.problem.r), fitted.rows_per_item
@@ -191,7 +192,8 @@ def check_device(device: str) -> None:
     InputError
         Saying what PyTorch sees.
     """
-    import torch
+    with needs("networks"):
+        import torch
 
     if device == "cuda" and not torch.cuda.is_available():
         raise InputError(

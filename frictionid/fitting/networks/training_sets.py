@@ -8,15 +8,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.fitting.networks.fold_stack import FoldStack, Tensor, WeightedRows
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Nodes
 from frictionid.friction.laws.layers import count
 from frictionid.friction.laws.network_law import NetworkLaw
+
+with needs("networks"):
+    import torch
 
 
 class Cells(torch.autograd.Function):

@@ -9,6 +9,7 @@ import numpy as np
 
 from frictionid.arrays import namespace
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.errors import needs
 from frictionid.fitting.parameters.blocks import FrictionBlock
 from frictionid.fitting.parameters.combinations import CombinationBlock
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
@@ -26,7 +27,8 @@ def on_arrays(friction: Friction) -> Friction:
         known = law.reads_window or not law.has_memory
         if not law.is_network or (law.has_gradient and known):
             return friction
-        from torch import as_tensor  # late: who has no such law need not wait for torch
+        with needs("networks"):
+            from torch import as_tensor  # late: who has no such law need not wait for torch
 
         theta = as_tensor(np.array(theta, dtype=float))
     like = theta.detach().double()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
+from frictionid.errors import needs
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.laws.layers import laid, unlaid
 from frictionid.friction.laws.levels import above_zero
@@ -77,7 +78,8 @@ class TorchModule(NetworkLaw):
 
     def _outputs(self, weights: Array, z: Array) -> Array:
         """Outputs (..., n) of the module with each set of weights."""
-        import torch  # late: who has no such law need not wait for it
+        with needs("networks"):
+            import torch  # late: who has no such law need not wait for it
 
         row: Any
         inputs: Any

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.config import nearest
-from frictionid.errors import InputError
+from frictionid.errors import InputError, needs
 from frictionid.files import write_bytes, write_text
 from frictionid.outputs import check_outputs
 from frictionid.rig.camera.angles import Angles, angles_csv
@@ -69,7 +69,8 @@ class Tracked:
 
     def save_sheet(self, path: str | Path) -> None:
         """Write a contact sheet (PNG): some pictures with markers and angles drawn over them."""
-        import cv2
+        with needs("camera"):
+            import cv2
 
         from frictionid.rig.camera.overlay import contact_sheet
 
