@@ -22,6 +22,8 @@ BARE = f"""
 import sys
 from importlib.machinery import PathFinder
 class Bare:
+    find_distributions = PathFinder.find_distributions
+    invalidate_caches = PathFinder.invalidate_caches
     @staticmethod
     def find_spec(name, path=None, target=None):
         missing = name.partition(".")[0] in {sum(EXTRAS.values(), ())!r}

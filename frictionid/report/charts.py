@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import is_installed
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.report.figures.curves import band_of
 from frictionid.report.figures.panels import most
@@ -47,7 +47,7 @@ def plotly_script() -> bytes:
     """The library that draws charts, compressed; empty without it: the page shows pictures then."""
     import gzip
 
-    if not is_installed("plotly"):
+    if find_spec("plotly") is None:
         return b""
     from plotly.offline import get_plotlyjs
 
