@@ -19,11 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from frictionid import mechanics as mechanisms
-    from frictionid.api.check import Verdict as Verdict
     from frictionid.api.check import check as check
     from frictionid.api.check import quick as quick
     from frictionid.api.compare import compare as compare
-    from frictionid.api.comparison import Comparison as Comparison
     from frictionid.api.comparison import load_comparison as load_comparison
     from frictionid.api.evaluate import evaluate as evaluate
     from frictionid.api.evaluate import predict as predict
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from frictionid.api.suggest import suggest as suggest
     from frictionid.api.suggest import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
-    from frictionid.api.tune import Tuned as Tuned
     from frictionid.api.tune import tune as tune
     from frictionid.comparison.fit_model import fit_model as fit_model
     from frictionid.data.readers.dataset import load_dataset as load_dataset
@@ -45,10 +42,8 @@ if TYPE_CHECKING:
     from frictionid.data.recordings import Recording as Recording
     from frictionid.data.recordings import TrueMotion as TrueMotion
     from frictionid.data.signals import Signal as Signal
-    from frictionid.deploy.api.covariate import OverCovariate as OverCovariate
     from frictionid.deploy.api.covariate import over_covariate as over_covariate
     from frictionid.deploy.api.export import export as export
-    from frictionid.deploy.api.monitor import Monitored as Monitored
     from frictionid.deploy.api.monitor import baseline as baseline
     from frictionid.deploy.api.monitor import monitor as monitor
     from frictionid.deploy.api.pool import Pooled as Pooled
@@ -67,15 +62,8 @@ if TYPE_CHECKING:
     from frictionid.evaluation.predicted_motion import predicted_motion as predicted_motion
     from frictionid.evaluation.prepared import Protocol as Protocol
     from frictionid.fitting.identifier import Identifier as Identifier
-    from frictionid.fitting.identifiers import BlackBox as BlackBox
-    from frictionid.fitting.identifiers import Frictionless as Frictionless
     from frictionid.fitting.identifiers import LeastSquares as LeastSquares
-    from frictionid.fitting.identifiers import Linear as Linear
-    from frictionid.fitting.identifiers import Published as Published
-    from frictionid.fitting.identifiers import Regressor as Regressor
     from frictionid.fitting.identifiers import SINDy as SINDy
-    from frictionid.fitting.networks.compressed import CompressedNetwork as CompressedNetwork
-    from frictionid.fitting.networks.network import Network as Network
     from frictionid.friction import Friction as Friction
     from frictionid.friction import Inputs as Inputs
     from frictionid.friction import Law as Law
@@ -98,9 +86,7 @@ if TYPE_CHECKING:
     from frictionid.friction.laws import Thermal as Thermal
     from frictionid.friction.laws import TorchModule as TorchModule
     from frictionid.friction.laws import WindowMLP as WindowMLP
-    from frictionid.rig.api.align import Aligned as Aligned
     from frictionid.rig.api.align import align as align
-    from frictionid.rig.api.track import Tracked as Tracked
     from frictionid.rig.api.track import track as track
 
 _ROOMS = {"mechanisms": "frictionid.mechanics"}

@@ -19,7 +19,7 @@ from fixtures.paths import ROOT
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
     *("errors", "arrays", "progress"),
-    *("files", "shipped", "outputs", "config"),
+    *("files", "outputs", "config"),
     "programs",
     "mechanics",
     "data",

@@ -52,11 +52,6 @@ class LeastSquares(Identifier):
     Laws without a gradient, and laws with memory, are differentiated numerically. A parameter
     without influence keeps its initial value.
 
-    Raises
-    ------
-    InputError
-        Where rows, weights or the law do not determine the parameters.
-
     Examples
     --------
     >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
