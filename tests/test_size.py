@@ -1,4 +1,4 @@
-"""Budgets that only fall: tokens and files of the package, words of the documentation, a reading path.
+"""Budgets that only fall: tokens, files, classes, words of the documentation, a reading path.
 
 Raising one is a decision that a commit message explains.
 """
