@@ -27,8 +27,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("data", "dynamics", "evaluation", "identifiers", "shooting")
-BESIDE = ("friction", "inverse_dynamics", "mechanics", "monitor")  # whose tests are run as well
+PACKAGES = ("data", "dynamics", "evaluation", "fitting")
+BESIDE = ("friction", "mechanics", "deploy")  # whose tests are run as well
 BUDGET = 30.0  # [s] of tests for each change
 LIMIT = 400.0  # [s] after which a change does not end
 COPIED = ("comparisons", "data", "docs", "frictionid", "tests")
