@@ -152,10 +152,11 @@ def refine_folds(
         fit_blocks(start, intervals, blocks, recipe.settings, use)
         for start, use in zip(starts, training > 0, strict=True)
     ]
-    return _together([result.friction for result in results]), results[-1]
+    return folds_together([result.friction for result in results]), results[-1]
 
 
-def _together(frictions: Sequence[Friction]) -> Friction:
+def folds_together(frictions: Sequence[Friction]) -> Friction:
+    """One friction (F, n, P) of those of F folds, with their calibrations."""
     theta = namespace(frictions[-1].theta).stack([f.theta for f in frictions])
     calibrations = [f.calibration for f in frictions if f.calibration is not None]
     return replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import stack_calibrations
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.one_step.one_step_fit import OneStepFit
@@ -20,12 +18,16 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting.recipe import ShootingData, ShootingFit, check_mechanism
+from frictionid.fitting.shooting.recipe import (
+    ShootingData,
+    ShootingFit,
+    check_mechanism,
+    folds_together,
+)
 from frictionid.fitting.shooting.settings import applicable
 from frictionid.fitting.torque_balance.fit import fit_torques
 from frictionid.fitting.torque_balance.solve import TorqueSettings
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
-from frictionid.friction import Friction
 
 DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     FrictionBlock(),
@@ -98,7 +100,7 @@ class InverseDynamics:
             fit_torques(identifier, balance, blocks, self.settings, use, seed)
             for use in window_weights(balance, data) > 0
         ]
-        return ShootingFit(_together([r.friction for r in results]), results[-1])
+        return ShootingFit(folds_together([r.friction for r in results]), results[-1])
 
 
 def window_weights(balance: TorqueBalance, data: ShootingData) -> Array:
@@ -113,9 +115,3 @@ def window_weights(balance: TorqueBalance, data: ShootingData) -> Array:
         first, last = (np.searchsorted(middle, t[own]) for t in (balance.start, balance.stop))
         out[:, own] = before[:, last] == before[:, first]
     return out
-
-
-def _together(frictions: Sequence[Friction]) -> Friction:
-    calibrations = [f.calibration for f in frictions if f.calibration is not None]
-    theta = np.stack([np.asarray(f.theta) for f in frictions])
-    return replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))
