@@ -113,12 +113,12 @@ $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 
 $(TEST): $(CORE)
 	@echo "Adding pytest, MuJoCo, Pinocchio, CasADi, ONNX to .venv: 0.3 GB to download, 0.8 GB on disk, a minute."
-	$(call install,'.[all,test]')
+	$(call install,'.[test]')
 
 $(DEV): $(CORE)
 	@echo "Adding ruff, mypy, pre-commit to .venv: 0.1 GB on disk, ten seconds."
-	$(call install,'.[all,dev]')
+	$(call install,'.[dev]')
 
 $(DOCS): $(CORE)
 	@echo "Adding MkDocs to .venv: 20 MB to download, 0.1 GB on disk, ten seconds."
-	$(call install,'.[all,docs]')
+	$(call install,'.[docs]')

@@ -132,23 +132,6 @@ class DelayBlock(ParameterBlock):
 
 
 @dataclass(frozen=True)
-class VoltageBlock(ParameterBlock):
-    """Gain kt/R between voltage and torque, one for all joints: part of the block `actuator`."""
-
-    name, enters = "voltage", "torque"
-
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        return (Parameter(self.name, "kt/R", "N m/V", float(estimate.calibration.gain[0])),)
-
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        gain = np.full(estimate.mechanism.n, float(values[0][1]))
-        return estimate._replace(calibration=replace(estimate.calibration, gain=gain))
-
-    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
-        return u.torque[None]
-
-
-@dataclass(frozen=True)
 class FrictionBlock(ParameterBlock):
     """Parameters of the law, but for those whose names are `fixed`.
 
