@@ -191,6 +191,17 @@ def test_make_takes_the_first_interpreter_that_will_do(tmp_path: Path) -> None:
     assert f'"{tmp_path}/bin/python3.12" -m venv --clear .venv' in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("target", "extra"),
+    [("compare", "all"), ("test", "test"), ("check", "dev"), ("docs", "docs")],
+)
+def test_make_installs_the_extra_of_each_target(target: str, extra: str, tmp_path: Path) -> None:
+    _checkout(tmp_path, {"python3": GOOD})
+    done = _make(tmp_path, "--dry-run", target)
+    assert f"-e '.[{extra}]' " in done.stdout
+    subprocess.run(["sh", "-n", "-c", done.stdout], check=True)  # every quotation mark is closed
+
+
 # What stands in .venv beforehand; does make set it up from nothing, and does it install?
 ENVIRONMENTS = {
     "complete": ({"place": "HERE\n", "frictionid.core": ""}, False, False),
