@@ -11,8 +11,8 @@ import tokenize
 from fixtures.paths import ROOT
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 530_450, 467, 580, 70
-TEST_TOKENS, WORDS = 425_800, 42_906
+TOKENS, FILES, CLASSES, NAMES = 530_500, 467, 580, 70
+TEST_TOKENS, WORDS = 426_300, 42_906
 SILENT = {
     *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
     *(tokenize.ENCODING, tokenize.ENDMARKER),

@@ -1,7 +1,7 @@
 """Loops compiled to machine code by Numba, kept on disk where there is a folder for it.
 
-What is kept holds the code of other files that a function calls, too. So it is compiled again when
-any file of the package has changed since.
+What is kept holds the code of other files that a function calls, too: of its room, or of this one.
+So it is compiled again when a file of these has changed since.
 """
 
 from __future__ import annotations
@@ -81,16 +81,24 @@ def kept(function: Callable[..., Any]) -> Any:
 
 
 def _forget_outdated(fast: Any) -> None:
-    """Remove what was kept before a file of the package changed."""
+    """Remove what was kept before a file of its room changed."""
     code = fast.py_func.__code__
+    changed = _newest_source(room_of(fast.py_func))
     name = f"{Path(code.co_filename).stem}.{fast.py_func.__qualname__}-*.nbi"
     for index in Path(fast.stats.cache_path).glob(name.replace("<", "[<]")):
         with suppress(OSError):  # another process was faster
-            if index.stat().st_mtime <= _newest_source():
+            if index.stat().st_mtime <= changed:
                 index.unlink()
 
 
+def room_of(function: Callable[..., Any]) -> str:
+    """The folder of the package that a function stands in; empty for one from elsewhere."""
+    return function.__module__.partition(".")[2].partition(".")[0]
+
+
 @cache
-def _newest_source() -> float:
-    """When a file of the package changed last."""
-    return max(path.stat().st_mtime for path in Path(__file__).parent.rglob("*.py"))
+def _newest_source(room: str) -> float:
+    """When a file of a room, or of this one, changed last."""
+    here = Path(__file__).parent
+    files = [*here.rglob("*.py"), *(here.parent / room).rglob("*.py")]
+    return max(path.stat().st_mtime for path in files)

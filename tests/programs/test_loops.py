@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from frictionid.programs import loops as compiled
 
@@ -28,8 +29,20 @@ def test_what_was_kept_before_a_change_is_forgotten(
     monkeypatch.syspath_prepend(str(tmp_path))
     assert importlib.import_module(name).doubled(1.5) == 3.0
     assert len(list(tmp_path.rglob("*.nbi"))) == 1
-    monkeypatch.setattr(compiled, "_newest_source", lambda: changed)
+    monkeypatch.setattr(compiled, "_newest_source", lambda _: changed)
     del sys.modules[name]
     again = importlib.import_module(name)
     assert len(list(tmp_path.rglob("*.nbi"))) == left
     assert again.doubled(1.5) == 3.0
+
+
+def test_compiled_functions_call_those_of_their_room_only() -> None:
+    package = Path(compiled.__file__).parents[1]
+    files = [f for f in package.rglob("*.py") if "programs.loops import" in f.read_text()]
+    names = [".".join(f.relative_to(package.parent).with_suffix("").parts) for f in files]
+    for name in names:
+        room = name.split(".")[1]
+        for value in vars(importlib.import_module(name)).values():
+            if isinstance(value, Dispatcher):
+                assert compiled.room_of(value.py_func) in {room, "programs"}, name
+    assert names
