@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
@@ -12,15 +11,17 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
-    FreeBlock,
     Parameter,
+    prior_mean,
+    prior_precision,
     values_of,
 )
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sandwich import (
     SINGULAR,
-    clusters_of,
+    Groups,
+    groups_of,
     sandwich,
     shown_once,
     solve_scaled,
@@ -97,19 +98,6 @@ _DRAWS = 2000
 # A peak that is not there is searched for at any velocity: over two decades of it, in which
 # velocities a factor of three apart find about independent peaks [Davies1987].
 _TRIALS = 5
-
-
-class FreeParameters(Protocol):
-    """What a covariance needs of a problem: blocks, their parameters, and priors of these (D,)."""
-
-    @property
-    def blocks(self) -> Sequence[FreeBlock]: ...
-    @property
-    def parameters(self) -> tuple[Parameter, ...]: ...
-    @property
-    def prior_precision(self) -> Array: ...
-    @property
-    def prior_mean(self) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,30 +195,34 @@ def covariance_of(
 
     model_error : covariance (D, D) of errors that all recordings share, see `omitted_blocks`
     """
-    owner, clusters = (own[solution.closed] for own in clusters_of(problem, solution))
-    return grouped_covariance(problem, solution, owner, clusters, model_error)
+    values = values_of(solution.estimate, problem.blocks)
+    groups = groups_of(problem, solution)
+    return grouped_covariance(
+        problem.parameters, values, solution.estimate.friction, groups, model_error
+    )
 
 
 def grouped_covariance(
-    problem: FreeParameters,
-    solution: Solution,
-    owner: Array,
-    clusters: Array,
+    parameters: tuple[Parameter, ...],
+    values: Array,
+    friction: Friction,
+    groups: Groups,
     model_error: Array | float = 0.0,
 ) -> Covariance:
-    """Covariance of a fit whose normal equations (W, D, D) are those of groups: windows, or more.
+    """Covariance of any fit that ended at values (D,) of parameters, and at a friction.
 
-    owner, clusters : (W,) recording, and cluster whose scatter counts, of each group in use
+    See `covariance_of`; the groups of rows are those of windows, or of stretches of recordings.
     """
-    parameters, free = problem.parameters, solution.free
-    H = solution.curvature + np.diag(problem.prior_precision)
+    free, precision = groups.free, prior_precision(parameters)
+    H = groups.H.sum(axis=0) + np.diag(precision)
     singular, lost, words = _undetermined(H, free, parameters)
-    once = free & shown_once(H, solution, clusters)
+    once = free & shown_once(H, groups)
     keep = np.flatnonzero(free & ~once)
-    D, count = len(parameters), len(np.unique(clusters))
+    D, count = len(parameters), len(np.unique(groups.cluster))
     matrix = np.zeros((D, D))
-    matrix[np.ix_(keep, keep)] = sandwich(H, solution._replace(free=free & ~once), owner, clusters)
-    left = _left_over(problem, solution, H)
+    matrix[np.ix_(keep, keep)] = sandwich(H, groups._replace(free=free & ~once))
+    pull = precision * (prior_mean(parameters) - (values - groups.move))
+    left = _left_over(H, groups.g.sum(axis=0) + pull, free)
     matrix += np.outer(left, left) + model_error
     unknown = ~free | lost | once
     words += tuple(
@@ -238,12 +230,10 @@ def grouped_covariance(
         for k in np.flatnonzero(once & ~lost)
     )
     _forget(matrix, list(np.flatnonzero(unknown)))
-    values = values_of(solution.estimate, problem.blocks)
     out = Covariance(
         *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
         meaningless=np.zeros(D, dtype=bool),
     )
-    friction = solution.estimate.friction
     weak = ~_known(out), ~_known(out, _TRIALS)
     needs = meaningless(friction, parameters, *weak)
     words += tuple(_needs(parameters, k, others) for k, others in needs.items())
@@ -314,15 +304,12 @@ def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -
     return f"{parameters[k].name} means nothing where {names} may be zero"
 
 
-def _left_over(problem: FreeParameters, solution: Solution, H: Array) -> Array:
+def _left_over(H: Array, g: Array, free: Array) -> Array:
     """What one more Gauss-Newton step would change in the parameters (D,), H^-1 g.
 
     Next to nothing where a fit has settled; where it has not, an error as good as any other.
     """
-    keep, left = np.flatnonzero(solution.free), np.zeros(len(solution.free))
-    before = values_of(solution.estimate, problem.blocks) - solution.move
-    pull = problem.prior_precision * (problem.prior_mean - before)
-    g = solution.normal.g[solution.closed].sum(axis=0) + pull
+    keep, left = np.flatnonzero(free), np.zeros(len(free))
     left[keep] = solve_scaled(H[np.ix_(keep, keep)], g[keep])
     return left
 

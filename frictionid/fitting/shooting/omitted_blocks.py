@@ -23,7 +23,7 @@ from frictionid.fitting.parameters.parameter_block import Estimate, ParameterBlo
 from frictionid.fitting.shooting.data_checks import check_blocks
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
-from frictionid.fitting.shooting.sandwich import clusters_of, sandwich, shown_once, solve_scaled
+from frictionid.fitting.shooting.sandwich import groups_of, sandwich, shown_once, solve_scaled
 from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
 from frictionid.fitting.shooting.window_steps import linearised_at
 from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
@@ -147,15 +147,12 @@ class _Step:
         """P-value of each of some freed blocks; one where the others account for all it shows."""
         free = self._free(names)
         move = self._move(free)
-        with_them = self.solution._replace(normal=self.normal, move=move, free=free)
-        owner, groups = clusters_of(self.problem, self.solution)
-        closed = self.solution.closed
-        shown = free & ~shown_once(self._H, with_them, groups[closed])
+        groups = groups_of(self.problem, self.solution._replace(normal=self.normal))
+        groups = groups._replace(move=move, free=free)
+        shown = free & ~shown_once(self._H, groups)
         error = np.full(len(free), np.inf)
-        with_them = with_them._replace(free=shown)
-        inner = sandwich(self._H, with_them, owner[closed], groups[closed])
-        error[shown] = np.sqrt(np.diag(inner))
-        freedom = max(len(np.unique(groups[closed])) - 1, 1)
+        error[shown] = np.sqrt(np.diag(sandwich(self._H, groups._replace(free=shown))))
+        freedom = max(len(np.unique(groups.cluster)) - 1, 1)
         p = []
         for name in names:
             own = self._block == name

@@ -1,6 +1,8 @@
-"""Sandwich covariance: what each group of windows alone would change in the free parameters."""
+"""Sandwich covariance: what each group of rows alone would change in the free parameters."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
@@ -9,70 +11,95 @@ from frictionid.arrays import Array
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 
-_FEW = 4  # recordings: of fewer, stretches of time are the clusters
+FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger
 _STRETCHES = 24
 SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 
 
-def clusters_of(problem: ShootingProblem, solution: Solution) -> tuple[Array, Array]:
-    """Recording (W,) and cluster (W,) of each window."""
-    owner = problem.intervals.recording[solution.windows[:, 0]]
-    if len(np.unique(owner)) >= _FEW:
-        return owner, owner
-    return owner, np.arange(len(owner)) * min(_STRETCHES, len(owner)) // len(owner)
+class Groups(NamedTuple):
+    """What W groups of rows, windows or stretches of recordings, each say of the D parameters.
+
+    H (W, D, D), g (W, D) : normal equations of each where the last step of the fit began, without
+    priors; move (D,) : that step; free (D,) : parameters that are not at a bound
+    recording, cluster (W,) : whose scatter counts, of each group
+    """
+
+    H: Array
+    g: Array
+    move: Array
+    free: Array
+    recording: Array
+    cluster: Array
+
+    @property
+    def score(self) -> Array:
+        """Descent (W, D) that each group would go on with after the step."""
+        return np.asarray(self.g - self.H @ self.move)
 
 
-def sandwich(H: Array, solution: Solution, owner: Array, clusters: Array) -> Array:
-    """Covariance of the free parameters by clusters (W,); of three recordings (W,) the larger.
+def groups_of(problem: ShootingProblem, solution: Solution) -> Groups:
+    """The windows that count in a solution; of few recordings, stretches of time are clusters."""
+    recording = problem.intervals.recording[solution.windows[:, 0]]
+    cluster, count = recording, len(recording)
+    if len(np.unique(recording)) < FEW:
+        cluster = np.arange(count) * min(_STRETCHES, count) // count
+    on, normal = solution.closed, solution.normal
+    return Groups(
+        normal.H[on], normal.g[on], solution.move, solution.free, recording[on], cluster[on]
+    )
+
+
+def sandwich(H: Array, groups: Groups) -> Array:
+    """Covariance of the free parameters by clusters; of three recordings the larger.
+
+    H (D, D) : normal matrix of all groups, with priors
 
     Of G clusters, some tell much more of a parameter than others: `scatter` then expects too large
     a variance, which is divided by its excess, with fewer degrees of freedom than G - 1, so that
     it is enlarged until its 95 % interval by the t distribution with G - 1 is that with its own.
     """
-    inner = scatter(H, solution, clusters)
-    count = len(np.unique(clusters))
+    inner = scatter(H, groups, groups.cluster)
+    count = len(np.unique(groups.cluster))
     if count > 1:
-        excess, freedom = expected(H, solution, clusters)
-        own = stdtrit(freedom, 0.975) / stdtrit(count - 1, 0.975) / np.sqrt(excess)
-        inner = inner * np.outer(own, own)
-    if _SOME <= len(np.unique(owner)) < _FEW:
-        between = np.diag(scatter(H, solution, owner))
+        excess, freedom = expected(H, groups)
+        wider = stdtrit(freedom, 0.975) / stdtrit(count - 1, 0.975) / np.sqrt(excess)
+        inner = inner * np.outer(wider, wider)
+    if _SOME <= len(np.unique(groups.recording)) < FEW:
+        between = np.diag(scatter(H, groups, groups.recording))
         wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
         inner = inner * np.outer(wider, wider)
     return inner
 
 
-def scatter(H: Array, solution: Solution, groups: Array) -> Array:
-    """Covariance of the free parameters from what each group of windows would change in them.
+def scatter(H: Array, groups: Groups, label: Array) -> Array:
+    """Covariance of the free parameters from what the groups of each label (W,) would change in it.
 
-    C = (G - 1)/G sum_g (m_g - m)(m_g - m)',  m_g = -(H - H_g)^-1 s_g,  s = g - H move per window
+    C = (G - 1)/G sum_g (m_g - m)(m_g - m)',  m_g = -(H - H_g)^-1 s_g,  s = g - H move per group
     """
-    keep, use = np.flatnonzero(solution.free), solution.closed
-    parts = solution.normal.H[use]
-    score = solution.normal.g[use] - parts @ solution.move
-    names = np.unique(groups)
+    keep, score = np.flatnonzero(groups.free), groups.score
+    names = np.unique(label)
     moves = np.zeros((len(names), len(keep)))
     for c, name in enumerate(names):
-        own = groups == name
-        rest = (H - parts[own].sum(axis=0))[np.ix_(keep, keep)]
-        moves[c] = -solve_scaled(rest, score[own].sum(axis=0)[keep])
+        rows = label == name
+        rest = (H - groups.H[rows].sum(axis=0))[np.ix_(keep, keep)]
+        moves[c] = -solve_scaled(rest, score[rows].sum(axis=0)[keep])
     off = moves - moves.mean(axis=0)
     return np.asarray((len(names) - 1) / len(names) * off.T @ off)
 
 
-def shown_once(H: Array, solution: Solution, groups: Array) -> Array:
-    """Parameters (D,) of which nothing is left to know without one of the groups of windows.
+def shown_once(H: Array, groups: Groups) -> Array:
+    """Parameters (D,) of which nothing is left to know without the groups of some cluster.
 
-    What scatters between the groups says nothing of these, and they would spoil the others.
+    What scatters between the clusters says nothing of these, and they would spoil the others.
     """
-    parts, most = solution.normal.H[solution.closed], SINGULAR * np.diag(H)
-    left = [np.diag(H - parts[groups == name].sum(axis=0)) for name in np.unique(groups)]
+    label, most = groups.cluster, SINGULAR * np.diag(H)
+    left = [np.diag(H - groups.H[label == name].sum(axis=0)) for name in np.unique(label)]
     return np.asarray(np.min(left, axis=0) <= most)
 
 
-def expected(H: Array, solution: Solution, groups: Array) -> tuple[Array, Array]:
-    """Excess of each free parameter's variance by groups (W,), and its degrees of freedom.
+def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
+    """Excess of each free parameter's variance by clusters, and its degrees of freedom.
 
     Where only noise scatters, the scores have the covariance of residuals, and the moves m_g that
     `scatter` squares have the one below. Its trace says how much larger than H^-1 their variance is
@@ -80,11 +107,10 @@ def expected(H: Array, solution: Solution, groups: Array) -> tuple[Array, Array]
 
         cov(s_g, s_h) = H_g delta_gh - H_g H^-1 H_h,   C = cov(m_g, m_h),   (tr C)^2 / tr(C C)
     """
-    keep = np.ix_(np.flatnonzero(solution.free), np.flatnonzero(solution.free))
-    parts = solution.normal.H[solution.closed]
-    own = np.stack([parts[groups == g].sum(axis=0)[keep] for g in np.unique(groups)])
-    left = np.stack([_inverse(H[keep] - part) for part in own])
-    moved, inverse, count = left @ own, _inverse(H[keep]), len(own)
+    keep, label = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free)), groups.cluster
+    parts = np.stack([groups.H[label == g].sum(axis=0)[keep] for g in np.unique(label)])
+    left = np.stack([_inverse(H[keep] - part) for part in parts])
+    moved, inverse, count = left @ parts, _inverse(H[keep]), len(parts)
     trace, square = np.zeros(len(inverse)), np.zeros(len(inverse))
     for k in range(len(inverse)):  # one (G, G) at a time: there may be thousands of recordings
         C = -moved[:, k] @ inverse @ moved[:, k].T

@@ -17,12 +17,11 @@ from frictionid.fitting.one_step.one_step_fit import checked_fit
 from frictionid.fitting.one_step.residual import speed_range
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
-from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks
+from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
 from frictionid.fitting.shooting.covariance import grouped_covariance
-from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.refine import Diagnostics, Refined
+from frictionid.fitting.shooting.sandwich import FEW, Groups
 from frictionid.fitting.shooting.significance import Dropped, least_significant
-from frictionid.fitting.shooting.windows import NormalEquations
 from frictionid.fitting.torque_balance.consistent import made_consistent
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
@@ -39,7 +38,6 @@ from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
 
 BLOCKS = ("friction", "inertia", "delay", "gain", "bias")
-_FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _STARTS = 2
 _UNEXPLAINED = 0.5  # of a joint's torque, root mean square
 _PINNED = 0.25  # a gain counts whose 95 % interval is narrower, to either side
@@ -146,8 +144,8 @@ def _result(
     problem: TorqueProblem, solution: TorqueSolution, given: Friction, use: Array
 ) -> Refined:
     """The result of a fit that began with a given friction."""
-    estimate = solution.estimate
-    grouped, owner, clusters = _grouped(problem, solution, use)
+    estimate, parameters = solution.estimate, problem.parameters
+    values, groups = values_of(estimate, problem.blocks), _groups(problem, solution, use)
     friction = replace(
         estimate.friction,
         law=given.law,
@@ -158,7 +156,7 @@ def _result(
     return Refined(
         friction,
         friction,
-        grouped_covariance(problem, grouped, owner, clusters),
+        grouped_covariance(parameters, values, estimate.friction, groups),
         Diagnostics(
             solution.sigma,
             int(use.sum()),
@@ -173,29 +171,19 @@ def _result(
     )
 
 
-def _grouped(
-    problem: TorqueProblem, solution: TorqueSolution, use: Array
-) -> tuple[Solution, Array, Array]:
-    """Normal equations of stretches of the recordings, with the recording and cluster of each.
+def _groups(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Groups:
+    """Normal equations of stretches of the recordings, at the solution.
 
     Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
     """
-    balance = problem.balance
-    rows = np.flatnonzero(use)
+    balance, rows = problem.balance, np.flatnonzero(use)
     stretch = clusters(balance.problem)[rows]
-    labels = np.unique(stretch)
+    labels, first = np.unique(stretch, return_index=True)
     each = [_equations(solution, rows[stretch == c]) for c in labels]
-    owner = np.array([balance.recording[rows[stretch == c][0]] for c in labels])
     H, g = (np.stack(parts) for parts in zip(*each, strict=True))
-    none = np.zeros(0)
-    grouped = Solution(
-        *(solution.estimate, none, none, none, none, none, solution.sigma),
-        *(NormalEquations(H, g, none, none, none), np.zeros(len(problem.parameters))),
-        *(solution.free, np.ones(len(labels)), np.zeros(len(labels), dtype=bool)),
-        *(solution.converged, solution.iterations),
-    )
-    many = len(np.unique(owner)) >= _FEW
-    return grouped, owner, owner if many else labels
+    recording = balance.recording[rows[first]]
+    cluster = recording if len(np.unique(recording)) >= FEW else labels
+    return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording, cluster)
 
 
 def _equations(solution: TorqueSolution, rows: Array) -> tuple[Array, Array]:

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.sandwich import expected, sandwich, scatter, shown_once
-from frictionid.fitting.shooting.windows import NormalEquations
+from frictionid.fitting.shooting.sandwich import (
+    Groups,
+    expected,
+    sandwich,
+    scatter,
+    shown_once,
+)
 
 SETS, RECORDINGS, WINDOWS, ROWS = 400, 8, 6, 12
 TRUE = np.array([1.0, -0.5, 0.2])
 
 
 def solved(rng, disturbed, shown=slice(None)):
-    """Least squares on rows of recordings, each with a disturbance of its own: solution, labels.
+    """Least squares on rows of recordings, each with a disturbance of its own.
 
     shown : recordings that the last parameter shows in
     """
@@ -25,25 +29,14 @@ def solved(rng, disturbed, shown=slice(None)):
     A[~np.isin(labels, np.arange(RECORDINGS)[shown]), :, -1] = 0.0
     common = disturbed * rng.standard_normal((RECORDINGS, D))
     y = A @ TRUE + np.einsum("wrd,wd->wr", A, common[labels]) + rng.standard_normal((W, ROWS))
-    return of_rows(A, y), labels
+    return of_rows(A, y, labels)
 
 
-def of_rows(A, y):
-    """Solution of least squares on rows A (W, R, D) of windows, with right sides y (W, R)."""
+def of_rows(A, y, labels):
+    """Least squares on rows A (W, R, D) of windows of recordings, with right sides y (W, R)."""
     H, g = np.einsum("wri,wrj->wij", A, A), np.einsum("wri,wr->wi", A, y)
     move = np.linalg.solve(H.sum(axis=0), g.sum(axis=0))
-    nothing = np.zeros(0)
-    normal = NormalEquations(H, g, nothing, nothing, nothing)
-    return Solution(
-        *(None, nothing, nothing, nothing, nothing, nothing, nothing),
-        *(
-            normal,
-            move,
-            np.ones(A.shape[-1], dtype=bool),
-            np.ones(len(A)),
-            np.zeros(len(A), dtype=bool),
-        ),
-    )
+    return Groups(H, g, move, np.ones(A.shape[-1], dtype=bool), labels, labels)
 
 
 @pytest.mark.parametrize("disturbed", [0.0, 0.3])
@@ -51,11 +44,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     rng = np.random.default_rng(7)
     held = []
     for _ in range(SETS):
-        solution, labels = solved(rng, disturbed)
-        H = solution.normal.H.sum(axis=0)
-        error = np.sqrt(np.diag(scatter(H, solution, labels)))
+        groups = solved(rng, disturbed)
+        H = groups.H.sum(axis=0)
+        error = np.sqrt(np.diag(scatter(H, groups, groups.cluster)))
         half = stdtrit(RECORDINGS - 1, 0.975) * error
-        held.append(np.abs(solution.move - TRUE) <= half)
+        held.append(np.abs(groups.move - TRUE) <= half)
     assert 0.92 < np.mean(held) < 0.98  # of 1200 cases
 
 
@@ -67,10 +60,10 @@ def test_intervals_hold_where_few_recordings_tell_most(recordings):
         labels = np.repeat(np.arange(recordings), 4)
         size = rng.choice([0.3, 3.0], (recordings, 1, len(TRUE)))
         A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
-        solution = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]))
-        inner = sandwich(solution.normal.H.sum(axis=0), solution, labels, labels)
+        groups = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+        inner = sandwich(groups.H.sum(axis=0), groups)
         half = stdtrit(recordings - 1, 0.975) * np.sqrt(np.diag(inner))
-        held.append(np.abs(solution.move - TRUE) <= half)
+        held.append(np.abs(groups.move - TRUE) <= half)
     assert 0.92 < np.mean(held) < 0.98
 
 
@@ -82,11 +75,11 @@ def test_the_variance_is_that_of_the_noise_on_average(largest):
         labels = np.repeat(np.arange(RECORDINGS), 4)
         size = rng.choice([1.0, largest], (RECORDINGS, 1, len(TRUE)))
         A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
-        solution = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]))
-        H = solution.normal.H.sum(axis=0)
-        excess, own = expected(H, solution, labels)
+        groups = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+        H = groups.H.sum(axis=0)
+        excess, own = expected(H, groups)
         noise = np.diag(np.linalg.inv(H))
-        ratio.append(np.diag(scatter(H, solution, labels)) / excess / noise)
+        ratio.append(np.diag(scatter(H, groups, groups.cluster)) / excess / noise)
         freedom.append(own)
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.06)  # 600 cases
     assert np.all(np.array(freedom) <= RECORDINGS - 1)
@@ -96,9 +89,9 @@ def test_without_disturbance_the_scatter_is_that_of_the_noise():
     rng = np.random.default_rng(8)
     ratio = []
     for _ in range(100):
-        solution, labels = solved(rng, 0.0)
-        H = solution.normal.H.sum(axis=0)
-        ratio.append(np.diag(scatter(H, solution, labels)) / np.diag(np.linalg.inv(H)))
+        groups = solved(rng, 0.0)
+        H = groups.H.sum(axis=0)
+        ratio.append(np.diag(scatter(H, groups, groups.cluster)) / np.diag(np.linalg.inv(H)))
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)  # the jackknife errs on the large side
 
 
@@ -106,10 +99,10 @@ def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():
     rng = np.random.default_rng(9)
     ratio = []
     for _ in range(100):
-        solution, labels = solved(rng, 0.0, shown=slice(0, 1))
-        H = solution.normal.H.sum(axis=0)
-        once = shown_once(H, solution, labels)
+        groups = solved(rng, 0.0, shown=slice(0, 1))
+        H = groups.H.sum(axis=0)
+        once = shown_once(H, groups)
         assert once.tolist() == [False, False, True]
-        rest = scatter(H, solution._replace(free=~once), labels)
+        rest = scatter(H, groups._replace(free=~once), groups.recording)
         ratio.append(np.diag(rest) / np.diag(np.linalg.inv(H))[:2])
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)
