@@ -27,8 +27,8 @@ from rich.progress import track
 from rich.table import Table
 
 import frictionid as fid
-from frictionid.deploy.export.casadi_functions import casadi_functions
 from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats.casadi import casadi_functions
 from frictionid.friction.laws import CoulombViscous, NoFriction, Stribeck
 from frictionid.mechanics.description import equations_of_motion
 from frictionid.mechanics.symbolic import scalar_code

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction, exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, exported
 from frictionid.friction import Friction, Law
 from frictionid.friction import laws as known
 

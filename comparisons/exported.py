@@ -21,9 +21,9 @@ import numpy as np
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.export.cost import at_horizon, reaching
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.nearest import at_horizon, reaching
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction

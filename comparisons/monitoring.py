@@ -31,7 +31,7 @@ from frictionid.deploy.monitor.changes import (
     recording_changes,
 )
 from frictionid.deploy.monitor.judgement import judge
-from frictionid.deploy.monitor.state import log_evidence
+from frictionid.deploy.monitor.monitor import log_evidence
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 CURVE = Curve(

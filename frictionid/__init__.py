@@ -42,20 +42,20 @@ if TYPE_CHECKING:
     from frictionid.data.recordings import Recording as Recording
     from frictionid.data.recordings import TrueMotion as TrueMotion
     from frictionid.data.signals import Signal as Signal
-    from frictionid.deploy.api.covariate import over_covariate as over_covariate
-    from frictionid.deploy.api.export import export as export
-    from frictionid.deploy.api.monitor import baseline as baseline
-    from frictionid.deploy.api.monitor import monitor as monitor
-    from frictionid.deploy.api.pool import Pooled as Pooled
-    from frictionid.deploy.api.pool import pool as pool
-    from frictionid.deploy.use.compensation import Compensation as Compensation
-    from frictionid.deploy.use.compensation import compensating as compensating
-    from frictionid.deploy.use.compensation import compensation_table as compensation_table
-    from frictionid.deploy.use.compensation import feed_forward as feed_forward
-    from frictionid.deploy.use.gym_env import Episode as Episode
-    from frictionid.deploy.use.gym_env import FrictionEnv as FrictionEnv
-    from frictionid.deploy.use.gym_env import FrictionVectorEnv as FrictionVectorEnv
-    from frictionid.deploy.use.simulator import Simulator as Simulator
+    from frictionid.deploy.compensation import Compensation as Compensation
+    from frictionid.deploy.compensation import compensating as compensating
+    from frictionid.deploy.compensation import compensation_table as compensation_table
+    from frictionid.deploy.compensation import feed_forward as feed_forward
+    from frictionid.deploy.export.export import export as export
+    from frictionid.deploy.gym_env import Episode as Episode
+    from frictionid.deploy.gym_env import FrictionEnv as FrictionEnv
+    from frictionid.deploy.gym_env import FrictionVectorEnv as FrictionVectorEnv
+    from frictionid.deploy.monitor.monitor import baseline as baseline
+    from frictionid.deploy.monitor.monitor import monitor as monitor
+    from frictionid.deploy.pooling.pool import Pooled as Pooled
+    from frictionid.deploy.pooling.pool import over_covariate as over_covariate
+    from frictionid.deploy.pooling.pool import pool as pool
+    from frictionid.deploy.simulator import Simulator as Simulator
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
     from frictionid.evaluation.folds import make_folds as make_folds

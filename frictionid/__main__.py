@@ -20,9 +20,7 @@ from frictionid.cli.report import report
 from frictionid.cli.sensitivity import sensitivity, tune
 from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
-from frictionid.deploy.cli.export import compensate, export
-from frictionid.deploy.cli.monitor import baseline, monitor
-from frictionid.deploy.cli.pool import pool
+from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
 from frictionid.errors import InputError
 from frictionid.rig.cli.align import align
 from frictionid.rig.cli.log import excite, log, simulate_drive

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import check_settings
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.export.expressions import Block, blocks, names
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
@@ -247,71 +249,46 @@ def _without(program: Program, inputs: tuple[str, ...], n: int) -> Program:
     return program.with_inputs(tuple(name for name in program.inputs if name not in gone))
 
 
-class Element(NamedTuple):
-    """One number of an argument: entry `entry` of joint `joint`, both from 0."""
+@dataclass(frozen=True)
+class ExportSettings:
+    """What a user may choose.
 
-    argument: str
-    joint: int = 0
-    entry: int = 0
-
-
-class Function(NamedTuple):
-    """A function of arrays with an entry for each joint.
-
-    arguments : "q", "w", "u", "load", "memory" (entries, each of all joints) and "dt"
-    says : what it gives
+    name : prefix of functions and types in code, and name of what is exported
+    precision : of the numbers in code, "double" or "float"
+    into : file whose joints are given friction, of formats that describe a mechanism
+    joints : their names in it, in the model's order, where they are not those of the data set
+    randomise : number of samples of the parameters, in a file beside the others; 0 for none
+    seed : of the samples
+    stem : name of the files without their endings, for those that name each other
     """
 
-    name: str
-    arguments: tuple[str, ...]
-    program: Program
-    says: str
+    name: str = "friction"
+    precision: Literal["double", "float"] = "double"
+    into: Path | None = None
+    joints: tuple[str, ...] = ()
+    randomise: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    seed: int = 0
+    stem: str = "friction"
 
-    @property
-    def code(self) -> tuple[Block, ...]:
-        """Its expressions, joint by joint."""
-        return blocks(self.program)
-
-    def read(self, code: tuple[Block, ...]) -> dict[str, Element]:
-        """Where the inputs that the code reads stand in the arguments, by their names in it."""
-        own = names(code)
-        return {name: element_of(name) for name in self.program.inputs if name in own}
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not (self.name.isidentifier() and self.name.isascii()):
+            raise InputError(
+                f"name = {self.name!r} must be a name in code, of letters, digits and _"
+            )
 
 
-def element_of(name: str) -> Element:
-    """Where an input or output of a program stands.
+@dataclass(frozen=True)
+class Written:
+    """Files of an export.
 
-    >>> element_of("w_2"), element_of("memory_3_1")
-    (Element(argument='w', joint=1, entry=0), Element(argument='memory', joint=0, entry=2))
+    files : contents by the ending of their names, the first is the one that the user names
+    lost : sentences on what the target cannot hold; none where it computes the same
+    held : the friction that the target computes, where it is another one
+    notes : sentences on what was changed, and on what else to know
     """
-    group, _, joint = name.rpartition("_")
-    if group.startswith("memory_"):
-        return Element("memory", int(joint) - 1, int(group.removeprefix("memory_")) - 1)
-    return Element(group, int(joint) - 1)
 
-
-def signatures(own: ExportedFriction) -> str:
-    """Calls of the functions, as in "torque(w, memory)", for people."""
-    made = functions(own)
-    names = {"start": "memory = ", "advance": "memory = ", "torque": "Tf = "}
-    return "; ".join(f"{names[f.name]}{f.name}({', '.join(f.arguments)})" for f in made)
-
-
-def functions(own: ExportedFriction) -> tuple[Function, ...]:
-    """Functions of a friction; those of a static law have no memory."""
-    programs = own.programs
-    x, time = programs.inputs, own.law.sample_time
-    torque = "Friction torques Tf, one for each joint."
-    if not programs.memory:
-        return (Function("torque", x, programs.torque, torque),)
-    when = "each step" if time is None else f"each {time:g} s"
-    return (
-        Function("start", x, programs.start, "Memory at the start of a motion."),
-        Function("torque", (*x, "memory"), programs.torque, torque),
-        Function(
-            "advance",
-            (*x, "memory", "dt"),
-            programs.advance,
-            f"Memory after dt [s], at the inputs after it; to be called {when}.",
-        ),
-    )
+    files: Mapping[str, bytes]
+    lost: tuple[str, ...] = ()
+    held: Friction | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = ()

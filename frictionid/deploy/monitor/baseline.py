@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,15 @@ class Baseline:
     def level(self) -> Array:
         """Friction (n,) of each part at its usual speed [N m]."""
         return usual_level(self.reference)
+
+
+class Arrival(NamedTuple):
+    """A recording that arrived: name, digest, its numbers, and the log evidence after it."""
+
+    name: str
+    digest: str
+    changes: Changes
+    log_evidence: float
 
 
 def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:

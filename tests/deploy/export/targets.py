@@ -17,8 +17,8 @@ import torch
 from structured_text_runner import StructuredText
 from test_programs import GROUPS
 
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings
 from frictionid.friction import Inputs
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.deploy.export.bam import held
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.formats.bam import held
 from frictionid.deploy.export.nearest import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along

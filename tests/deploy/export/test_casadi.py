@@ -8,8 +8,8 @@ import pytest
 from targets import written
 from test_programs import LAWS, friction_by
 
-from frictionid.deploy.export.casadi_functions import casadi_functions
 from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats.casadi import casadi_functions
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from frictionid.data.calibration import Calibration
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.nearest import along_velocity, break_away, nearest
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck

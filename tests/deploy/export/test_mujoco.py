@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.deploy.export.cost import cost_of, cost_sentence
 from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.nearest import break_away, differs, nearest
+from frictionid.deploy.export.nearest import break_away, cost_of, cost_sentence, differs, nearest
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Quadratic, Stribeck

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_programs import GROUPS, LAWS, N, friction_by
 
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.friction import Inputs
 
 

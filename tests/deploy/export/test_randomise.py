@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
+from frictionid.deploy.export.export import drawn, randomised
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.nearest import nearest
-from frictionid.deploy.export.randomise import drawn, randomised
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck

@@ -11,9 +11,8 @@ from fixtures.paths import DATA, ROOT
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.deploy.export.cost import at_horizon
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings
+from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.nearest import at_horizon
 from frictionid.evaluation.predicted_motion import predict
 
 sys.path.append(str(ROOT / "comparisons"))

@@ -10,8 +10,8 @@ import yaml
 from targets import written
 from test_programs import LAWS, friction_by
 
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.formats import ExportSettings, writer_of
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction import laws as known

@@ -10,7 +10,7 @@ import pytest
 import frictionid as fid
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import judge
-from frictionid.deploy.monitor.state import arriving
+from frictionid.deploy.monitor.monitor import arriving
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 LIGHT, HEAVY = 0.5, 0.7  # kg

@@ -15,9 +15,13 @@ import frictionid as fid
 from frictionid.__main__ import main
 from frictionid.comparison.registry import LAWS
 from frictionid.data.signals import Signal
-from frictionid.deploy.monitor.baseline import load_baseline, make_baseline, save_baseline
+from frictionid.deploy.monitor.baseline import (
+    load_baseline,
+    make_baseline,
+    save_baseline,
+)
 from frictionid.deploy.monitor.changes import PARTS, prepared_data, recording_changes
-from frictionid.deploy.monitor.state import load_state
+from frictionid.deploy.monitor.monitor import load_state
 from frictionid.simulate import (
     Camera,
     Curve,

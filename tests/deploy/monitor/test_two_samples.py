@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from frictionid.deploy.monitor.state import log_evidence
-from frictionid.deploy.monitor.two_samples import hotelling_test, least_rate, permutation_test
+from frictionid.deploy.monitor.judgement import hotelling_test, least_rate, permutation_test
+from frictionid.deploy.monitor.monitor import log_evidence
 
 # healthy recordings that scatter far from normally
 DRAWS = {

@@ -9,7 +9,7 @@ from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS, friction_of
-from frictionid.deploy.pooling.meta_regression import meta_regression
+from frictionid.deploy.pooling.random_effects import meta_regression
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model

@@ -8,8 +8,8 @@ from fixtures.command_line import run_command
 from fixtures.one_joint_sets import Setup, sets
 
 import frictionid as fid
+from frictionid.deploy.export.export import randomised
 from frictionid.deploy.export.exported import exported
-from frictionid.deploy.export.randomise import randomised
 from frictionid.deploy.pooling.models import pooled
 from frictionid.errors import InputError
 from frictionid.friction import Friction

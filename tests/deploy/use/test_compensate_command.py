@@ -7,7 +7,7 @@ import numpy as np
 from fixtures.command_line import run_command
 
 from frictionid.comparison.registry import LAWS
-from frictionid.deploy.use.compensation import Compensation, compensating
+from frictionid.deploy.compensation import Compensation, compensating
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck
 from frictionid.friction.model_files import save_model

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.deploy.export.exported import exported
-from frictionid.deploy.use.compensation import (
+from frictionid.deploy.compensation import (
     Compensation,
     compensating,
     compensation_table,
     feed_forward,
 )
+from frictionid.deploy.export.exported import exported
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 from fixtures.paths import ROOT
 
-from frictionid.deploy.use.simulator import Simulator
+from frictionid.deploy.simulator import Simulator
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck
 from frictionid.simulate.rig import nominal_mechanism

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from frictionid.deploy.use.gym_env import Episode, FrictionEnv, FrictionVectorEnv
-from frictionid.deploy.use.simulator import Simulator
+from frictionid.deploy.gym_env import Episode, FrictionEnv, FrictionVectorEnv
+from frictionid.deploy.simulator import Simulator
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, FilmLag
@@ -108,6 +108,6 @@ def test_a_batch_of_another_size_is_refused():
 
 def test_without_gymnasium_there_is_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
-    monkeypatch.delitem(sys.modules, "frictionid.deploy.use.gym_env")
+    monkeypatch.delitem(sys.modules, "frictionid.deploy.gym_env")
     with pytest.raises(InputError, match=r"pip install 'frictionid\[gym\]'"):
-        importlib.import_module("frictionid.deploy.use.gym_env")
+        importlib.import_module("frictionid.deploy.gym_env")

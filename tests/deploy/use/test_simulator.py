@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from frictionid.data.calibration import Calibration
-from frictionid.deploy.use.simulator import Simulator
+from frictionid.deploy.simulator import Simulator
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError

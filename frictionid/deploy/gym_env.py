@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.deploy.use.simulator import Simulator
+from frictionid.deploy.simulator import Simulator
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError, needs
 

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import follows_more, sliding
 from frictionid.evaluation.curves import slow_speed
 from frictionid.friction import Friction, Law

@@ -18,9 +18,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
-from frictionid.deploy.export import python_code
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.formats import python
 from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
 from frictionid.deploy.export.xml_text import (
     Element,
@@ -139,7 +138,7 @@ def callback(own: ExportedFriction, settings: ExportSettings) -> tuple[bytes, st
         return b"", f"no callback: {error}"
     if "load" in programs.inputs:
         return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
-    plain = python_code.write(sharp, settings).files[".py"].decode()
+    plain = python.write(sharp, settings).files[".py"].decode()
     head, body = plain.split("\nimport math\n", 1)
     inputs = programs.inputs
     named = ", ".join(f'x["{name}"]' for name in inputs)

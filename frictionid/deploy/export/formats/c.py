@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import Element, ExportedFriction, Function, functions
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.expressions import Element, Function, functions
 
 _CALLS = {
     "absolute": "fabs",

@@ -7,8 +7,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-from frictionid.deploy.export.exported import INPUTS, ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import INPUTS, ExportedFriction, ExportSettings, Written
 from frictionid.errors import InputError, needs
 from frictionid.friction import Inputs
 from frictionid.programs.program import Program

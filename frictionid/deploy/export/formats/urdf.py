@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import lost_by, nearest
 from frictionid.deploy.export.xml_text import Element, by_name, read_xml, replaced, with_attributes
 from frictionid.errors import InputError

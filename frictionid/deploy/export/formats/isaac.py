@@ -13,8 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
 
 _HEAD = '''"""{name}: friction of {joints} for the actuators of Isaac Lab.

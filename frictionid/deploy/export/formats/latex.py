@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import ExportedFriction, Function, element_of, functions
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.expressions import Function, element_of, functions
 from frictionid.errors import InputError
 
 _COMMANDS = ("exp", "tanh", "arctan", "sin", "cos")

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.errors import needs
 from frictionid.friction import Friction
 from frictionid.friction.laws import LinearOutside, Table

@@ -12,14 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import (
-    Element,
-    ExportedFriction,
-    Function,
-    element_of,
-    functions,
-)
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.expressions import Element, Function, element_of, functions
 
 _HELPERS = {
     "exp": "{name} := EXP(MAX(MIN(a, {top}), -{top}));",

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.expressions import TRUTHS
-from frictionid.deploy.export.formats import ExportSettings, Written
 from frictionid.errors import InputError, needs
 from frictionid.programs.program import Line, Operand, Program, Value
 

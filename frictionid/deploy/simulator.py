@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.deploy.use.compensation import given_friction
+from frictionid.deploy.compensation import given_friction
 from frictionid.dynamics.rollout import Rollout, begin, diverged, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step

@@ -5,14 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import (
-    Element,
-    ExportedFriction,
-    Function,
-    functions,
-    signatures,
-)
-from frictionid.deploy.export.formats import ExportSettings, Written
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.expressions import Element, Function, functions, signatures
 
 FORMS: Mapping[str, ex.Form] = {
     **ex.SUMS,

@@ -1,1 +1,0 @@
-"""Public functions on fitted models in use."""

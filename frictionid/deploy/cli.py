@@ -1,0 +1,304 @@
+"""frictionid export and frictionid compensate: a friction for simulators, controllers, drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from frictionid.cli.options import (
+    DataFolder,
+    DatasetPath,
+    Equal,
+    Json,
+    ModelPath,
+    ModelPaths,
+    Only,
+    Replace,
+    Trust,
+    present,
+)
+
+
+def export(
+    model: ModelPath,
+    to: Annotated[
+        str,
+        typer.Option(
+            help="Format, of code: c, st, python, casadi, onnx, torchscript, latex, yaml; of "
+            "engines: mujoco, urdf, bam, isaac. See docs/export.md."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
+    dataset: Annotated[
+        Path | None,
+        typer.Option(help="Data set that names the joints and shows what is lost."),
+    ] = None,
+    into: Annotated[
+        Path | None, typer.Option(help="File of a mechanism whose joints are given friction.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Prefix of names in code.")] = "friction",
+    precision: Annotated[
+        Literal["double", "float"], typer.Option(help="Numbers in code: double, or float.")
+    ] = "double",
+    joints: Annotated[
+        str, typer.Option(help="Names of the joints in the file, in the model's order: hip,knee.")
+    ] = "",
+    temperature: Annotated[
+        float | None, typer.Option(help="Of friction that depends on it [degC].")
+    ] = None,
+    randomise: Annotated[
+        int, typer.Option(min=0, help="Also write so many samples of the parameters, and ranges.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Write a fitted friction in the format of a simulator, a controller or a drive."""
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.deploy.export.export import export as write
+    from frictionid.deploy.export.exported import ExportSettings
+    from frictionid.files import json_text
+
+    named = tuple(name.strip() for name in joints.split(",") if name.strip())
+    chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
+    data = None if dataset is None else load_dataset(dataset, trust=trust)
+    done = write(
+        model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
+    )
+    if json:
+        cost = None if done.cost is None else done.cost._asdict()
+        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "written": done.paths}
+        print(json_text(document), end="")
+        return
+    for sentence in (*done.lost, *done.notes):
+        print(sentence)
+    for path in done.paths:
+        print(f"written to {path}")
+
+
+def compensate(
+    model: ModelPath,
+    out: Annotated[Path, typer.Option(help="File to write.")],
+    to: Annotated[
+        str, typer.Option(help="csv (a table over velocity), or a format of export: c, st ...")
+    ] = "csv",
+    gain: Annotated[float, typer.Option(help="Share that is compensated, at most 1.")] = 0.9,
+    smooth: Annotated[
+        float, typer.Option(help="Reference speed [rad/s] over which the torque changes sides.")
+    ] = 0.05,
+    limit: Annotated[float | None, typer.Option(help="Largest torque [N m].")] = None,
+    speed: Annotated[
+        list[float] | None,
+        typer.Option(
+            help="Greatest measured speed [rad/s], the table's last; once, or for each joint."
+        ),
+    ] = None,
+    json: Json = False,
+    replace: Replace = False,
+) -> None:
+    """Write the torque that cancels friction along a reference, over the reference's velocity."""
+    from dataclasses import replace as renewed
+
+    from frictionid.comparison.registry import friction_of
+    from frictionid.deploy.compensation import Compensation, compensating, compensation_table
+    from frictionid.deploy.export.export import export
+    from frictionid.deploy.export.exported import ExportSettings
+    from frictionid.errors import InputError
+    from frictionid.evaluation import known_speeds
+    from frictionid.files import json_text, write_bytes
+    from frictionid.outputs import check_outputs
+
+    friction = friction_of(model)
+    settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
+    known = tuple(speed or known_speeds(friction))
+    known = known * friction.n if len(known) == 1 else known
+    source = {**friction.provenance, **({"speeds": known} if known else {})}
+    friction = renewed(friction, provenance=source)
+    if to != "csv":
+        own = compensating(friction, settings)
+        names = ExportSettings(name="compensation")
+        written = export(own, to, out, settings=names, replace=replace).paths
+    else:
+        if not known:
+            raise InputError(f"{model}: the measured speeds are not known; give --speed")
+        check_outputs([out], [model], replace=replace)
+        table = compensation_table(friction, settings, known)
+        write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
+        written = (out,)
+    if json:
+        print(json_text({"written": written}), end="")
+        return
+    for path in written:
+        print(f"written to {path}")
+
+
+STATUS = {"unchanged": 0, "changed": 1, "cannot_tell": 3}
+
+
+def monitor(
+    new: Annotated[list[Path], typer.Argument(help="Data sets with new recordings.")],
+    baseline: Annotated[
+        Path, typer.Option(help="Baseline of healthy recordings.", callback=present)
+    ],
+    rate: Annotated[float, typer.Option(help="Rate of false alarms.")] = 0.01,
+    assume_normal: Annotated[
+        bool,
+        typer.Option("--assume-normal", help="Rate by a normal distribution of the changes."),
+    ] = False,
+    state: Annotated[
+        Path | None, typer.Option(help="File that keeps arrived recordings and the evidence.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of a page to write.")] = None,
+    only: Only = None,
+    data: DataFolder = None,
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Say whether friction has changed, in which joint, by how much, at a stated rate.
+
+    Exit status: 0 unchanged, 1 changed, 3 the recordings cannot tell at that rate.
+    """
+    from functools import partial
+
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.deploy.monitor.monitor import monitor as judged
+    from frictionid.deploy.monitor.page import drift_figure, judgement_document, write_monitoring
+    from frictionid.files import json_text
+
+    sets = [load_dataset(path, data, trust=trust) for path in new]
+    found = judged(
+        baseline,
+        sets,
+        rate=rate,
+        test="normal" if assume_normal else "permutation",
+        state=state,
+        only=only or (),
+    )
+    page = None
+    if out is not None:
+        draw = partial(drift_figure, found.baseline, found.changes, found.arrivals)
+        page = write_monitoring(
+            out, found.baseline, found.judgement, found.names, found.arrivals, draw, replace=replace
+        )
+    if json:
+        parts = (found.baseline, found.judgement, found.names, found.arrivals)
+        print(json_text(judgement_document(*parts)), end="")
+    else:
+        print(found)
+        if page is not None:
+            print(f"written to {page}")
+    raise typer.Exit(STATUS[found.answer])
+
+
+def baseline(
+    dataset: DatasetPath,
+    out: Annotated[Path, typer.Option(help="Baseline to write (JSON).")],
+    law: Annotated[
+        str, typer.Option(help="Identifier of the friction that changes are measured against.")
+    ] = "stribeck",
+    model: Annotated[
+        Path | None, typer.Option(help="Model file in place of that fit.", callback=present)
+    ] = None,
+    only: Only = None,
+    data: DataFolder = None,
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Record the friction of a healthy machine, for `frictionid monitor`."""
+    from frictionid.cli.progress import heard
+    from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.deploy.monitor.judgement import least_rate
+    from frictionid.deploy.monitor.monitor import baseline as make
+    from frictionid.files import json_text
+    from frictionid.outputs import check_outputs
+
+    check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
+    loaded = load_dataset(dataset, data, trust=trust)
+    with heard(f"baseline ({loaded.name})"):
+        made = make(loaded, out, law=law, model=model, only=only or ())
+    count = len(made.names)
+    rates = {k: least_rate(count, k) for k in (1, 2, 5)}
+    if json:
+        print(json_text({"recordings": made.names, "least_rate": rates, "written": [out]}), end="")
+        return
+    print(f"{count} healthy recordings of {', '.join(made.joints)}")
+    for k, rate in rates.items():
+        print(f"least rate of false alarms of {k} new recording{'s' * (k > 1)}: {rate:.2g}")
+    print(f"written to {out}")
+
+
+def pool(
+    models: ModelPaths,
+    out: Annotated[Path, typer.Option(help="Model file to write: the means, and the ranges.")],
+    ranges: Annotated[
+        Path | None, typer.Option(help="Ranges of another specimen to write (JSON), with units.")
+    ] = None,
+    equal: Equal = None,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            help="A covariate with its value for each model, e.g. temperature=20,30,40: parameters "
+            "as lines over it."
+        ),
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(help="Value of the covariate to write; the middle.")
+    ] = None,
+    json: Json = False,
+    replace: Replace = False,
+) -> None:
+    """Pool fitted models of several specimens: means, spread, and ranges of another specimen."""
+    from frictionid.deploy.pooling.pool import pool as pool_models
+    from frictionid.deploy.pooling.pool import show_pooled
+    from frictionid.errors import InputError
+    from frictionid.files import json_text, write_json
+    from frictionid.friction.model_files import model_paths
+    from frictionid.outputs import check_outputs
+
+    read = [path for model in models for path in model_paths(model)]
+    groups = [[name.strip() for name in group.split(",")] for group in equal or []]
+    check_outputs([*model_paths(out), ranges], read, replace=replace)
+    if over is not None:
+        if groups or ranges is not None:
+            raise InputError("pool: --over goes with neither --equal nor --ranges: leave them out")
+        _over(models, over, at, out, json=json)
+        return
+    if at is not None:
+        raise InputError("pool: --at needs --over, which names the covariate")
+    made = pool_models(models, equal=groups)
+    made.save(out)
+    if ranges is not None:
+        write_json(ranges, {"format": "frictionid ranges 1", "ranges": made.ranges()})
+    document = made.friction.provenance["pooled"]
+    if json:
+        print(json_text(document), end="")
+        return
+    show_pooled(document)
+    for path in (out, ranges):
+        if path is not None:
+            print(f"written to {path}")
+
+
+def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: bool) -> None:
+    """Print the parameters over a covariate, and write the friction at one value of it."""
+    from frictionid.comparison.registry import LAWS
+    from frictionid.deploy.pooling.pool import over_covariate
+    from frictionid.errors import InputError
+    from frictionid.friction.model_files import save_model
+
+    name, _, numbers = over.partition("=")
+    try:
+        values = [float(value) for value in numbers.split(",")]
+    except ValueError:
+        raise InputError(f"--over {over}: write it as temperature=20,30,40") from None
+    made = over_covariate({str(model): model for model in models}, name, values)
+    value = sum(made.span) / 2 if at is None else at
+    save_model(made.at(value), out, LAWS)
+    print(made.frame.to_json(orient="records") if json else made)
+    if not json:
+        print(f"written to {out}: friction at {name} = {value:g}")

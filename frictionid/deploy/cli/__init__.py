@@ -1,1 +1,0 @@
-"""Commands on fitted models in use."""

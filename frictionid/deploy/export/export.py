@@ -1,0 +1,293 @@
+"""Export of a fitted friction to what simulators, controllers and drives read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace as with_fields
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.arrays import Array
+from frictionid.config import nearest
+from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written, exported
+from frictionid.deploy.export.nearest import Cost, cost_of, cost_sentence
+from frictionid.deploy.pooling.random_effects import pooled_draws
+from frictionid.errors import InputError
+from frictionid.files import write_bytes
+from frictionid.friction import Friction
+from frictionid.outputs import check_outputs
+from frictionid.report.estimates import pooled_document
+
+
+class Exported(NamedTuple):
+    """Files that were written, and what the target cannot hold.
+
+    paths : the files
+    lost : sentences; none where the target computes the same friction
+    notes : sentences on what was changed in a file, and on what else to know
+    cost : of the friction that the target holds, where it is another one and there are data
+    """
+
+    paths: tuple[Path, ...]
+    lost: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    cost: Cost | None = None
+
+
+def export(
+    model: Any,
+    to: str,
+    out: str | Path,
+    *,
+    data: DatasetLike | None = None,
+    speeds: Sequence[float] = (),
+    temperature: float | None = None,
+    settings: ExportSettings | None = None,
+    replace: bool = False,
+) -> Exported:
+    """Write a fitted friction in a format; see `frictionid.deploy.export.formats.FORMATS`.
+
+    Parameters
+    ----------
+    model : Fit, Friction, or path of a model file
+    to : str
+        The format, such as "c", "python" or "mujoco".
+    out : str or Path
+        File to write; where a format has several, the others stand beside it.
+    data : data set, optional
+        Its mechanism names the joints. What the target cannot hold is replayed on its motion.
+    speeds : list of float, optional
+        Greatest measured speed of each joint [rad/s or m/s], in place of the model's own.
+    temperature : float [degC], optional
+        At which friction is taken that depends on it.
+    settings : ExportSettings, optional
+    replace : bool
+        Whether files that exist may be written over.
+
+    Raises
+    ------
+    InputError
+        For unknown formats, models that a format cannot hold, and places that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import frictionid as fid
+    >>> fit = fid.fit("acrobot_clean", "coulomb_viscous")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = export(fit, "python", Path(folder) / "friction.py")
+    ...     made.paths[0].name, made.lost
+    ('friction.py', ())
+    """
+    chosen, write = settings or ExportSettings(), writer_of(to)
+    dataset = data if data is None else dataset_of(data)
+    if dataset is None:
+        dataset = getattr(model, "data", None)
+    named = () if dataset is None else tuple(dataset.mechanism.friction_names)
+    joints = chosen.joints or named
+    friction = _at(friction_of(model), temperature)
+    if named and len(named) != friction.n:
+        raise InputError(
+            f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
+            "name the one that it was fitted to"
+        )
+    chosen = with_fields(chosen, stem=Path(out).stem)
+    own = exported(friction, joints, speeds, dataset)
+    written = write(own, chosen)
+    if chosen.randomise:
+        samples = randomised(own, chosen.randomise, chosen.seed, held_by(to))
+        written = with_fields(written, files={**written.files, "_samples.json": samples})
+    paths = _paths(Path(out), written)
+    read = [path for path in (model, chosen.into) if isinstance(path, str | Path)]
+    check_outputs(paths, [Path(path) for path in read], replace=replace)
+    lost, cost = _lost(own, written)
+    for path, content in zip(paths, written.files.values(), strict=True):
+        write_bytes(path, content)
+    return Exported(paths, lost, written.notes, cost)
+
+
+def _at(friction: Friction, temperature: float | None) -> Friction:
+    """The friction at a temperature, where one is chosen."""
+    if temperature is None:
+        return friction
+    if not friction.law.uses_temperature:
+        raise InputError(
+            f"temperature = {temperature:g} degC: this friction does not depend on it, leave it out"
+        )
+    return friction.at_temperature(temperature)
+
+
+def _lost(own: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:
+    """Sentences on what is lost, and what that costs on the data's motion."""
+    if written.held is None:
+        return written.lost, None
+    if own.data is None:
+        sentence = "name a data set (--dataset) to see what that costs in torque and after 1 s"
+        return (*written.lost, sentence), None
+    cost = cost_of(own, written.held)
+    return (*written.lost, cost_sentence(own, cost)), cost
+
+
+def _paths(out: Path, written: Written) -> tuple[Path, ...]:
+    """Where the files go: the first where the user says, the others beside it."""
+    first, *others = written.files
+    return (out, *(out.with_name(out.stem + ending) for ending in others))
+
+
+FORMAT = "frictionid samples 1"
+_FEWEST = 200  # draws behind the ranges of an engine's own numbers
+Held = Callable[[ExportedFriction], Friction]
+
+
+def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | None = None) -> bytes:
+    """JSON with 95 % ranges of all fitted parameters, and `count` samples of them together.
+
+    Samples are normal with the fit's covariance, cut to the law's bounds and to what the ranges
+    leave open to one side; of a pooled model they are further specimens, within the ranges of
+    these. Parameters that the data do not determine stay at their values.
+
+    Parameters
+    ----------
+    own : ExportedFriction
+    count : int
+    seed : int
+    held : function, optional
+        Friction that an engine holds of a model: its numbers are given of each sample, too.
+
+    Raises
+    ------
+    InputError
+        For models without a covariance.
+    """
+    entries, draws = _distribution(own.friction, max(count, _FEWEST), seed)
+    thetas = _thetas(own.friction, entries, draws)
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "law": str(own.law),
+        "joints": list(own.joints),
+        "seed": seed,
+        "parameters": [_entry(e, fixed=not np.ptp(draws[:, k])) for k, e in enumerate(entries)],
+        "samples": draws[:count].tolist(),
+    }
+    if held is not None:
+        content["engine"] = _engine(own, thetas, held, count)
+    return (json.dumps(content, indent=1) + "\n").encode()
+
+
+def _distribution(friction: Friction, count: int, seed: int) -> tuple[Any, Array]:
+    """Parameters with their 95 % ranges, and samples (count, D) of them."""
+    several = pooled_document(friction)
+    if several:
+        entries = [{**e, "interval_95": e["range_95"]} for e in several["parameters"]]
+        return entries, pooled_draws(several, count, seed)
+    document = friction.provenance.get("refined")
+    if not isinstance(document, Mapping) or not document.get("parameters"):
+        raise InputError(
+            "randomise: the model has no covariance of its parameters: fit by shooting "
+            "(--by shooting), or pool models of several specimens (frictionid pool); the "
+            "intervals of one-step fits hold the noise alone"
+        )
+    return document["parameters"], drawn(document, count, seed)
+
+
+def drawn(document: Mapping[str, Any], count: int, seed: int) -> Array:
+    """Samples (count, D) of the parameters of a result document of shooting.
+
+    >>> entry = {"value": 1.0, "interval_95": [0.0, 3.0], "at_bound": False}
+    >>> drawn({"parameters": [entry], "covariance": [[1.0]]}, 3, 0).round(3)[:, 0]
+    array([1.126, 0.868, 1.64 ])
+    """
+    entries = document["parameters"]
+    value = np.array([float(e["value"]) for e in entries])
+    covariance = np.asarray(document["covariance"], dtype=float).reshape(2 * [len(entries)])
+    variance = np.diag(covariance)
+    free = np.isfinite(variance) & (variance > 0) & [not e["at_bound"] for e in entries]
+    part = covariance[np.ix_(free, free)]
+    size, turn = np.linalg.eigh(part)
+    normal = np.random.default_rng(seed).standard_normal((count, len(part)))
+    out = np.repeat(value[None], count, axis=0)
+    out[:, free] += normal * np.sqrt(np.maximum(size, 0.0)) @ turn.T
+    low, high = np.array([e["interval_95"] for e in entries], dtype=float).T
+    # where an interval ends at zero, the parameter does
+    return np.clip(out, np.where(low == 0, 0.0, -np.inf), np.where(high == 0, 0.0, np.inf))
+
+
+def _thetas(friction: Friction, entries: Any, draws: Array) -> Array:
+    """Parameters (N, n, P) of the law in each draw, within its bounds."""
+    out = np.repeat(np.asarray(friction.theta, dtype=float)[None], len(draws), axis=0)
+    for k, entry in enumerate(entries):
+        name = str(entry["name"]).rpartition(" of ")[0]
+        if entry["block"] == "friction" and entry["joint"] is not None:
+            if name not in friction.law.names:
+                raise InputError(
+                    f"randomise: {type(friction.law).__name__} has parameters of its own for each "
+                    f"joint ({entry['name']}): fit one law for all"
+                )
+            out[:, int(entry["joint"]), friction.law.names.index(name)] = draws[:, k]
+    low, high = np.array(friction.law.bounds).T
+    return np.clip(out, low, high)
+
+
+def _entry(entry: Mapping[str, Any], *, fixed: bool) -> dict[str, Any]:
+    low, high = (float(v) for v in entry["interval_95"])
+    ends = (None if fixed else v for v in (low, high))
+    names = dict(zip(("low_95", "high_95"), ends, strict=True))
+    return {
+        **{k: entry[k] for k in ("block", "name", "joint", "unit", "value")},
+        **names,
+        "fixed": fixed,
+    }
+
+
+def _engine(own: ExportedFriction, thetas: Array, held: Held, count: int) -> dict[str, Any]:
+    """What the engine's numbers are in each draw, with their 95 % ranges."""
+    middle = held(own)
+    each = np.stack([held(own.with_theta(theta)).theta for theta in thetas])
+    low, high = np.quantile(each, (0.025, 0.975), axis=0)
+    parameters = [
+        {
+            "name": f"{name} of {joint}",
+            "value": float(middle.theta[j, i]),
+            "low_95": float(low[j, i]),
+            "high_95": float(high[j, i]),
+        }
+        for j, joint in enumerate(own.joints)
+        for i, name in enumerate(middle.law.names)
+    ]
+    samples = each[:count].reshape(min(count, len(each)), -1).tolist()
+    return {"law": str(middle.law), "parameters": parameters, "samples": samples}
+
+
+Writer = Callable[[ExportedFriction, ExportSettings], Written]
+_FOLDER = Path(__file__).parent / "formats"
+FORMATS = tuple(sorted(path.stem for path in _FOLDER.glob("[!_]*.py")))
+
+
+def writer_of(name: str) -> Writer:
+    """Function `write` of a format.
+
+    Raises
+    ------
+    InputError
+        For unknown formats.
+
+    >>> writer_of("pyton")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    frictionid.errors.InputError: export format 'pyton' is unknown; ...
+    """
+    if name not in FORMATS:
+        raise InputError(f"export format {name!r} is unknown; {nearest(name, FORMATS)}")
+    found: Writer = import_module(f"frictionid.deploy.export.formats.{name}").write
+    return found
+
+
+def held_by(name: str) -> Callable[[ExportedFriction], Friction] | None:
+    """Function that gives the friction which a format can hold; None of those that hold all."""
+    found: Callable[[ExportedFriction], Friction] | None
+    found = getattr(import_module(f"frictionid.deploy.export.formats.{name}"), "held", None)
+    return found

@@ -1,0 +1,395 @@
+"""Pooling of fitted models: one friction for several specimens, with the spread between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid.api.models import count as whole
+from frictionid.api.models import friction_of
+from frictionid.arrays import Array
+from frictionid.comparison.equal_joints import groups_of
+from frictionid.comparison.registry import LAWS
+from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.deploy.pooling.models import (
+    Key,
+    bounds_of,
+    check_alike,
+    estimates,
+    joint_names,
+    pooled,
+)
+from frictionid.deploy.pooling.random_effects import Regression, meta_regression, sampled
+from frictionid.errors import InputError, printable
+from frictionid.friction import Friction
+from frictionid.friction.model_files import save_model
+from frictionid.report.console import console, printed
+from frictionid.report.estimates import digits, interval, pooled_document
+from frictionid.report.numbers import short
+from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+
+COLUMNS = (
+    *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),
+    *("range_low", "range_high", "tau", "tau_low", "tau_high", "Q", "p_value", "models"),
+)
+_LEAST = 1e-4  # p-values below it are not told apart
+
+
+def pooled_frame(document: Mapping[str, Any]) -> pd.DataFrame:
+    """A line for each pooled parameter; joint is its number from 1, 0 for the machine as a whole.
+
+    Columns: block, joint, parameter, unit; value, low_95, high_95: the mean of all specimens with
+    its interval; range_low, range_high: 95 % range of another specimen; tau, tau_low, tau_high:
+    standard deviation between specimens; Q, p_value: heterogeneity; models: how many.
+    """
+    lines = [
+        (
+            *(e["block"], 0 if e["joint"] is None else int(e["joint"]) + 1),
+            str(e["name"]) if e["joint"] is None else str(e["name"]).rpartition(" of ")[0],
+            *(e["unit"], float(e["value"]), *e["interval_95"], *e["range_95"]),
+            *(float(e["tau"]), *e["tau_95"], float(e["Q"]), float(e["p_value"])),
+            len(e["models"]),
+        )
+        for e in document["parameters"]
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS))
+
+
+def pooled_table(document: Mapping[str, Any]) -> Table:
+    """The same for people."""
+    columns = (
+        *text_columns("parameter"),
+        *(Column("mean"), Column("95 % interval"), Column("range of another specimen")),
+        *(Column("tau"), *text_columns("unit"), Column("Q"), Column("p"), Column("models")),
+    )
+    lines = []
+    for e in document["parameters"]:
+        value, error = float(e["value"]), float(e["error"])
+        inner, outer = (
+            interval(float(low), float(high), error)
+            for low, high in (e["interval_95"], e["range_95"])
+        )
+        words = str(e["name"]), digits(value, error), inner, outer, short(float(e["tau"]))
+        spread = f"{e['Q']:.3g}", _p_value(float(e["p_value"])), str(len(e["models"]))
+        lines.append(line((*words, str(e["unit"]), *spread)))
+    return Table("", "pooled", columns, tuple(lines))
+
+
+def _p_value(p: float) -> str:
+    return f"{p:.2g}" if p >= _LEAST else f"<{_LEAST:g}"
+
+
+def show_pooled(document: Mapping[str, Any]) -> None:
+    """Print what was pooled, and what was left out."""
+    out = console()
+    for text in for_terminal(pooled_table(document)):
+        out.print(text, soft_wrap=True)
+    for sentence in document["left_out"]:
+        out.print(printable(str(sentence)), markup=False, soft_wrap=True)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pooled:
+    """Friction of several specimens of one machine, and what another specimen may have.
+
+    Attributes
+    ----------
+    friction : Friction, theta (n, P)
+        The means; its provenance holds the spread. It is saved, exported and simulated as any
+        other; an export with `randomise` draws further specimens.
+    """
+
+    friction: Friction
+
+    def __repr__(self) -> str:
+        return printed(partial(show_pooled, self._document)).rstrip()
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A line for each pooled parameter.
+
+        Columns: block, joint, parameter, unit; value, low_95, high_95: the mean of all specimens
+        with its interval; range_low, range_high: 95 % range of another specimen; tau, tau_low,
+        tau_high: standard deviation between specimens; Q, p_value: heterogeneity; models: how
+        many.
+        """
+        return pooled_frame(self._document)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Sentences on parameters that are not identified or lie at a bound."""
+        return tuple(self._document["left_out"])
+
+    def ranges(self) -> dict[str, Any]:
+        """95 % ranges of another specimen by the parameters' names, for domain randomisation.
+
+        Each has unit, mean, low and high.
+        """
+        return {
+            str(e["name"]): {
+                "unit": e["unit"],
+                "mean": e["value"],
+                "low": e["range_95"][0],
+                "high": e["range_95"][1],
+            }
+            for e in self._document["parameters"]
+        }
+
+    def sample(self, count: int, seed: int = 0) -> Friction:
+        """Further specimens: a friction with theta (count, n, P), within the 95 % ranges.
+
+        Each parameter is drawn by itself; those that were not pooled stay at their medians.
+        """
+        return sampled(self.friction, whole("count", count), whole("seed", seed))
+
+    def save(self, path: str | Path) -> None:
+        """Write a model file (JSON).
+
+        Raises
+        ------
+        InputError
+            Where the place cannot be written.
+        """
+        save_model(self.friction, Path(path), LAWS)
+
+    @property
+    def _document(self) -> Mapping[str, Any]:
+        document = pooled_document(self.friction)
+        if not document:
+            raise InputError("the model is not pooled: frictionid pool makes one of several")
+        return document
+
+
+def pool(
+    models: Sequence[Any] | Mapping[str, Any], *, equal: Sequence[Sequence[str | int]] = ()
+) -> Pooled:
+    """Pool fitted models of several specimens, of the same law, by a random-effects meta-analysis.
+
+    Parameters
+    ----------
+    models : list or mapping by name
+        What `frictionid.fit` returns, or model files: one of each specimen.
+    equal : list of lists of str or int
+        Groups of joints of the same kind, by names or by numbers from 1: each is a specimen.
+
+    Raises
+    ------
+    InputError
+        Where there are fewer than two models, they are not alike, have no intervals, or one is
+        given twice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> rigs = {
+    ...     f"rig {i}": Friction(
+    ...         CoulombViscous(), np.array([[level, 0.02]]), {}, {"half_widths": [[0.01, 0.002]]}
+    ...     )
+    ...     for i, level in enumerate([0.10, 0.14, 0.12, 0.17])
+    ... }
+    >>> pool(rigs).frame[["parameter", "value", "range_low", "range_high"]].round(3)
+      parameter  value  range_low  range_high
+    0   coulomb  0.132      0.027       0.238
+    1   viscous  0.020      0.018       0.022
+    """
+    if isinstance(models, Mapping):
+        names, given = [str(name) for name in models], list(models.values())
+    elif isinstance(models, str | Path) or not isinstance(models, Sequence):
+        raise InputError(f"pool: needs a list of models, not {models!r}")
+    else:
+        names, given = _names(models), list(models)
+    frictions = [friction_of(model) for model in given]
+    groups = groups_of(equal, joint_names(frictions[0], names[0])) if equal and given else ()
+    return Pooled(pooled(frictions, names, groups))
+
+
+def _names(models: Sequence[Any]) -> list[str]:
+    """Names of files as they were given, and of others by their place."""
+    return [
+        str(model) if isinstance(model, str | Path) else f"model {k + 1}"
+        for k, model in enumerate(models)
+    ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OverCovariate:
+    """Parameters of friction as lines over a covariate.
+
+    Attributes
+    ----------
+    covariate : its name
+    lines : by block, parameter and joint (from 0; None for the machine as a whole)
+    units : of the parameters
+    left_out : sentences on parameters with fewer than three estimates, which stay at their medians
+    """
+
+    covariate: str
+    lines: Mapping[Key, Regression]
+    units: Mapping[Key, str]
+    left_out: tuple[str, ...]
+    median: Friction
+    span: tuple[float, float]
+
+    def __repr__(self) -> str:
+        table = self.frame.to_string(index=False, na_rep="", float_format="{:.4g}".format)
+        return "\n".join([table, *self.left_out])
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A line for each parameter.
+
+        Columns: block, joint (from 1), parameter, unit; value, half_width: at the centre of the
+        covariate, with half of its 95 % interval; slope, slope_half_width: per unit of the
+        covariate; percent: the slope per unit, in percent of the value; p_value: of no slope; tau
+        """
+        rows = []
+        for key, fitted in self.lines.items():
+            half, of_slope = fitted.half_widths()
+            rows.append(
+                {
+                    "block": key[0],
+                    "joint": None if key[2] is None else key[2] + 1,
+                    "parameter": key[1],
+                    "unit": self.units[key],
+                    "value": fitted.level,
+                    "half_width": half,
+                    "slope": fitted.slope,
+                    "slope_half_width": of_slope,
+                    "percent": 100.0 * fitted.slope / fitted.level if fitted.level else np.nan,
+                    "p_value": fitted.p_value,
+                    "tau": fitted.tau,
+                }
+            )
+        return pd.DataFrame(rows).astype({"joint": "Int64"}) if rows else pd.DataFrame()
+
+    def at(self, value: float) -> Friction:
+        """The friction at a value of the covariate, within the bounds of its law.
+
+        Raises
+        ------
+        InputError
+            More than the span of the fits outside of it: the line is not known there.
+        """
+        low, high = self.span
+        if not low - (high - low) <= value <= high + (high - low):
+            raise InputError(
+                f"{self.covariate} = {value:g} is far from the fits', {low:g} to {high:g}: record "
+                "there, too"
+            )
+        theta, law = np.array(self.median.theta, dtype=float), self.median.law
+        for (block, name, joint), fitted in self.lines.items():
+            if block == "friction" and joint is not None and name in law.names:
+                bounds = bounds_of(self.median, block, name)
+                theta[joint, law.names.index(name)] = np.clip(fitted.at(value), *bounds)
+        return replace(self.median, theta=theta)
+
+
+def over_covariate(
+    models: Mapping[str, Any] | Sequence[Any], covariate: str, values: Sequence[float] | None = None
+) -> OverCovariate:
+    """Regress the parameters of fits on a covariate, by a random-effects meta-regression.
+
+    Each fit is of recordings at one value, such as a temperature that hardly changes within a
+    recording. Every parameter becomes a line over it, with an interval of the slope.
+
+    Parameters
+    ----------
+    models : list or mapping by name
+        What `frictionid.fit` returns, or model files; three or more, of the same law.
+    covariate : str
+        Its name, such as "temperature".
+    values : list of float, optional
+        One for each model; without them, the means of the recordings' covariate of this name.
+
+    Raises
+    ------
+    InputError
+        Where models are not alike or too few, have no intervals, or the covariate does not vary.
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import CoulombViscous
+    >>> rigs = {
+    ...     f"{T} deg": Friction(
+    ...         CoulombViscous(), np.array([[0.2 - 0.002 * T, 0.02]]), {},
+    ...         {"half_widths": [[0.001, 0.0005]]},
+    ...     )
+    ...     for T in (20, 30, 40, 50)
+    ... }
+    >>> over_covariate(rigs, "temperature", [20, 30, 40, 50]).at(25.0).theta.round(4)
+    array([[0.15, 0.02]])
+    """
+    if not isinstance(models, Mapping):
+        models = {f"model {k + 1}": model for k, model in enumerate(models)}
+    names, given = list(models), list(models.values())
+    if len(given) < 3:
+        raise InputError(f"over_covariate: needs three models or more, not {len(given)}")
+    frictions = [friction_of(model) for model in given]
+    check_alike(frictions, names)
+    x = _values(given, names, covariate, values)
+    rows = [
+        (float(at), e)
+        for model, name, at in zip(frictions, names, x, strict=True)
+        for e in estimates(model, name)
+    ]
+    lines: dict[Key, Regression] = {}
+    units: dict[Key, str] = {}
+    left_out = []
+    for key in dict.fromkeys(e.key for _, e in rows):
+        own = [(at, e) for at, e in rows if e.key == key]
+        known = [(at, e) for at, e in own if not e.reason]
+        if len(known) < 3 or len({at for at, _ in known}) < 2:
+            title = own[0][1].name
+            left_out.append(f"{title}: {len(known)} of {len(given)} fits tell it, no line")
+            continue
+        y, s = ([getattr(e, part) for _, e in known] for part in ("value", "error"))
+        at = np.array([at for at, _ in known])
+        lines[key], units[key] = meta_regression(np.array(y), np.array(s), at), known[0][1].unit
+    theta = np.median([f.theta for f in frictions], axis=0)
+    source = {f"over_{covariate}": {name: float(v) for name, v in zip(names, x, strict=True)}}
+    median = replace(
+        frictions[0], theta=theta, provenance=source, calibration=_mean_calibration(frictions)
+    )
+    span = (float(x.min()), float(x.max()))
+    return OverCovariate(covariate, lines, units, tuple(left_out), median, span)
+
+
+def _mean_calibration(frictions: Sequence[Friction]) -> Calibration | None:
+    """Mean of what the fits found of machine and sensors; None where one has found nothing."""
+    own = [f.calibration for f in frictions if f.calibration is not None]
+    if len(own) < len(frictions):
+        return None
+    found = {f.name: getattr(stack_calibrations(own), f.name) for f in fields(Calibration)}
+    means: dict[str, Any] = {k: None if v is None else v.mean(axis=0) for k, v in found.items()}
+    return Calibration(**means)
+
+
+def _values(
+    given: Sequence[Any], names: Sequence[str], covariate: str, values: Sequence[float] | None
+) -> Array:
+    """The covariate of each model."""
+    if values is None:
+        values = [_mean(model, name, covariate) for model, name in zip(given, names, strict=True)]
+    x = np.array(values, dtype=float)
+    if x.shape != (len(given),) or not np.isfinite(x).all():
+        raise InputError(f"over_covariate: give one finite number for each of {len(given)} models")
+    if np.ptp(x) == 0:
+        raise InputError(f"over_covariate: {covariate} is {x[0]:g} for all models: record others")
+    return x
+
+
+def _mean(model: Any, name: str, covariate: str) -> float:
+    recordings = getattr(getattr(model, "data", None), "recordings", ())
+    known = [r.covariates[covariate].value for r in recordings if covariate in r.covariates]
+    if not known or len(known) < len(recordings):
+        raise InputError(
+            f"over_covariate: {name} knows no {covariate!r} of its recordings: give `values`"
+        )
+    return float(np.concatenate([v.ravel() for v in known]).mean())

@@ -1,1 +1,0 @@
-"""Tables and pictures of monitoring and pooling."""
