@@ -43,9 +43,7 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Identifier:
 def test_the_page_shows_this_file_and_it_has_under_forty_lines() -> None:
     text = FILE.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
-    assert f"```python\n{text}```" in (ROOT / "docs" / "own_identifier.md").read_text(
-        encoding="utf-8"
-    )
+    assert f"```python\n{text}```" in (ROOT / "docs" / "python" / "own_law.md").read_text("utf-8")
 
 
 def test_the_identifier_of_the_documentation_keeps_to_the_protocol(
