@@ -33,10 +33,9 @@ from frictionid.report import show_summary
 from frictionid.report.console import printed
 from frictionid.report.exhibits import (
     FITTED,
-    Names,
     Picture,
-    band_pictures,
     correlation_picture,
+    kind_pictures,
     motion_pictures,
     names_of,
 )
@@ -48,7 +47,7 @@ from frictionid.report.tables import html
 from frictionid.report.terminal import verdict
 from frictionid.report.verdict import Verdict, verdict_of
 
-PLOTS = (*FITTED, "motion", "bands", "correlation")
+PLOTS = (*FITTED, "motion", "correlation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,17 +266,14 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         return found
 
     def _drawn(self, kind: str, section: Section) -> Iterator[Picture]:
-        names: Names = names_of(self._sections)
-        stem = names.stems[section.dataset, section.dataset]
-        shot = [model for model in section.models if model in names.fits]
-        if kind in FITTED:
-            yield from FITTED[kind](section, names, stem)
-        elif kind == "motion":
-            yield from motion_pictures(section, section.fitted, names, stem)
-        elif kind == "bands" and shot:
-            yield from band_pictures(section, shot, names, stem)
+        names = names_of(self._sections)
+        if kind == "motion":
+            yield from motion_pictures(section, section.fitted, names)
         elif kind == "correlation":
+            shot = [model for model in section.models if model in names.fits]
             yield from (correlation_picture(section, model, names) for model in shot)
+        else:
+            yield from kind_pictures(section, names, kind)
 
     @cached_property
     def _sections(self) -> tuple[Section, ...]:

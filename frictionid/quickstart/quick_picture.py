@@ -8,8 +8,18 @@ import numpy as np
 
 from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
-from frictionid.report.figures.panels import panel_grid, plain_logarithm, velocity_axis
-from frictionid.report.figures.style import COLOURS, DARK, GREY, drawing, key_above, line, rendered
+from frictionid.report.figures.style import (
+    COLOURS,
+    DARK,
+    GREY,
+    drawing,
+    key_above,
+    line,
+    panel_grid,
+    plain_logarithm,
+    rendered,
+    velocity_axis,
+)
 from frictionid.report.numbers import norm_unit
 
 _HIGH = 1.25  # of the largest friction shown

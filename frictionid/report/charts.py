@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
@@ -12,15 +13,23 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
-from frictionid.report.figures.curves import band_of
-from frictionid.report.figures.panels import most
-from frictionid.report.figures.style import DARK, PALE, Style
+from frictionid.report.figures.curves import band_of, density_heights
+from frictionid.report.figures.motion import limits_of
+from frictionid.report.figures.style import DARK, DENSITY, PALE, Style, most
 from frictionid.report.sections import DataDescription, Model, Section
 
 DIGITS = 5  # significant, of numbers in a chart
 MEASURED = "#8C8C8C"
 GRID = "#E6E6E6"
 SILENT: Mapping[str, Any] = {"hoverinfo": "skip", "showlegend": False}
+FRICTION = {"yaxis": "y2"}  # above the density of speeds
+MOST = 161  # velocities of a line
+MOST_SAMPLES = 241  # samples of a line over time
+ALWAYS = 3  # curves that are all shown; of more, only the chosen one is at first
+PARTS = ("measured", "predicted")
+ROOM = 0.08  # about the drawing, of its size
+
+Example = Mapping[str, Any]
 
 
 class Chart(NamedTuple):
@@ -45,8 +54,6 @@ class Chart(NamedTuple):
 @cache
 def plotly_script() -> bytes:
     """The library that draws charts, compressed; empty without it: the page shows pictures then."""
-    import gzip
-
     if find_spec("plotly") is None:
         return b""
     from plotly.offline import get_plotlyjs
@@ -75,14 +82,14 @@ def band(
     x: Array, middle: Array, half: Array, colour: str, style: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
     """A band about a line (N,), where it is known."""
-    known = np.isfinite(middle) & np.isfinite(half)
-    if not known.any():
+    finite = np.isfinite(middle) & np.isfinite(half)
+    if not finite.any():
         return []
-    x, middle, half = x[known], middle[known], half[known]
+    x, middle, half = x[finite], middle[finite], half[finite]
     round_trip = np.concatenate([x, x[::-1]])
     edge = np.concatenate([middle + half, (middle - half)[::-1]])
-    own = {"fill": "toself", "fillcolor": pale(colour), "line": {"width": 0}}
-    return [line(round_trip, edge, "", {**own, **SILENT, **style})]
+    fill = {"fill": "toself", "fillcolor": pale(colour), "line": {"width": 0}}
+    return [line(round_trip, edge, "", {**fill, **SILENT, **style})]
 
 
 def pale(colour: str, alpha: float = 0.22) -> str:
@@ -123,20 +130,12 @@ def layout(parts: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def thinned(count: int, most: int) -> Array:
+def thinned(count: int, most: int = MOST) -> Array:
     """Indices of at most so many of `count` things, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
-def as_array(values: Sequence[Any]) -> Array:
-    """Numbers of a JSON document; infinities stand there as words, gaps as nothing."""
-    return np.asarray(values, dtype=float)
-
-
-FRICTION = {"yaxis": "y2"}  # above the density of speeds
-MOST = 161  # velocities of a line
-DENSITY = 0.16  # height of the density of speeds, share of the chart
-ALWAYS = 3  # curves that are all shown; of more, only the chosen one is at first
+# --- Friction over velocity -----------------------------------------------------------------------
 
 
 def friction_charts(
@@ -147,41 +146,37 @@ def friction_charts(
     chosen : the model that is shown at first, and with its folds; a click shows others
     """
     models = [m for m in section.of_role("fitted", "given") if np.isfinite(m.curves[-1]).any()]
-    first = chosen if chosen in models else next(iter(models), None)
+    models.sort(key=lambda m: m is not chosen)
     return [
-        _chart(section.description, joint, models, styles, first)
+        _friction_chart(section.description, joint, models, styles)
         for joint in range(len(section.description.joints))
         if models
     ]
 
 
-def _chart(
-    data: DataDescription,
-    joint: int,
-    models: Sequence[Model],
-    styles: Mapping[str, Style],
-    first: Model | None,
+def _friction_chart(
+    data: DataDescription, joint: int, models: Sequence[Model], styles: Mapping[str, Style]
 ) -> Chart:
+    """The curves of a joint; that of the first model with its folds."""
     w = data.velocity[:, joint]
-    some = thinned(len(w), MOST)
     traces = []
-    for i, model in enumerate(sorted(models, key=lambda m: m is not first)):
-        shown = len(models) <= ALWAYS or model is first
-        group = {
-            "legendgroup": f"model {i}",
-            "visible": True if shown else "legendonly",
-            **FRICTION,
-        }
-        traces += _curve(model, data, joint, styles[model.label], group, model is first)
+    for i, model in enumerate(models):
+        shown = True if len(models) <= ALWAYS or i == 0 else "legendonly"
+        group = {"legendgroup": f"model {i}", "visible": shown, **FRICTION}
+        traces += _curve(model, data, joint, styles[model.label], group, folds=i == 0)
     if data.truth is not None:
         drawn = {"color": DARK, "width": 1.6, "dash": "dash"}
-        traces.append(line(w[some], data.truth[some, joint], "truth", {"line": drawn, **FRICTION}))
-    traces.append(_density(data, joint))
-    unit = data.position_units[joint]
+        few = thinned(len(w))
+        traces.append(line(w[few], data.truth[few, joint], "truth", {"line": drawn, **FRICTION}))
+    edges, heights = density_heights(data, joint)
+    area = {"line": {"width": 0, "shape": "hv"}, "fill": "tozeroy", "fillcolor": PALE}
+    steps = np.append(heights, heights[-1])
+    traces.append(line(edges, steps, "speeds that occurred", {"hoverinfo": "skip", **area}))
     above = {"overlaying": "y", "range": _range(models, data, joint), "hoverformat": ".4g"}
     above["tickmode"] = "auto"  # not those of the hidden axis
+    velocities = {"hoverformat": ".3g", "range": [w[0], w[-1]]}
     axes = {
-        "xaxis": axis(f"velocity [{unit}/s]", {"hoverformat": ".3g", "range": [w[0], w[-1]]}),
+        "xaxis": axis(f"velocity [{data.position_units[joint]}/s]", velocities),
         "yaxis": {"range": [0, 1 / DENSITY], "visible": False, "fixedrange": True},
         "yaxis2": axis(f"friction [{data.torque_units[joint]}]", above),
     }
@@ -197,49 +192,169 @@ def _curve(
     data: DataDescription,
     joint: int,
     style: Style,
-    group: dict[str, Any],
+    group: Mapping[str, Any],
+    *,
     folds: bool,
 ) -> list[dict[str, Any]]:
-    """Line of a model with its band, and those of its folds where they are wanted."""
-    w, overall = data.velocity[:, joint], model.curves[-1, :, joint]
-    some = thinned(len(w), MOST)
-    traces = []
-    for x, middle, half in _band(model, data, joint):
-        few = thinned(len(x), MOST)
-        traces += band(x[few], middle[few], half[few], style.colour, group)
-    thin = {"color": pale(style.colour, 0.4), "width": 0.7}
-    for own in model.curves[:-1, some, joint] if folds else ():
-        traces.append(line(w[some], own, "", {"line": thin, **SILENT, **group}))
-    drawn = {"color": style.colour, "width": 2, "dash": dash(style.line)}
-    return [*traces, line(w[some], overall[some], model.name, {"line": drawn, **group})]
-
-
-def _band(model: Model, data: DataDescription, joint: int) -> list[tuple[Array, Array, Array]]:
-    """Velocities, curve and half the width of its 95 % band: by shooting, else by the folds."""
+    """Line of a model with its 95 % band by shooting, else by the folds, and lines of the folds."""
+    w, curves = data.velocity[:, joint], model.curves[..., joint]
+    few = thinned(len(w))
+    x, middle, half = w, curves[-1], np.full(len(w), np.nan)
     if model.refined is not None:
-        own = band_of(model, data, joint)
-        return [(own.velocity, own.curve, own.pointwise)]
-    folds = model.curves[:-1, :, joint]
-    if model.role != "fitted" or len(folds) < FEWEST:
-        return []
-    return [(data.velocity[:, joint], model.curves[-1, :, joint], jackknife_width(folds))]
+        x, middle, half = band_of(model, data, joint)[:3]
+    elif model.role == "fitted" and len(curves) > FEWEST:
+        half = jackknife_width(curves[:-1])
+    places = thinned(len(x))
+    traces = band(x[places], middle[places], half[places], style.colour, group)
+    thin = {"color": pale(style.colour, 0.4), "width": 0.7}
+    for fold in curves[:-1, few] if folds else ():
+        traces.append(line(w[few], fold, "", {"line": thin, **SILENT, **group}))
+    drawn = {"color": style.colour, "width": 2, "dash": dash(style.line)}
+    return [*traces, line(w[few], curves[-1, few], model.name, {"line": drawn, **group})]
 
 
 def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[float]:
     """Ends of the friction axis, with room for the density; one wild fold must not flatten all."""
     curves = [model.curves[:, :, joint].ravel() for model in models]
     curves += [] if data.truth is None else [data.truth[:, joint]]
-    high = 1.1 * most([np.abs(own[np.isfinite(own)]) for own in curves])
+    high = 1.1 * most([np.abs(curve[np.isfinite(curve)]) for curve in curves])
     return [-high - DENSITY * 2 * high / (1 - DENSITY), high]
 
 
-def _density(data: DataDescription, joint: int) -> dict[str, Any]:
-    """How often each speed occurred, as a grey area at the bottom."""
-    w, counts = data.velocity[:, joint], data.density[joint]
-    edges = np.linspace(w[0], w[-1], len(counts) + 1)
-    # joints rest often: bars taller than nearly all others are cut, or these could not be seen
-    full = float(np.quantile(counts, 0.95)) or float(counts.max()) or 1.0
-    heights = np.minimum(counts / full, 1.0)
-    drawn = {"line": {"width": 0, "shape": "hv"}, "fill": "tozeroy", "fillcolor": PALE}
-    own = {"hoverinfo": "skip", **drawn}
-    return line(edges, np.append(heights, heights[-1]), "speeds that occurred", own)
+# --- Predicted over measured motion from one start ------------------------------------------------
+
+
+def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart:
+    """The joints' positions over time, one above the other."""
+    time, *motions = (np.asarray(example[part], dtype=float) for part in ("time", *PARTS))
+    n = motions[0].shape[1]  # coupled parts have no angle
+    widths = example.get("band")
+    half = np.zeros_like(motions[0]) if widths is None else np.asarray(widths, dtype=float)
+    banded = bool(half.any())  # not of fixed numbers, the same in every fold
+    few, traces = thinned(len(time), MOST_SAMPLES), []
+    axes: dict[str, Any] = {}
+    for j, name in enumerate(data.joints[:n]):
+        panel = {"xaxis": "x", "yaxis": f"y{j + 1}"}
+        measured, predicted = (motion[:, j] for motion in motions)
+        low, high = limits_of(measured, predicted)
+        predicted = np.where((predicted >= low) & (predicted <= high), predicted, np.nan)
+        if banded:
+            edges = np.minimum(half[few, j], high - low)
+            traces += band(time[few], predicted[few], edges, style.colour, panel)
+        for part, values, pen in (
+            ("measured", measured, {"color": MEASURED, "width": 5}),
+            ("predicted", predicted, {"color": style.colour, "width": 2}),
+        ):
+            look = {"line": pen, **panel, "showlegend": j == 0}
+            traces.append(line(time[few], values[few], part, look))
+        top = 1 - j / n
+        place = {"domain": [top - 0.92 / n if n > 1 else 0, top], "range": (low, high)}
+        shown = {**place, "hoverformat": ".4g", "nticks": 5}
+        axes[f"yaxis{j + 1}"] = axis(f"{name} [{data.position_units[j]}]", shown)
+    below = {"anchor": f"y{n}", "hoverformat": ".3f"}
+    axes["xaxis"] = axis("time since the start [s]", below)
+    words = "Measured (grey) and predicted motion"
+    words += "; the band is the 95 % interval of the prediction." if banded else "."
+    return Chart("", words, traces, layout(axes), height=130 + 120 * n)
+
+
+def animation(example: Example, style: Style) -> Chart | None:
+    """The mechanism, measured against predicted; None where it has no drawing."""
+    drawing = example.get("drawing")
+    if not drawing:
+        return None
+    time, *motions = (np.asarray(drawing[part], dtype=float) for part in ("time", *PARTS))
+    lines = side_view(motions)
+    drawn = [
+        {"line": {"color": MEASURED, "width": 9}, "marker": {"size": 11, "color": MEASURED}},
+        {"line": {"color": style.colour, "width": 3}, "marker": {"size": 6, "color": style.colour}},
+    ]
+    traces = [
+        line(
+            ends[0, :, 0],
+            ends[0, :, 1],
+            part,
+            {"mode": "lines+markers", "hoverinfo": "skip", **look},
+        )
+        for part, ends, look in zip(PARTS, lines, drawn, strict=True)
+    ]
+    frames = [
+        {
+            "name": f"{t:.3f}",
+            "data": [dict(zip("xy", map(numbers, ends[k].T), strict=True)) for ends in lines],
+            "traces": [0, 1],
+        }
+        for k, t in enumerate(time)
+    ]
+    step = 1e3 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    words = "The mechanism, measured (grey) against predicted, in real time."
+    return Chart("", words, traces, layout(_plane(lines) | _controls(time, step)), frames, 440)
+
+
+def side_view(lines: list[Array]) -> list[Array]:
+    """Lines (f, k, 2) of lines (f, k, 2 or 3) in the vertical plane in which they are widest.
+
+    >>> side_view([np.array([[[0.0, 0.0, 0.0], [0.0, 2.0, 1.0]]])])[0].round(9).tolist()
+    [[[0.0, 0.0], [2.0, 1.0]]]
+    """
+    if lines[0].shape[-1] == 2:
+        return lines
+    flat = np.concatenate([ends[..., :2].reshape(-1, 2) for ends in lines])
+    flat = flat[np.isfinite(flat).all(axis=1)]
+    direction = np.linalg.svd(flat - flat.mean(axis=0))[2][0] if len(flat) else np.array([1.0, 0.0])
+    direction = direction * (1.0 if direction.sum() >= 0 else -1.0)
+    return [np.stack([ends[..., :2] @ direction, ends[..., 2]], axis=-1) for ends in lines]
+
+
+def _plane(lines: list[Array]) -> dict[str, Any]:
+    """Axes with the same scale, around everything that is ever drawn."""
+    every = np.concatenate([ends.reshape(-1, 2) for ends in lines])
+    low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+    reach = (0.5 + ROOM) * max(float((high - low).max()), 1e-3)
+    ends = [[float(middle - reach), float(middle + reach)] for middle in (low + high) / 2]
+    shown = {"constrain": "domain", "nticks": 5, "automargin": False, "tickangle": 0}
+    return {
+        "xaxis": axis("x [m]", {"range": ends[0], **shown}),
+        "yaxis": axis("height [m]", {"range": ends[1], "scaleanchor": "x", **shown}),
+        "margin": {"l": 52, "r": 10, "t": 34, "b": 130, "autoexpand": False},
+    }
+
+
+def _controls(time: Array, step: float) -> dict[str, Any]:
+    """Play and pause, and a slider of the time of the drawing; step [ms] from frame to frame."""
+    now = {"frame": {"duration": 0, "redraw": False}, "mode": "immediate"}
+    play = {
+        "frame": {"duration": step, "redraw": False},
+        "transition": {"duration": 0},
+        "fromcurrent": True,
+        "mode": "immediate",
+    }
+    buttons = {
+        "type": "buttons",
+        "direction": "left",
+        "x": 0,
+        "y": -0.17,  # below the labels of the axis
+        "xanchor": "left",
+        "yanchor": "top",
+        "showactive": False,
+        "pad": {"t": 0, "r": 6},
+        "buttons": [
+            {"label": "▶ play", "method": "animate", "args": [None, play]},
+            {"label": "❚❚ pause", "method": "animate", "args": [[None], now]},
+        ],
+    }
+    slider = {
+        "steps": [
+            {"label": f"{t:.2f}", "method": "animate", "args": [[f"{t:.3f}"], now]} for t in time
+        ],
+        "x": 0,
+        "len": 1.0,
+        "y": -0.28,  # below the buttons
+        "yanchor": "top",
+        "pad": {"t": 0, "b": 0},
+        "ticklen": 0,
+        "minorticklen": 0,
+        "font": {"color": "rgba(0,0,0,0)"},
+        "currentvalue": {"prefix": "time ", "suffix": " s", "font": {"size": 12, "color": "#222"}},
+    }
+    return {"updatemenus": [buttons], "sliders": [slider]}

@@ -38,42 +38,35 @@ from frictionid.report.tables import Table
 from frictionid.report.verdict import Verdict, verdict_of
 from frictionid.report.verdict_table import difference_table, marked, verdict_numbers, verdict_table
 
-BAND = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
-
 
 class Picture(NamedTuple):
-    """A figure, the stem of its files, and its caption."""
+    """A figure, the stem of its files, and its caption; the page shows those not only linked."""
 
     stem: str
     figure: Any
     caption: str
+    linked: bool = False
 
 
 class NamedTable(NamedTuple):
     """A table, the stem of its files, its numbers where they are written as CSV, and a heading.
 
     heading : of the part of the page that unfolds; "" where the page shows it elsewhere
+    linked : whether the page only links its file
     """
 
     stem: str
     table: Table
     numbers: pd.DataFrame | None = None
     heading: str = ""
+    linked: bool = False
 
 
 class Exhibits(NamedTuple):
-    """Tables and pictures of one scored data set; the summary table is the first.
-
-    shooting, shooting_pictures : those of the fit by shooting that predicts best
-    linked, linked_pictures : those of the other fits, which the page does not show
-    """
+    """Tables and pictures of one scored data set; the summary table is the first."""
 
     tables: tuple[NamedTable, ...]
     pictures: tuple[Picture, ...]
-    shooting: tuple[NamedTable, ...] = ()
-    shooting_pictures: tuple[Picture, ...] = ()
-    linked: tuple[NamedTable, ...] = ()
-    linked_pictures: tuple[Picture, ...] = ()
 
 
 class ShootingFit(NamedTuple):
@@ -109,10 +102,10 @@ def names_of(sections: tuple[Section, ...]) -> Names:
     stems = {pair: unique[word] for pair, word in words.items()}
     fits: dict[Model, str] = {}
     for section in sections:
-        own = [model for model in section.models if model.refined is not None]
-        several = len({model.recipe for model in own}) > 1
+        shot = [model for model in section.models if model.refined is not None]
+        several = len({model.recipe for model in shot}) > 1
         name = stems[section.dataset, section.dataset]
-        labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in own}
+        labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in shot}
         unique = file_names(labels.values())
         fits |= {model: unique[label] for model, label in labels.items()}
     return Names(stems, fits, styles(model for section in sections for model in section.models))
@@ -128,8 +121,8 @@ def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[Shooting
     for model in fits:
         document = model.refined or {}
         read = estimates(document, section.description)
-        facts, known = shooting_results(document, read), sum(e.identified for e in read)
-        out.append(ShootingFit(model, stems[model], facts, len(read), known))
+        facts, count = shooting_results(document, read), sum(e.identified for e in read)
+        out.append(ShootingFit(model, stems[model], facts, len(read), count))
     return out
 
 
@@ -139,94 +132,153 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
     summary = summary_of(data, verdict.failed)
     table = summary_table(summary, caption_of(data, summary))
     tables = [NamedTable(f"summary--{stem}", table, summary.frame)]
-    pictures = list(motion_pictures(section, data, names, stem))
+    pictures = list(motion_pictures(section, data, names))
     pictures += example_pictures(chosen_of(section, verdict), data, names, stem)
-    if not data.held_out:
-        return Exhibits(tuple(tables), tuple(pictures))
-    if verdict.candidates:
-        tables.append(standings_of(verdict, stem))
-    tables += [t._replace(table=marked(t.table, verdict)) for t in fitted_tables(section, stem)]
-    pictures = [*fitted_pictures(section, names, stem), *pictures]
-    out = Exhibits(tuple(tables), tuple(pictures))
-    fits = [fit.model for fit in shooting_fits(section, names.fits)]
-    if not fits:
-        return out
-    first, *others = (list(fit_tables(section, model, names.fits[model])) for model in fits)
-    shown, *linked = (correlation_picture(section, model, names) for model in fits)
-    return out._replace(
-        shooting=tuple(first),
-        shooting_pictures=(shown, *band_pictures(section, fits, names, stem)),
-        linked=tuple(table for own in others for table in own),
-        linked_pictures=tuple(linked),
-    )
+    if data.held_out:
+        tables += fitted_tables(section, verdict, stem)
+        pictures = [*fitted_pictures(section, names), *pictures]
+        for i, fit in enumerate(shooting_fits(section, names.fits)):
+            tables += [t._replace(linked=i > 0) for t in fit_tables(section, fit)]
+            pictures.append(correlation_picture(section, fit.model, names, linked=i > 0))
+        pictures += kind_pictures(section, names, "bands")
+    return Exhibits(tuple(tables), tuple(pictures))
 
 
 # --- Tables ---------------------------------------------------------------------------------------
 
 
-def standings_of(verdict: Verdict, stem: str) -> NamedTable:
-    """How the models stand: the table behind the verdict."""
-    numbers = verdict_numbers(verdict)
-    heading = "Error against complexity, and how the models stand"
-    return NamedTable(f"verdict--{stem}", verdict_table(verdict, numbers), numbers, heading)
-
-
-def fitted_tables(section: Section, stem: str) -> Iterator[NamedTable]:
+def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[NamedTable]:
     """Tables about what was fitted to a data set, beside the summary."""
-    differences = difference_table(section.fitted)
-    if differences is not None:
-        heading = "Differences between models, paired over the folds"
-        yield NamedTable(f"differences--{stem}", differences, None, heading)
-    numbers = parameter_numbers(section)
-    if not numbers.empty:
-        table = parameter_table(section, numbers)
-        yield NamedTable(f"parameters--{stem}", table, numbers, "Parameters of the models")
-    loops = loop_table(section)
-    if loops is not None:
-        yield NamedTable(f"loops--{stem}", loops, None, "Loops of friction over velocity")
-        data = section.description
-        if data.speeds is not None:
-            table = speed_table(section.dataset, data, data.speeds)
-            yield NamedTable(f"speeds--{stem}", table, None, "Speeds of the joints")
+    if verdict.candidates:
+        numbers = verdict_numbers(verdict)
+        heading = "Error against complexity, and how the models stand"
+        yield NamedTable(f"verdict--{stem}", verdict_table(verdict, numbers), numbers, heading)
+    parameters, loops = parameter_numbers(section), loop_table(section)
+    parameter = None if parameters.empty else parameter_table(section, parameters)
+    speeds = loops and speed_table(section.dataset, section.description)
+    tables = {
+        "differences": (
+            "Differences between models, paired over the folds",
+            difference_table(section.fitted),
+        ),
+        "parameters": ("Parameters of the models", parameter),
+        "loops": ("Loops of friction over velocity", loops),
+        "speeds": ("Speeds of the joints", speeds),
+    }
+    for kind, (heading, table) in tables.items():
+        if table is not None:
+            frame = parameters if kind == "parameters" else None
+            yield NamedTable(f"{kind}--{stem}", marked(table, verdict), frame, heading)
 
 
-def fit_tables(section: Section, model: Model, stem: str) -> Iterator[NamedTable]:
+def fit_tables(section: Section, fit: ShootingFit) -> Iterator[NamedTable]:
     """Tables of a fit by shooting: parameters, and windows that do not count."""
-    data, given = section.description, section.of_role("given")
-    table = interval_table(model, section.dataset, data, given)
-    yield NamedTable(f"shooting--{stem}", table, interval_numbers(model, data))
+    data, model = section.description, fit.model
+    table = interval_table(model, section.dataset, data, section.of_role("given"))
+    yield NamedTable(f"shooting--{fit.stem}", table, interval_numbers(model, data))
     windows = window_numbers(model.refined or {})
     if not windows.empty:
         table = window_table(model, section.dataset, windows)
         heading = "Windows that were left out or are not explained"
-        yield NamedTable(f"windows--{stem}", table, windows, heading)
+        yield NamedTable(f"windows--{fit.stem}", table, windows, heading)
 
 
 # --- Pictures -------------------------------------------------------------------------------------
 
+# Draws one figure, several, or nothing.
+Draw = Callable[[Section, Mapping[str, Style]], Any]
+# Pictures about what was fitted, with their captions, in the order of the page.
+FITTED: Mapping[str, tuple[Draw, str]] = {
+    "one_step": (
+        one_step_boxes,
+        "One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond).",
+    ),
+    "rollouts": (rollout_errors, "Rollout errors over the horizon, fitted on {dataset}."),
+    "complexity": (
+        lambda section, styles: error_over_complexity(verdict_of(section), styles),
+        "Error after {horizon:g} s over the effective parameters, {dataset}: mean of the folds, "
+        "with the lowest and the highest. Star: recommended. Hollow: not plausible. Band: what "
+        "makes no practical difference.",
+    ),
+    "tradeoff": (
+        loss_against,
+        "Errors of prediction and of the friction curve over the one-step loss, {dataset}, held "
+        "out; dashed: loss of the true friction.",
+    ),
+    "curves": (friction_curves, "Friction over velocity, fitted on {dataset}, all folds."),
+    "members": (
+        spreads,
+        "Ensembles fitted on {dataset}; below, their members about the mean.{members}",
+    ),
+    "learning": (
+        learning_curves,
+        "Learning curves on {dataset}: the loss over the epochs, each fold.",
+    ),
+    "loops": (
+        loop_pictures,
+        "Friction along sinusoids, fitted on {dataset}{beside}: mean of the folds at three "
+        "frequencies, each fold at the middle one. Friction that depends on the velocity alone "
+        "shows a line, not a loop.",
+    ),
+    "speeds": (lambda section, _: velocity_scatter(section), "Velocities of {dataset}."),
+    "bands": (
+        curve_bands,
+        "Friction by {schemes} on {dataset} with its 95 % bands; below, the bands alone, and the "
+        "truth less the fit where it is known. Grey: velocities that were not measured.",
+    ),
+}
 
-def numbered(stem: str, figures: list[Any], caption: str) -> list[Picture]:
-    """Pictures of one kind, numbered where there are several."""
-    several = len(figures) > 1
-    return [
-        Picture(f"{stem}--{i + 1}" if several else stem, figure, caption)
-        for i, figure in enumerate(figures)
-    ]
+
+def fitted_pictures(section: Section, names: Names) -> Iterator[Picture]:
+    """Pictures about what was fitted to a data set, but for those of fits with intervals."""
+    for kind in FITTED:
+        if kind != "bands":
+            yield from kind_pictures(section, names, kind)
 
 
-def motion_pictures(
-    section: Section, data: SummaryData, names: Names, stem: str
-) -> Iterator[Picture]:
+def kind_pictures(section: Section, names: Names, kind: str) -> Iterator[Picture]:
+    """Pictures of one kind, numbered where there are several; by recipe where they are drawn so."""
+    draw, caption = FITTED[kind]
+    stem = f"{kind}--{names.stems[section.dataset, section.dataset]}"
+    drawn = draw(section, names.styles)
+    by_recipe = drawn if isinstance(drawn, dict) else {None: drawn}
+    files = file_names(recipe for recipe in by_recipe if recipe is not None)
+    for recipe, figures in by_recipe.items():
+        shown = figures if isinstance(figures, list) else [figures]
+        ending = "" if recipe is None else f"--{files[recipe]}"
+        words = caption.format_map(_words(section, recipe))
+        for number, figure in enumerate(shown, 1):
+            if figure is not None:
+                several = f"--{number}" if len(shown) > 1 else ""
+                yield Picture(f"{stem}{ending}{several}", figure, words)
+
+
+def _words(section: Section, recipe: str | None) -> dict[str, Any]:
+    """What captions name."""
+    shot = [model.scheme for model in section.models if model.refined is not None]
+    return {
+        "dataset": section.dataset,
+        "beside": _beside(section, recipe),
+        "horizon": verdict_of(section).horizon,
+        "members": spread_caption(section),
+        "schemes": " and ".join(dict.fromkeys(shot)),
+    }
+
+
+def _beside(section: Section, recipe: str | None) -> str:
+    return f", {recipe} recipe" if recipe and len(section.recipes) > 1 else ""
+
+
+def motion_pictures(section: Section, data: SummaryData, names: Names) -> Iterator[Picture]:
     """Predicted motion on one data set, under each recipe."""
-    recipes = file_names(section.recipes)
+    stem, files = names.stems[section.dataset, data.dataset], file_names(section.recipes)
     for recipe in section.recipes:
         models = [model for model in section.under(recipe) if model in data.models]
-        beside = f", {recipe} recipe" if len(section.recipes) > 1 else ""
+        beside = _beside(section, recipe)
         figure = motions(models, data, names.styles, beside)
         if figure is not None:
-            held = "held out" if data.held_out else "never seen"
-            caption = f"Predicted over measured motion, {data.dataset}, {held}{beside}."
-            yield Picture(f"motion--{stem}--{recipes[recipe]}", figure, caption)
+            caption = f"Predicted over measured motion, {data.dataset}, {data.novelty}{beside}."
+            yield Picture(f"motion--{stem}--{files[recipe]}", figure, caption)
 
 
 def example_pictures(
@@ -235,131 +287,18 @@ def example_pictures(
     """Best, median and worst prediction of one model."""
     figure = model and example_motions(model, data, names.styles[model.label])
     if model is not None and figure is not None:
-        held = "held out" if data.held_out else "never seen"
+        band = "; band: 95 % interval of the prediction, by what leaving out each fold changes"
         caption = (
-            f"Best, median and worst prediction of {model.name}, {data.dataset}, {held}"
-            f"{BAND if data.held_out else ''}."
+            f"Best, median and worst prediction of {model.name}, {data.dataset}, {data.novelty}"
         )
-        yield Picture(f"examples--{stem}", figure, caption)
+        yield Picture(f"examples--{stem}", figure, f"{caption}{band * data.held_out}.")
 
 
-def fitted_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Pictures about what was fitted to a data set."""
-    for draw in FITTED.values():
-        yield from draw(section, names, stem)
-
-
-def one_step_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """One-step losses over the folds."""
-    caption = (
-        f"One-step losses on {section.dataset} over the folds: median, quartiles, range, mean "
-        "(diamond)."
-    )
-    yield Picture(f"one_step--{stem}", one_step_boxes(section, names.styles), caption)
-
-
-def rollout_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Rollout errors over the horizon."""
-    errors = rollout_errors(section, names.styles)
-    if errors is not None:
-        caption = f"Rollout errors over the horizon, fitted on {section.dataset}."
-        yield Picture(f"rollouts--{stem}", errors, caption)
-
-
-def tradeoff_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Errors of prediction and of the friction curve over the loss, where the truth is known."""
-    if section.description.truth is not None and section.fitted.horizons:
-        caption = (
-            f"Errors of prediction and of the friction curve over the one-step loss, "
-            f"{section.dataset}, held out; dashed: loss of the true friction."
-        )
-        yield Picture(f"tradeoff--{stem}", loss_against(section, names.styles), caption)
-
-
-def complexity_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Error of prediction over the complexity of the models."""
-    verdict = verdict_of(section)
-    drawn = error_over_complexity(verdict, names.styles)
-    if drawn is not None:
-        caption = (
-            f"Error after {verdict.horizon:g} s over the effective parameters, {section.dataset}: "
-            "mean of the folds, with the lowest and the highest. Star: recommended. Hollow: not "
-            "plausible. Band: what makes no practical difference."
-        )
-        yield Picture(f"complexity--{stem}", drawn, caption)
-
-
-def curve_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Friction over velocity, all folds."""
-    caption = f"Friction over velocity, fitted on {section.dataset}, all folds."
-    yield from numbered(f"curves--{stem}", friction_curves(section, names.styles), caption)
-
-
-def member_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Ensembles and their members."""
-    caption = f"Ensembles fitted on {section.dataset}; below, their members about the mean."
-    caption += spread_caption(section)
-    yield from numbered(f"members--{stem}", spreads(section, names.styles), caption)
-
-
-def learning_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Learning curves of networks."""
-    models = section.of_role("fitted")
-    learned = learning_curves(models, names.styles, "without friction = 1")
-    if learned is not None:
-        caption = f"Learning curves on {section.dataset}: the loss over the epochs, each fold."
-        yield Picture(f"learning--{stem}", learned, caption)
-
-
-def memory_pictures(section: Section, names: Names, stem: str) -> Iterator[Picture]:
-    """Pictures of loops, and of the speeds beside them."""
-    by_recipe: dict[str, list[Any]] = {}
-    for recipe, figure in loop_pictures(section, names.styles):
-        by_recipe.setdefault(recipe, []).append(figure)
-    recipes = file_names(by_recipe)
-    for recipe, figures in by_recipe.items():
-        beside = f", {recipe} recipe" if recipe and len(section.recipes) > 1 else ""
-        caption = (
-            f"Friction along sinusoids, fitted on {section.dataset}{beside}: mean of the folds at "
-            "three frequencies, each fold at the middle one. Friction that depends on the velocity "
-            "alone shows a line, not a loop."
-        )
-        yield from numbered(f"loops--{stem}--{recipes[recipe]}", figures, caption)
-    velocities = section.description.velocities
-    if by_recipe and velocities is not None:
-        figure = velocity_scatter(section.description, velocities)
-        yield Picture(f"speeds--{stem}", figure, f"Velocities of {section.dataset}.")
-
-
-def correlation_picture(section: Section, model: Model, names: Names) -> Picture:
+def correlation_picture(
+    section: Section, model: Model, names: Names, *, linked: bool = False
+) -> Picture:
     """The correlation of a fit's parameters."""
     data = section.description
     caption = correlation_caption(model, section.dataset, data)
-    return Picture(f"correlation--{names.fits[model]}", correlation(model, data), caption)
-
-
-def band_pictures(
-    section: Section, fits: list[Model], names: Names, stem: str
-) -> Iterator[Picture]:
-    """Friction curves of the fits with intervals, with their bands."""
-    ordered = [model for model in section.models if model in fits]
-    schemes = " and ".join(dict.fromkeys(model.scheme for model in ordered))
-    caption = (
-        f"Friction by {schemes} on {section.dataset} with its 95 % bands; below, the bands alone, "
-        "and the truth less the fit where it is known. Grey: velocities that were not measured."
-    )
-    figures = curve_bands(ordered, section.description, names.styles)
-    yield from numbered(f"bands--{stem}", figures, caption)
-
-
-# Pictures about what was fitted, in the order of the page.
-FITTED: Mapping[str, Callable[[Section, Names, str], Iterator[Picture]]] = {
-    "one_step": one_step_pictures,
-    "rollouts": rollout_pictures,
-    "complexity": complexity_pictures,
-    "tradeoff": tradeoff_pictures,
-    "curves": curve_pictures,
-    "members": member_pictures,
-    "learning": learning_pictures,
-    "loops": memory_pictures,
-}
+    stem = f"correlation--{names.fits[model]}"
+    return Picture(stem, correlation(model, data), caption, linked)

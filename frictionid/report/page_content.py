@@ -8,37 +8,22 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
-from typing import NamedTuple
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
 from frictionid.report.candidates import family_table
-from frictionid.report.charts import Chart, friction_charts, plotly_script
-from frictionid.report.exhibits import (
-    Exhibits,
-    NamedTable,
-    Names,
-    Picture,
-    ShootingFit,
-    shooting_fits,
-)
+from frictionid.report.charts import Chart, animation, friction_charts, motion_chart, plotly_script
+from frictionid.report.exhibits import Exhibits, NamedTable, Names, Picture, shooting_fits
 from frictionid.report.figures.motion import examples_of
 from frictionid.report.figures.style import Style
 from frictionid.report.memory import memory_analysis
-from frictionid.report.motion_chart import animation, motion_chart
 from frictionid.report.provenance import folds_of, provenance_of, size_of
-from frictionid.report.recommended import (
-    Horizon,
-    Row,
-    chosen_of,
-    equation_of,
-    horizons_of,
-    parameter_rows,
-)
-from frictionid.report.reliability import warning_lines, warnings_of
+from frictionid.report.recommended import chosen_of, equation_of, horizons_of, parameter_rows
+from frictionid.report.reliability import warning_lines
 from frictionid.report.sections import Model, Section, SummaryData
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import Cell, Column, Table, lines_of, render, render_page
@@ -46,48 +31,7 @@ from frictionid.report.verdict import Verdict
 from frictionid.report.verdict_table import marked
 
 ROOM = 3_200_000  # bytes of figures inside the page
-
-
-class Example(NamedTuple):
-    """Motion from one initial state: heading, the animation if there is one, and the lines."""
-
-    heading: str
-    charts: tuple[Chart, ...]
-
-
-class Scored(NamedTuple):
-    """A scored data set: its table, motions of the chosen model, figures and tables by kind."""
-
-    data: SummaryData
-    table: Table
-    examples: tuple[Example, ...]
-    pictures: Mapping[str, list[Picture]]
-    tables: Mapping[str, list[NamedTable]]
-
-
-class Part(NamedTuple):
-    """What the page shows of one data set that was fitted.
-
-    chosen : the model that the verdict names, else the best predictor, with its equation,
-        parameters and errors; fit : facts of the fit by shooting that predicts best
-    scored : the fitted data, and then data that no fit has seen
-    """
-
-    anchor: str
-    section: Section
-    verdict: Verdict
-    folds: str
-    chosen: Model | None
-    equation: str
-    rows: list[Row]
-    horizons: list[Horizon]
-    fit: list[str]
-    others: list[ShootingFit]
-    charts: list[Chart]
-    scored: list[Scored]
-    families: Table | None
-    notes: list[tuple[str, list[str]]]
-    memory: list[str]
+Named = TypeVar("Named", Picture, NamedTable)
 
 
 def index_html(
@@ -105,35 +49,32 @@ def index_html(
     context = {
         "title": results.provenance.get("title") or results.provenance["suite"],
         "parts": [
-            part_of(results, section, verdict, exhibits, names)
+            {"folds": folds_of(results, section), **_part(section, verdict, exhibits, names)}
             for section, verdict in zip(sections, verdicts, strict=True)
         ],
-        "warnings": warning_lines(warnings_of(results, sections)),
+        "warnings": warning_lines(results, sections),
         "provenance": provenance_of(results, sections),
         "plotly": base64.b64encode(plotly_script()).decode(),
         "number": count(1).__next__,
         "document": document_of,
         "size": size_of,
         "colours": {label: style.colour for label, style in names.styles.items()},
-        "images": _images(exhibits, drawn),
+        "images": _images(exhibits.values(), drawn),
     }
     return render_page("index.html.j2", context)
 
 
-def _images(
-    exhibits: Mapping[tuple[str, str], Exhibits], drawn: Mapping[str, bytes]
-) -> dict[str, str]:
+def _images(exhibits: Iterable[Exhibits], drawn: Mapping[str, bytes]) -> dict[str, str]:
     """Addresses of the figures that are part of the page, by their stems, as long as there is room.
 
     The page links the others, and those of all models' motion.
     """
     out, room = {}, ROOM
-    for own in exhibits.values():
-        for picture in (*own.pictures, *own.shooting_pictures):
-            text = quote(drawn[picture.stem], safe=" /:;=,()!?@+*-._~$[]'")
-            if len(text) <= room and not picture.stem.startswith("motion--"):
-                out[picture.stem] = f"data:image/svg+xml,{text}"
-                room -= len(text)
+    for picture in (p for shown in exhibits for p in shown.pictures if not p.linked):
+        text = quote(drawn[picture.stem], safe=" /:;=,()!?@+*-._~$[]'")
+        if len(text) <= room and not picture.stem.startswith("motion--"):
+            out[picture.stem] = f"data:image/svg+xml,{text}"
+            room -= len(text)
     return out
 
 
@@ -147,57 +88,71 @@ def document_of(chart: Chart) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def part_of(
-    results: Results,
+def _part(
     section: Section,
     verdict: Verdict,
     exhibits: Mapping[tuple[str, str], Exhibits],
     names: Names,
-) -> Part:
-    """What the page shows of one data set that was fitted."""
+) -> dict[str, Any]:
+    """What the page shows of one data set that was fitted.
+
+    chosen : the model that the verdict names, else the best predictor, with its equation,
+        parameters and errors; fit : facts of the fit by shooting that predicts best
+    scored : the fitted data, and then data that no fit has seen
+    """
     data, chosen = section.fitted, chosen_of(section, verdict)
     families = family_table(section)
-    return Part(
-        anchor=names.stems[section.dataset, section.dataset],
-        section=section,
-        verdict=verdict,
-        folds=folds_of(results, section),
-        chosen=chosen,
-        equation=equation_of(chosen) if chosen else "",
-        rows=parameter_rows(chosen, data) if chosen else [],
-        horizons=horizons_of(data, chosen) if chosen else [],
-        fit=_fit_lines(section, names),
-        others=shooting_fits(section, names.fits)[1:],
-        charts=friction_charts(section, names.styles, chosen),
-        scored=[
-            _scored(own, verdict, chosen, exhibits[section.dataset, own.dataset], names)
-            for own in section.data
+    return {
+        "anchor": names.stems[section.dataset, section.dataset],
+        "section": section,
+        "verdict": verdict,
+        "chosen": chosen,
+        "equation": equation_of(chosen) if chosen else "",
+        "rows": parameter_rows(chosen, data) if chosen else [],
+        "horizons": horizons_of(data, chosen) if chosen else [],
+        "fit": _fit_lines(section, names),
+        "others": shooting_fits(section, names.fits)[1:],
+        "charts": friction_charts(section, names.styles, chosen),
+        "scored": [
+            _scored(scored, verdict, chosen, exhibits[section.dataset, scored.dataset], names)
+            for scored in section.data
         ],
-        families=families and marked(families, verdict),
-        notes=_notes(section),
-        memory=_memory_lines(data),
-    )
+        "families": families and marked(families, verdict),
+        "notes": _notes(section),
+        "memory": _memory_lines(data),
+    }
 
 
 def _scored(
-    data: SummaryData, verdict: Verdict, chosen: Model | None, own: Exhibits, names: Names
-) -> Scored:
-    pictures: dict[str, list[Picture]] = {}
-    for picture in (*own.pictures, *own.shooting_pictures):
-        pictures.setdefault(picture.stem.partition("--")[0], []).append(picture)
-    tables: dict[str, list[NamedTable]] = {}
-    for table in (*own.tables, *own.shooting):
-        tables.setdefault(table.stem.partition("--")[0], []).append(table)
-    shown = () if chosen is None else tuple(_examples(chosen, data, names.styles[chosen.label]))
-    return Scored(data, _table(data, verdict, chosen), shown, pictures, tables)
+    data: SummaryData, verdict: Verdict, chosen: Model | None, exhibits: Exhibits, names: Names
+) -> dict[str, Any]:
+    """A scored data set: its table, motions of the chosen model, figures and tables by kind."""
+    return {
+        "data": data,
+        "table": _table(data, verdict, chosen),
+        "examples": [] if chosen is None else _examples(chosen, data, names.styles[chosen.label]),
+        "pictures": _by_kind(exhibits.pictures),
+        "tables": _by_kind(exhibits.tables),
+    }
 
 
-def _examples(model: Model, data: SummaryData, style: Style) -> Iterator[Example]:
+def _by_kind(named: Iterable[Named]) -> dict[str, list[Named]]:
+    """What the page does not only link, by what its stem begins with."""
+    out: dict[str, list[Named]] = {}
+    for shown in named:
+        if not shown.linked:
+            out.setdefault(shown.stem.partition("--")[0], []).append(shown)
+    return out
+
+
+def _examples(model: Model, data: SummaryData, style: Style) -> list[dict[str, Any]]:
+    """Motions from one initial state each: heading, the animation if there is one, and lines."""
+    out = []
     for example in examples_of(model, data):
-        moving = animation(example, style)
-        lines = motion_chart(example, data.description, style)
+        charts = animation(example, style), motion_chart(example, data.description, style)
         heading = f"{example['place']}: {example['recording']}, from {example['start_s']:.2f} s"
-        yield Example(heading, (*([moving] if moving else []), lines))
+        out.append({"heading": heading, "charts": [chart for chart in charts if chart]})
+    return out
 
 
 def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
@@ -207,9 +162,9 @@ def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
     standings = {c.model: c.standing for c in verdict.candidates}
     lines = []
     for model, line in zip(data.models, table.lines, strict=True):
-        standing = standings.get(model, "")
-        own = Cell("recommended" if model.name == verdict.recommended else standing)
-        cells = (line.cells[0], *[own] * data.held_out, *line.cells[1:])
+        recommended = model.name == verdict.recommended
+        standing = Cell("recommended" if recommended else standings.get(model, ""))
+        cells = (line.cells[0], *[standing] * data.held_out, *line.cells[1:])
         lines.append(line._replace(cells=cells, block="chosen" if model is chosen else ""))
     column = Column("standing", words=True)
     heads = (table.columns[0], *[column] * data.held_out, *table.columns[1:])
@@ -219,27 +174,23 @@ def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
 def _fit_lines(section: Section, names: Names) -> list[str]:
     """Facts of the fit by shooting that predicts best."""
     for fit in shooting_fits(section, names.fits):
-        found = {"found": fit.results}
-        texts = [render(f"shooting_{p}.j2", found, markup=False) for p in ("head", "terminal")]
+        context = {"found": fit.results}
+        texts = [render(f"shooting_{p}.j2", context, markup=False) for p in ("head", "terminal")]
         return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
     return []
 
 
 def _memory_lines(data: SummaryData) -> list[str]:
     """What the advantage of memory consists of, where models with and without it are compared."""
-    found = memory_analysis(data)
-    if found is None:
+    analysis = memory_analysis(data)
+    if analysis is None:
         return []
-    context = {"m": found, "unit": data.description.angle_unit}
+    context = {"m": analysis, "unit": data.description.angle_unit}
     return lines_of(render("memory.j2", context, markup=False))
 
 
 def _notes(section: Section) -> list[tuple[str, list[str]]]:
     """Lines that models tell of themselves, under their names."""
-    out = []
-    for model in section.models:
-        own = model.document.get("provenance", {})
-        lines = [*own.get("equation", ()), *own.get("inclusion", ())]
-        if lines:
-            out.append((model.name, lines))
-    return out
+    sources = [(model.name, model.document.get("provenance", {})) for model in section.models]
+    lines = [(name, [*s.get("equation", ()), *s.get("inclusion", ())]) for name, s in sources]
+    return [(name, notes) for name, notes in lines if notes]

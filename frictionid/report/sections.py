@@ -188,6 +188,11 @@ class SummaryData:
         return self.dataset == self.fitted_on
 
     @property
+    def novelty(self) -> str:
+        """The same in words."""
+        return "held out" if self.held_out else "never seen"
+
+    @property
     def reported(self) -> tuple[float, ...]:
         """Horizons [s] that the findings are about: 0.5 and 1 s, or else the last two."""
         return tuple(h for h in REPORTED if h in self.horizons) or self.horizons[-2:]

@@ -13,7 +13,7 @@ from frictionid.report.exhibits import Exhibits, NamedTable, Picture, exhibits_o
 from frictionid.report.figures.style import drawing, rendered
 from frictionid.report.page_content import index_html
 from frictionid.report.provenance import folds_of, size_of
-from frictionid.report.reliability import warning_lines, warnings_of
+from frictionid.report.reliability import warning_lines
 from frictionid.report.sections import Section, sections_of
 from frictionid.report.sensitivity import beside
 from frictionid.report.tables import latex, markdown, render
@@ -41,7 +41,7 @@ def summary_markdown(
     context = {
         "title": results.provenance.get("title") or results.provenance["suite"],
         "parts": parts,
-        "warnings": warning_lines(warnings_of(results, sections)),
+        "warnings": warning_lines(results, sections),
     }
     return render("summary.md.j2", context)
 
@@ -70,35 +70,35 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
     sections = sections_of(results)
     verdicts = [verdict_of(section) for section in sections]
     names = names_of(sections)
-    contents = reduction(results)
-    exhibits, pictures = {}, []
+    exhibits: dict[tuple[str, str], Exhibits] = {}
     with drawing():
         for section, verdict in zip(sections, verdicts, strict=True):
             for data in section.data:
-                own = exhibits_of(section, data, names, verdict)
+                shown = exhibits_of(section, data, names, verdict)
                 if data.held_out:
-                    own = own._replace(pictures=(*own.pictures, *beside(results, section, names)))
-                exhibits[section.dataset, data.dataset] = own
-                pictures += [*own.pictures, *own.shooting_pictures, *own.linked_pictures]
-                for table in (*own.tables, *own.shooting, *own.linked):
-                    contents |= _table_files(table)
-    figures = figure_files(pictures, jobs)
+                    studies = beside(results, section, names)
+                    shown = shown._replace(pictures=(*shown.pictures, *studies))
+                exhibits[section.dataset, data.dataset] = shown
+    contents = reduction(results)
+    for table in (table for shown in exhibits.values() for table in shown.tables):
+        contents |= _table_files(table)
+    figures = figure_files([p for shown in exhibits.values() for p in shown.pictures], jobs)
     for stem, files in figures.items():
         contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
     drawn = {stem: files["svg"] for stem, files in figures.items()}
-    contents["verdict.json"] = verdict_json(verdicts).encode()
-    whole = index_html(results, sections, verdicts, exhibits, names, drawn)
-    contents["index.html"] = whole.encode()
-    short = summary_markdown(results, sections, verdicts, exhibits)
-    contents["summary.md"] = short.encode()
-    return contents
+    texts = {
+        "verdict.json": verdict_json(verdicts),
+        "index.html": index_html(results, sections, verdicts, exhibits, names, drawn),
+        "summary.md": summary_markdown(results, sections, verdicts, exhibits),
+    }
+    return contents | {name: text.encode() for name, text in texts.items()}
 
 
 def figure_files(pictures: Sequence[Picture], jobs: int) -> dict[str, Mapping[str, bytes]]:
     """The figures' files, by their stems and endings, the same however many jobs draw them."""
     jobs = min(jobs, len(pictures) // _FEW)
-    found = dict(side_by_side(_drawn, [(picture.figure,) for picture in pictures], jobs))
-    return {picture.stem: found[i] for i, picture in enumerate(pictures)}
+    files = dict(side_by_side(_drawn, [(picture.figure,) for picture in pictures], jobs))
+    return {picture.stem: files[i] for i, picture in enumerate(pictures)}
 
 
 def _drawn(figure: Any) -> dict[str, bytes]:

@@ -10,8 +10,8 @@ import pytest
 from fixtures import result_folders as made
 
 from frictionid.comparison.results import load_results
+from frictionid.report.charts import motion_chart, side_view
 from frictionid.report.figures.style import Style
-from frictionid.report.motion_chart import motion_chart, side_view
 from frictionid.report.recommended import parameter_rows
 from frictionid.report.sections import sections_of
 from frictionid.report.verdict import verdict_of

@@ -317,7 +317,7 @@ def pictures_of(folder):
         for section in sections:
             for data in section.data:
                 own = exhibits_of(section, data, names, verdict_of(section))
-                yield from (*own.pictures, *own.shooting_pictures, *own.linked_pictures)
+                yield from own.pictures
 
 
 def test_links_of_the_page_lead_somewhere(typical):

@@ -259,10 +259,11 @@ def test_learning_curves_are_drawn_where_a_model_has_them(tmp_path):
     task["model"]["provenance"] = {"learning": {"training": losses, "held_out": 1.1 * losses}}
     other = made.task("stribeck", {"made": made.rows(0.4, 0.2, curve=0.1)})
     made.write(tmp_path, [task, other])
-    network, plain = models = made.section(tmp_path).models
+    section = made.section(tmp_path)
+    network, plain = models = section.models
     with drawing():
-        assert learning_curves([plain], styles(models), "") is None
-        picture = learning_curves(models, styles(models), "without friction = 1")
+        assert learning_curves(section._replace(models=(plain,)), styles(models)) is None
+        picture = learning_curves(section, styles(models))
         lines = [line for axis in picture.axes for line in axis.get_lines()]
         assert len(rendered(picture, ["png"])["png"]) > 1000
     assert len(lines) == 3 * made.FOLDS  # training, held out, the best

@@ -29,8 +29,7 @@ from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
 from frictionid.report.figures.curves import curve_bands
 from frictionid.report.figures.fits import STRONG, correlation
-from frictionid.report.figures.panels import measured
-from frictionid.report.figures.style import styles
+from frictionid.report.figures.style import measured, styles
 from frictionid.report.shooting_results import interval_table
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
@@ -333,7 +332,7 @@ def test_bands_are_as_wide_as_the_document_says(tmp_path):
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
     section = made.section(folder_of(tmp_path, refined))
     (model,) = section.models
-    (picture,) = curve_bands([model], section.description, styles([model]))
+    (picture,) = curve_bands(section, styles([model]))
     curve, near = picture.axes[0], picture.axes[1]
     for axis, scale in ((curve, 1.0), (near, 1e3)):
         heights = [np.ptp(path.vertices[:, 1]) for c in axis.collections for path in c.get_paths()]

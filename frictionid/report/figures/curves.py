@@ -2,42 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.panels import (
+from frictionid.report.figures.style import (
+    DARK,
+    DASHED,
+    DENSITY,
+    GREY,
+    PALE,
+    Style,
     draw_truth,
     error_to_truth,
+    figure,
     frame,
+    key_above,
     label_panels,
+    line,
     measured,
     most,
     paired_panels,
+    patch,
+    plain,
     prefixed,
     side_by_side,
     unmeasured_patch,
     velocity_axis,
 )
-from frictionid.report.figures.style import (
-    DARK,
-    DASHED,
-    GREY,
-    PALE,
-    Style,
-    figure,
-    key_above,
-    line,
-    patch,
-    plain,
-)
 from frictionid.report.sections import DataDescription, Model, Section
 
 COLUMNS = 4  # models side by side; more go to another picture
-DENSITY = 0.16  # height of the velocity density, share of a panel
 DOTTED = (0, (1, 1.6))
+Limits = tuple[float, float]
 
 
 def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
@@ -55,51 +54,51 @@ def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     data = section.description
     limits = [_limits([*columns, *given], data, joint) for joint in range(len(data.joints))]
     parts = side_by_side(columns, COLUMNS)
-    return [_curve_picture(part, given, (data, limits), styles) for part in parts]
+    return [_curve_picture(part, given, data, limits, styles) for part in parts]
 
 
 def _curve_picture(
     columns: Sequence[Model],
     given: Sequence[Model],
-    place: tuple[DataDescription, Sequence[tuple[float, float]]],
+    data: DataDescription,
+    limits: Sequence[Limits],
     styles: Mapping[str, Style],
 ) -> Any:
-    """A picture; `place` is the data set, and the ends of the joints' torque axes."""
-    data, limits = place
+    """A picture; `limits` are the ends of the joints' torque axes."""
     picture = figure(0.6 + 1.75 * len(limits))
     axes = picture.subplots(len(limits), len(columns), squeeze=False)
     for joint, row in enumerate(axes):
+        w = data.velocity[:, joint]
         for axis, model in zip(row, columns, strict=True):
-            _panel(axis, model, given, (data, joint, limits[joint]), styles)
+            velocity_axis(axis, w, limits[joint])
+            draw_density(axis, *density_heights(data, joint), DENSITY)
+            for other in given:
+                dashed = {"color": styles[other.label].colour, "linewidth": 0.9, "zorder": 3}
+                axis.plot(w, other.curves[-1, :, joint], "--", **dashed)
+            _folds(axis, w, model.curves[..., joint], styles[model.label].colour)
+            draw_truth(axis, data, joint)
             axis.tick_params(labelleft=axis is row[0], labelbottom=joint == len(limits) - 1)
         row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_units[joint]}]")
     for axis, model in zip(axes[0], columns, strict=True):
         axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
-    key_above(picture, _curve_key(given, data, styles))
+    key = {
+        "each fold": line(GREY, linewidth=0.6, alpha=0.6),
+        "mean of folds": line(GREY, linewidth=1.6),
+        "fit to all data": line(DARK, DOTTED, 0.8),
+        **{model.label: line(styles[model.label].colour, "--", 1) for model in given},
+        **_truth_key(data),
+        "velocity density, cut": patch(PALE),
+    }
+    key_above(picture, key)
     picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
     return picture
 
 
-def _panel(
-    axis: Any,
-    model: Model,
-    given: Sequence[Model],
-    place: tuple[DataDescription, int, tuple[float, float]],
-    styles: Mapping[str, Style],
-) -> None:
-    """Curves of a model and a joint; `place`: data set, joint, and ends of its torque axis."""
-    data, joint, limits = place
-    w = data.velocity[:, joint]
-    _density(axis, data, joint, limits)
-    velocity_axis(axis, w, limits)
-    for other in given:
-        colour = styles[other.label].colour
-        axis.plot(w, other.curves[-1, :, joint], "--", color=colour, linewidth=0.9, zorder=3)
-    _folds(axis, model, data, joint, styles[model.label].colour)
-    draw_truth(axis, data, joint)
+def _truth_key(data: DataDescription) -> dict[str, Any]:
+    return {} if data.truth is None else {"truth": line(DARK, DASHED, 1)}
 
 
-def _limits(models: Sequence[Model], data: DataDescription, joint: int) -> tuple[float, float]:
+def _limits(models: Sequence[Model], data: DataDescription, joint: int) -> Limits:
     """Lower and upper end of a joint's torque axis, with room for the density below."""
     lines = [line[:, joint] for model in models for line in model.curves]
     if data.truth is not None:
@@ -112,135 +111,95 @@ def _limits(models: Sequence[Model], data: DataDescription, joint: int) -> tuple
     return -high - DENSITY * 2 * high / (1 - DENSITY), high
 
 
-def _density(axis: Any, data: DataDescription, joint: int, limits: tuple[float, float]) -> None:
-    """The velocity density as a grey area at the bottom."""
+def density_heights(data: DataDescription, joint: int) -> tuple[Array, Array]:
+    """Edges of the velocity bins (B + 1,), and heights (B,) up to 1 of how often each occurred."""
     w, density = data.velocity[:, joint], data.density[joint]
-    edges = np.linspace(w[0], w[-1], len(density) + 1)
-    # joints rest often: bars taller than nearly all others are cut, or these could not be seen
-    full = float(np.quantile(density, 0.95)) or float(density.max()) or 1.0
-    height = DENSITY * (limits[1] - limits[0]) * np.minimum(density / full, 1)
-    axis.stairs(limits[0] + height, edges, baseline=limits[0], fill=True, color=PALE, linewidth=0)
+    return np.linspace(w[0], w[-1], len(density) + 1), cut_heights(density)
 
 
-def _folds(axis: Any, model: Model, data: DataDescription, joint: int, colour: str) -> None:
-    w = data.velocity[:, joint]
-    folds, overall = model.curves[:-1, :, joint], model.curves[-1, :, joint]
+def cut_heights(counts: Array) -> Array:
+    """Heights up to 1: joints rest often, and uncut bars of rest would flatten all others."""
+    full = float(np.quantile(counts, 0.95)) or float(counts.max()) or 1.0
+    return np.minimum(counts / full, 1.0)
+
+
+def draw_density(axis: Any, edges: Array, heights: Array, share: float) -> None:
+    """How often each velocity occurred, as a grey area in the lowest share of a panel."""
+    low, high = axis.get_ylim()
+    tops = low + share * (high - low) * heights
+    axis.stairs(tops, edges, baseline=low, fill=True, color=PALE, linewidth=0)
+
+
+def _folds(axis: Any, w: Array, curves: Array, colour: str) -> None:
+    """Curves (F + 1, V) of a joint: each fold, their mean, and dotted the fit to all data."""
+    folds = curves[:-1]
     axis.plot(w, folds.T, color=colour, linewidth=0.5, alpha=0.45)
     if np.isfinite(folds).all():  # no mean where a fold has none
         axis.plot(w, folds.mean(axis=0), color=colour, linewidth=1.6)
-    axis.plot(w, overall, color=DARK, linewidth=0.7, linestyle=DOTTED, zorder=4)
+    axis.plot(w, curves[-1], color=DARK, linewidth=0.7, linestyle=DOTTED, zorder=4)
 
 
-def _curve_key(
-    given: Sequence[Model],
-    data: DataDescription,
-    styles: Mapping[str, Style],
-) -> dict[str, Any]:
-    key = {
-        "each fold": line(GREY, linewidth=0.6, alpha=0.6),
-        "mean of folds": line(GREY, linewidth=1.6),
-        "fit to all data": line(DARK, DOTTED, 0.8),
-    }
-    key |= {model.label: line(styles[model.label].colour, "--", 1) for model in given}
-    if data.truth is not None:
-        key["truth"] = line(DARK, DASHED, 1)
-    return {**key, "velocity density, cut": patch(PALE)}
-
+# --- A curve, and below what lies about it: bands of shooting, members of ensembles ---------------
 
 STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
 
 
 class Band(NamedTuple):
-    """Curve (V,) of a joint at velocities (V,), with half-widths (V,)."""
+    """Curve (V,) of a joint at velocities (V,), with half-widths (V,); or members (V, N) about it.
+
+    Of members there are no half-widths.
+    """
 
     velocity: Array
     curve: Array
     pointwise: Array
     simultaneous: Array
+    members: Array = np.empty((0, 0))
 
 
-def curve_bands(
-    fits: Sequence[Model], data: DataDescription, styles: Mapping[str, Style]
-) -> list[Any]:
-    """Pictures of curves and, below each, of the bands about it: a column for each fit."""
-    return [_band_picture(shown, fits, data, styles) for shown in side_by_side(fits)]
+class _Kind(NamedTuple):
+    """What is drawn about the curves: its words, height of its panels, and how it is read.
 
+    alike : whether the panels of all models have the same axis
+    """
 
-def _band_picture(
-    shown: Sequence[Model],
-    every: Sequence[Model],
-    data: DataDescription,
-    styles: Mapping[str, Style],
-) -> Any:
-    picture, axes = paired_panels(len(shown), data, 1 / 1.5)
-    for joint in range(len(data.joints)):
-        bands = {model: band_of(model, data, joint) for model in every}
-        high = 1.12 * most([np.abs(band.curve) for band in bands.values()])
-        near = {model: _near_band(model, bands[model], data, joint) for model in every}
-        scale, prefix = prefixed(max(near.values()))
-        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_units[joint]}]")
-        for c, model in enumerate(shown):
-            band, colour = bands[model], styles[model.label].colour
-            upper, lower = axes[2 * joint : 2 * joint + 2, c]
-            frame(upper, band.velocity, data, joint, high)
-            _fill(upper, band, band.curve, colour)
-            upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
-            draw_truth(upper, data, joint)
-            frame(lower, band.velocity, data, joint, scale * near[model])
-            small = Band(band.velocity, *(scale * part for part in band[1:]))
-            _fill(lower, small, 0.0 * small.curve, colour)
-            lower.axhline(0, color=colour, linewidth=1.2)
-            draw_error(lower, model, data, joint, scale)
-    label_panels(picture, axes, shown, data, styles)
-    key_above(picture, _band_key(data))
-    return picture
-
-
-def draw_error(axis: Any, model: Model, data: DataDescription, joint: int, scale: float) -> None:
-    """The true curve less the fitted one, times a scale, where the truth is known."""
-    off = error_to_truth(model, data, joint)
-    if off is not None:
-        axis.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
+    about: str
+    ratio: float
+    alike: bool
+    read: Callable[[Model, DataDescription, int], Band]
 
 
 def band_of(model: Model, data: DataDescription, joint: int) -> Band:
     """A joint's band; documents without velocities of their own have it on the curves' grid."""
-    own = (model.refined or {})["bands"]
-    velocity = own.get("velocity", data.velocity)
-    curve = own.get("curve", model.curves[-1])
-    parts = (velocity, curve, own["pointwise"], own["simultaneous"])
+    bands = (model.refined or {})["bands"]
+    velocity = bands.get("velocity", data.velocity)
+    curve = bands.get("curve", model.curves[-1])
+    parts = (velocity, curve, bands["pointwise"], bands["simultaneous"])
     return Band(*(np.asarray(part, dtype=float)[:, joint] for part in parts))
 
 
-def _near_band(model: Model, band: Band, data: DataDescription, joint: int) -> float:
-    """End of the axis of what is about a curve: each fit has its own, to show its bands."""
-    return near_end([band.simultaneous[measured(band.velocity, data, joint)]], model, data, joint)
+def _members_of(model: Model, data: DataDescription, joint: int) -> Band:
+    mean = model.curves[-1][:, joint]
+    members = np.empty((0, 0, 0)) if model.members is None else model.members
+    about = (members[..., joint] - mean).T
+    return Band(data.velocity[:, joint], mean, *2 * (np.abs(about).max(axis=1),), about)
 
 
-def near_end(parts: list[Array], model: Model, data: DataDescription, joint: int) -> float:
-    """End of an axis that shows all parts, and the truth if it is not far from them."""
-    off = error_to_truth(model, data, joint)
-    if off is not None:
-        # a truth far away must not flatten the rest
-        parts = [*parts, np.minimum(np.abs(off[1]), 4 * most(parts))]
-    return 1.12 * most(parts)
+BANDS = _Kind("fit", 1 / 1.5, False, band_of)
+MEMBERS = _Kind("mean", 1.3, True, _members_of)
 
 
-def _fill(axis: Any, band: Band, middle: Array, colour: str) -> None:
-    for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
-        low, high = middle - half, middle + half
-        axis.fill_between(band.velocity, low, high, color=colour, alpha=alpha, linewidth=0)
-
-
-def _band_key(data: DataDescription) -> dict[str, Any]:
-    truth = {} if data.truth is None else {"truth": line(DARK, DASHED, 1)}
-    return {
+def curve_bands(section: Section, styles: Mapping[str, Style]) -> list[Any]:
+    """Pictures of fits with intervals: a column for each, its bands about it below."""
+    fits = [model for model in section.models if model.refined is not None]
+    data = section.description
+    key = {
         "fit to all data": line(GREY),
         "95 % at each velocity": patch(GREY, STRONG + WEAK / 2),
         "95 % at all velocities": patch(GREY, WEAK),
         "not measured": unmeasured_patch(),
-        **truth,
     }
+    return [_about_picture(part, fits, data, styles, BANDS, key) for part in side_by_side(fits)]
 
 
 def ensembles(section: Section) -> list[Model]:
@@ -250,80 +209,88 @@ def ensembles(section: Section) -> list[Model]:
 
 def spread_caption(section: Section) -> str:
     """Part of a caption on the members of ensembles; "" where there is none."""
-    models = ensembles(section)
-    if not models:
-        return ""
     sizes = {
-        m.label: f"{len(m.members)} members of {m.label}" for m in models if m.members is not None
+        m.label: f"{len(m.members)} members of {m.label}"
+        for m in ensembles(section)
+        if m.members is not None
     }
-    return (
+    return bool(sizes) * (
         f" The {', '.join(sizes.values())} differ by their initial weights and the recordings held "
         "out. That is no interval: how far they spread says little of how far their mean is off."
     )
 
 
 def spreads(section: Section, styles: Mapping[str, Style]) -> list[Any]:
-    """Pictures of ensembles: curves and, below each, its members about it; a column for each."""
-    models = ensembles(section)
-    return [_picture(part, models, section.description, styles) for part in side_by_side(models)]
+    """Pictures of ensembles: a column for each, its members about it below."""
+    models, data, pictures = ensembles(section), section.description, []
+    everywhere = all(measured(w, data, joint).all() for joint, w in enumerate(data.velocity.T))
+    for part in side_by_side(models):
+        colour = styles[part[0].label].colour if len(part) == 1 else GREY
+        key = {
+            "mean, fit to all data": line(colour),
+            "each member": line(colour, linewidth=0.6, alpha=0.7),
+            **({} if everywhere else {"not measured": unmeasured_patch()}),
+        }
+        pictures.append(_about_picture(part, models, data, styles, MEMBERS, key))
+    return pictures
 
 
-def _picture(
+def _about_picture(
     shown: Sequence[Model],
     every: Sequence[Model],
     data: DataDescription,
     styles: Mapping[str, Style],
+    kind: _Kind,
+    key: Mapping[str, Any],
 ) -> Any:
-    picture, axes = paired_panels(len(shown), data, 1.3)
+    """Curves of the shown models and, below each, what lies about it, on the axes of all models."""
+    picture, axes = paired_panels(len(shown), data, kind.ratio)
     for joint in range(len(data.joints)):
-        w = data.velocity[:, joint]
-        high = 1.12 * max(_high(model, joint) for model in every)
-        near = max(_near(model, data, joint) for model in every)
-        scale, prefix = prefixed(near)
-        axes[2 * joint + 1, 0].set_ylabel(f"about the mean\n[{prefix}{data.torque_units[joint]}]")
+        bands = {model: kind.read(model, data, joint) for model in every}
+        high = 1.12 * max(most([np.abs(band.curve)]) for band in bands.values())
+        ends = {model: _near(model, band, data, joint) for model, band in bands.items()}
+        scale, prefix = prefixed(max(ends.values()))
+        label = f"about the {kind.about}\n[{prefix}{data.torque_units[joint]}]"
+        axes[2 * joint + 1, 0].set_ylabel(label)
         for c, model in enumerate(shown):
-            colour, (upper, lower) = styles[model.label].colour, axes[2 * joint : 2 * joint + 2, c]
-            mean = _mean(model, joint)
-            frame(upper, w, data, joint, high)
-            upper.plot(w, mean, color=colour, linewidth=1.2)
+            band, colour = bands[model], styles[model.label].colour
+            upper, lower = axes[2 * joint : 2 * joint + 2, c]
+            frame(upper, band.velocity, data, joint, high)
+            if not band.members.size:
+                _fill(upper, band, colour)
+            upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
             draw_truth(upper, data, joint)
-            frame(lower, w, data, joint, scale * near)
-            members = scale * _members(model, joint).T
-            lower.plot(w, members, color=colour, linewidth=0.6, alpha=0.7)
+            end = max(ends.values()) if kind.alike else ends[model]
+            frame(lower, band.velocity, data, joint, scale * end)
+            if band.members.size:
+                thin = {"color": colour, "linewidth": 0.6, "alpha": 0.7}
+                lower.plot(band.velocity, scale * band.members, **thin)
+            else:
+                halves = (scale * half for half in (band.pointwise, band.simultaneous))
+                _fill(lower, Band(band.velocity, 0.0 * band.curve, *halves), colour)
             lower.axhline(0, color=colour, linewidth=1.2)
-            draw_error(lower, model, data, joint, scale)
-            lower.tick_params(labelleft=c == 0)
+            off = error_to_truth(model, data, joint)
+            if off is not None:
+                lower.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
+            lower.tick_params(labelleft=c == 0 or not kind.alike)
     label_panels(picture, axes, shown, data, styles)
-    key_above(picture, _key(data, styles[shown[0].label].colour if len(shown) == 1 else GREY))
+    key_above(picture, {**key, **_truth_key(data)})
     return picture
 
 
-def _mean(model: Model, joint: int) -> Array:
-    return np.asarray(model.curves[-1][:, joint])
+def _near(model: Model, band: Band, data: DataDescription, joint: int) -> float:
+    """End of an axis that shows what is about a curve, and the truth if it is not far from it."""
+    inside = measured(band.velocity, data, joint)
+    about = np.abs(band.members) if band.members.size else band.simultaneous[:, None]
+    parts = [about[inside].ravel()]
+    off = error_to_truth(model, data, joint)
+    if off is not None:
+        # a truth far away must not flatten the rest
+        parts = [*parts, np.minimum(np.abs(off[1]), 4 * most(parts))]
+    return 1.12 * most(parts)
 
 
-def _members(model: Model, joint: int) -> Array:
-    """Curves (N, V) of the members less their mean."""
-    members = np.empty((0, 0, 0)) if model.members is None else model.members
-    return np.asarray(members[..., joint] - _mean(model, joint))
-
-
-def _high(model: Model, joint: int) -> float:
-    """The largest torque of a joint's curve."""
-    return most([np.abs(_mean(model, joint))])
-
-
-def _near(model: Model, data: DataDescription, joint: int) -> float:
-    """End of the axis of what is about the mean, the same for all ensembles."""
-    inside = measured(data.velocity[:, joint], data, joint)
-    return near_end([np.abs(_members(model, joint))[:, inside].ravel()], model, data, joint)
-
-
-def _key(data: DataDescription, colour: str) -> dict[str, Any]:
-    key = {
-        "mean, fit to all data": line(colour),
-        "each member": line(colour, linewidth=0.6, alpha=0.7),
-    }
-    if not all(measured(w, data, joint).all() for joint, w in enumerate(data.velocity.T)):
-        key["not measured"] = unmeasured_patch()
-    return key if data.truth is None else {**key, "truth": line(DARK, DASHED, 1)}
+def _fill(axis: Any, band: Band, colour: str) -> None:
+    for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
+        edges = band.curve - half, band.curve + half
+        axis.fill_between(band.velocity, *edges, color=colour, alpha=alpha, linewidth=0)

@@ -14,7 +14,6 @@ from frictionid.check.motion import Motion
 from frictionid.data.recordings import Recording
 from frictionid.files import write_bytes
 from frictionid.mechanics import Mechanism
-from frictionid.report.figures.panels import panel_grid
 from frictionid.report.figures.style import (
     COLOURS,
     PALE,
@@ -23,6 +22,7 @@ from frictionid.report.figures.style import (
     key_above,
     line,
     marker,
+    panel_grid,
     plain,
     rendered,
 )

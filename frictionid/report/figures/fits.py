@@ -16,7 +16,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.report.estimates import Estimate, correlation_of, estimates
-from frictionid.report.figures.panels import panel_grid, velocity_axis
+from frictionid.report.figures.curves import cut_heights, draw_density
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -28,9 +28,11 @@ from frictionid.report.figures.style import (
     figure,
     key_above,
     line,
+    panel_grid,
     patch,
     plain,
     rendered,
+    velocity_axis,
 )
 from frictionid.report.numbers import MINUS, short
 from frictionid.report.sections import DataDescription, Model
@@ -210,7 +212,8 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
         _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])
         if truth is not None:
             axes.plot(grid[:, j], truth[:, j], color=DARK, linewidth=1, linestyle=DASHED)
-        _density(axes, w[:, j], grid[:, j])
+        counts, edges = np.histogram(w[:, j], bins=_BINS, range=(grid[0, j], grid[-1, j]))
+        draw_density(axes, edges, cut_heights(counts), _SPEEDS)
         axes.set_title(description.friction_names[j], loc="left")
         axes.set_xlabel(f"velocity [{description.friction_units[j]}/s]")
         axes.set_ylabel(f"friction [{description.friction_torque_units[j]}]")
@@ -234,15 +237,6 @@ def _panel(axes: Any, w: Array, curve: Array, half: Array | None) -> None:
     if half is not None:
         axes.fill_between(w, curve - half, curve + half, color=COLOURS[0], alpha=_BAND, lw=0)
     axes.plot(w, curve, color=COLOURS[0], linewidth=1.5)
-
-
-def _density(axes: Any, w: Array, grid: Array) -> None:
-    """How often each velocity occurred, as a grey area at the bottom, rest cut."""
-    counts, edges = np.histogram(w, bins=_BINS, range=(grid[0], grid[-1]))
-    low, high = axes.get_ylim()
-    full = float(np.quantile(counts, 0.95)) or 1.0
-    height = _SPEEDS * (high - low) * np.minimum(counts / full, 1.0)
-    axes.stairs(low + height, edges, baseline=low, fill=True, color=PALE, linewidth=0)
 
 
 def _key(band: bool, truth: bool) -> dict[str, Any]:

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.panels import ZERO, side_by_side
 from frictionid.report.figures.style import (
     DARK,
     DASHED,
     GREY,
+    ZERO,
     Style,
     figure,
     key_above,
     line,
     plain,
+    side_by_side,
 )
 from frictionid.report.memory import KINDS, Loop, has_memory, loops_of, middle, with_loops
 from frictionid.report.sections import Model, Section
@@ -28,14 +29,14 @@ RESOLVED = 0.01  # of the largest velocity: closer samples on both sides of a re
 TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
 
 
-def loop_pictures(section: Section, styles: Mapping[str, Style]) -> list[tuple[str, Any]]:
-    """Recipe and picture of the loops: a column for each model, rows of joints and motions."""
+def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, list[Any]]:
+    """Pictures of the loops by recipe: a column for each model, rows of joints and motions."""
     models = with_loops(section)
-    return [
-        (recipe, _picture(section, part, styles))
-        for recipe in dict.fromkeys(model.recipe for model in models)
-        for part in side_by_side([m for m in models if m.recipe == recipe], COLUMNS)
-    ]
+    by_recipe = {m.recipe: [o for o in models if o.recipe == m.recipe] for m in models}
+    return {
+        recipe: [_picture(section, part, styles) for part in side_by_side(columns, COLUMNS)]
+        for recipe, columns in by_recipe.items()
+    }
 
 
 def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:

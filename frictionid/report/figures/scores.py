@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.panels import plain_logarithm
 from frictionid.report.figures.style import (
     DARK,
     DASHED,
@@ -20,6 +19,7 @@ from frictionid.report.figures.style import (
     line,
     marker,
     plain,
+    plain_logarithm,
 )
 from frictionid.report.numbers import INFINITE, seconds, short
 from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
@@ -151,7 +151,7 @@ def rollout_errors(section: Section, styles: Mapping[str, Style]) -> Any:
 
 
 def _title(section: Section, data: SummaryData, recipe: str) -> str:
-    parts = [plain(data.dataset), "held out" if data.held_out else "never seen"]
+    parts = [plain(data.dataset), data.novelty]
     return ", ".join([*parts, f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else parts)
 
 
@@ -220,8 +220,10 @@ RECIPES = ("o", "^", "v", "P", "X", "<", ">", "p")
 
 
 def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
-    """Rollout error and curve error over one-step loss, a point for each model."""
+    """Rollout and curve error over one-step loss, a point for each model; None without truth."""
     data, description = section.fitted, section.description
+    if description.truth is None or not data.horizons:
+        return None
     unit, horizon = description.angle_unit, data.horizons[-1]
     errors = {model: data.value(model, rollout(horizon)) for model in section.models}
     curves = {

@@ -12,7 +12,6 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
 from frictionid.comparison.tuning.studies import StudyResult
-from frictionid.report.figures.panels import panel_grid, plain_logarithm
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -23,16 +22,18 @@ from frictionid.report.figures.style import (
     key_above,
     line,
     marker,
+    panel_grid,
     patch,
     plain,
+    plain_logarithm,
 )
-from frictionid.report.sections import Model
+from frictionid.report.sections import Model, Section
 
 
 def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
     """The picture of all studies: on all data thick, in each training fold thin."""
     tasks = [list(own) for _, own in groupby(studies, key=lambda study: study.task.title)]
-    picture, axes = panel_grid(len(tasks), COLUMNS, 1.9, 0.6)
+    picture, axes = panel_grid(len(tasks), ABREAST, 1.9, 0.6)
     samplers = list(dict.fromkeys(study.sampler for study in studies))
     colours = dict(zip(samplers, COLOURS, strict=False))
     thick = {"linewidth": 1.5, "alpha": 1.0, "zorder": 3}
@@ -56,7 +57,6 @@ def _lowest(study: StudyResult) -> Array:
     return np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))
 
 
-COLUMNS = 3
 PARTS = ("training", "held_out")
 
 
@@ -67,12 +67,13 @@ def losses_of(model: Model) -> Mapping[str, Array] | None:
     return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
 
 
-def learning_curves(models: Sequence[Model], styles: Mapping[str, Style], unit: str) -> Any:
+def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
     """Picture of all that learned in epochs, a panel for each; None where nothing did."""
+    models = section.of_role("fitted")
     shown = [(model, losses) for model in models if (losses := losses_of(model))]
     if not shown:
         return None
-    picture, axes = panel_grid(len(shown), COLUMNS, 1.8, 0.6)
+    picture, axes = panel_grid(len(shown), ABREAST, 1.8, 0.6)
     for axis, (model, losses) in zip(axes, shown, strict=True):
         own = styles[model.label].colour
         for part, values in losses.items():
@@ -85,7 +86,7 @@ def learning_curves(models: Sequence[Model], styles: Mapping[str, Style], unit: 
         axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_title(plain(model.name), fontsize=7, loc="left", color=own)
     picture.supxlabel("epoch", fontsize=8)
-    picture.supylabel(f"loss {unit}", fontsize=8)
+    picture.supylabel("loss without friction = 1", fontsize=8)
     key = {
         "training, each fold": line(GREY),
         "held out in the fold": line(styles[shown[0][0].label].colour),
