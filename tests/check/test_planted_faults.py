@@ -1,6 +1,6 @@
 """Each planted fault is found and named in at least 95 % of 200 simulated cases; healthy data are
-called good in at least 98 %. Where the first 60 cases of a fault have no exception, the others are
-left out: were fewer than 95 % found, that would happen in less than 5 %.
+called good in at least 98 %. Where the first 60 cases of a fault (150 healthy ones) have no
+exception, the others are left out: were fewer found, that would happen in less than 5 %.
 
 The cases: eight rigs (acrobot, double pendulum with one or two motors, pendulum) of drawn masses
 and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of noise; seeds
@@ -18,7 +18,7 @@ from frictionid.check.motion import mapped_motion, motions_of
 from frictionid.check.sensors import unwrapped
 
 CASES, FOUND, FALSE = 200, 0.95, 0.02
-CLEAR = 60  # cases without an exception: 0.95^60 < 0.05
+CLEAR, CLEARLY_HEALTHY = 60, 150  # cases without an exception: 0.95^60 and 0.98^150 < 0.05
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +60,15 @@ def applicable(case, fault, two):
 
 
 def test_healthy_recordings_are_called_good(healthy):
-    verdicts = [judge(case, motions) for case, motions in healthy[:CASES]]
-    alarms = [(v.dataset, [f.text for f in v.findings]) for v in verdicts if v.level != "good"]
+    alarms = false_alarms(healthy[:CLEARLY_HEALTHY])
+    if alarms:
+        alarms += false_alarms(healthy[CLEARLY_HEALTHY:CASES])
     assert len(alarms) <= FALSE * CASES, alarms
+
+
+def false_alarms(cases):
+    verdicts = [judge(case, motions) for case, motions in cases]
+    return [(v.dataset, [f.text for f in v.findings]) for v in verdicts if v.level != "good"]
 
 
 @pytest.mark.parametrize("fault", pool.FAULTS)
@@ -104,17 +110,24 @@ def exceptions(chosen, fault, rng):
 
 
 def test_a_joint_that_hardly_moves_is_named():
-    rigs = pool.lazy_pool(seed=1)
-    rng = np.random.default_rng(5)
-    cases = [(pool.case(dataset, rng), joint) for dataset, joint in rigs for _ in range(CASES // 2)]
-    motions = smoothed([case for case, _ in cases])
-    verdicts = [judge(case, m) for (case, _), m in zip(cases, motions, strict=True)]
-    named = [
-        [f.joint for f in v.findings if f.kind == "missing_excitation"] == [joint + 1]
-        for v, (_, joint) in zip(verdicts, cases, strict=True)
-    ]
-    assert np.mean(named) >= FOUND
-    assert np.mean([len(v.findings) > 1 for v in verdicts]) <= FALSE
+    rigs, rng = pool.lazy_pool(seed=1), np.random.default_rng(5)
+    cases = [(pool.case(rig, rng), joint) for _ in range(CASES // 2) for rig, joint in rigs]
+    verdicts = verdicts_of(cases[:CLEAR])
+    if not all(named and alone for named, alone in verdicts):
+        verdicts += verdicts_of(cases[CLEAR:])
+    named, alone = np.mean(verdicts, axis=0)
+    assert named >= FOUND
+    assert alone >= 1 - FALSE
+
+
+def verdicts_of(cases):
+    """Whether the joint that hardly moves is named, and whether nothing else is."""
+    out = []
+    for (case, joint), motions in zip(cases, smoothed([case for case, _ in cases]), strict=True):
+        findings = judge(case, motions).findings
+        named = [f.joint for f in findings if f.kind == "missing_excitation"] == [joint + 1]
+        out.append((named, len(findings) <= 1))
+    return out
 
 
 @pytest.mark.parametrize("fault", ["flipped_angle", "degrees", "swapped_joints", "wrapped_angle"])
