@@ -1,18 +1,16 @@
 """Checks of recordings before any fit: what is wrong with them, and what they identify.
 
-motion, balances, balance_windows
-                          smoothed motion, and momentum balances over short windows
-regression                least squares of base parameters and friction
+findings, findings.toml   what a check can say
+motion                    smoothed motion, and momentum balances over short windows
+regression                least squares of base parameters and friction; somebody's model
 partial_regression        one suspected error at a time, beside unknown friction
-facts                     clock, joints and noise
-fine_structure, torque_source, torque_place, gravity_model, unmeasured
-                          noise and steps of a signal; where the torque comes from
+facts, fine_structure     clock, joints and noise; noise and steps of a signal
 sensors, log_faults       faults of the readings and of the log
+conventions               signs, joints, frames and units, each a map of the data
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
-rivals                    which of them the data single out
-passive                   energy without input, loads at rest
-coverage, published       missing motion, advice; somebody's model
-questions, identifiable   answers, also where nothing is wrong
+passive                   energy without input, loads at rest, torques that equal gravity
+torque_source, servos     where the torque comes from
+questions                 answers, also where nothing is wrong; what to record next
 verdict                   the sequence of all checks
 """
 

@@ -1,23 +1,34 @@
-"""Tests of conventions: signs, order of the joints, units and frames.
+"""Tests of conventions: signs, order of the joints, units and frames, and the unit of time.
 
 Each hypothesis is a linear map of the angles and one of the torques that would correct the
 recordings. Its score says how much of the torque the nominal mechanism then leaves unexplained,
 whatever the friction. A sign changes some joints of an arm only, so that the sum over the joints
 decides; the sign of a gear, which turns angle and torque, may show in terms that are small beside
-friction, and the joint whose balance it changes most decides.
+friction, and the joint whose balance it changes most decides. A time that is f times too long makes
+accelerations f^2 times too small and leaves gravity, friction and the torque as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.motion import WIDTH, Measured, characteristic_speeds
+from frictionid.check.findings import Finding, finding
+from frictionid.check.motion import (
+    WIDTH,
+    Measured,
+    characteristic_speeds,
+    motions_of,
+    windows_of,
+)
 from frictionid.data.gears import Gears
+from frictionid.data.recordings import Dataset, Recording, TrueMotion
+from frictionid.data.signals import Signal
 from frictionid.fitting.one_step.balances import Rows, balances_of
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
@@ -64,27 +75,22 @@ class Scored(NamedTuple):
     windows: Array
 
     @property
-    def of_signs(self) -> bool:
-        """Whether it is about signs, which leave the sizes of all terms as they are."""
-        return self.convention.kind.startswith("flipped")
-
-    @property
     def of_gears(self) -> bool:
         """Whether it turns angle and torque."""
         return self.convention.kind in ("flipped_joint", "flipped_gear")
 
-    def advantage(self, given: Scored) -> float:
+    def advantage(self, other: Scored) -> float:
         """By how much it fits better than the data as given; beyond MARGIN these are wrong."""
-        if not self.of_signs:
+        if not self.convention.kind.startswith("flipped"):
             # what explains nothing counts as nothing
-            each, other = (np.where(s.matters, s.each, 0.0) for s in (self, given))
-            return float((other - each).mean())
-        less = given.each - self.each
+            ours, theirs = (np.where(s.matters, s.each, 0.0) for s in (self, other))
+            return float((theirs - ours).mean())
+        less = other.each - self.each
         total, most = float(less.sum()), int(np.argmax(np.abs(less)))
         if not self.of_gears or self.windows[most] < SHOWN:
             return total / min(len(less), 2)
-        own = min(float(less[most]), total) if less[most] > 0 else float(less[most])
-        return max(total, MARGIN * own / GEAR, key=abs)
+        clear = min(float(less[most]), total) if less[most] > 0 else float(less[most])
+        return max(total, MARGIN * clear / GEAR, key=abs)
 
 
 def hypotheses(
@@ -165,9 +171,10 @@ def scores(measured: Measured) -> list[Scored]:
     maps = {_key(c): (c.angle, c.zero) for c in candidates}
     rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
     torque = next(iter(rows.values())).means(measured.torque)
-    given, *others = (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
+    first, *others = (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
     # to turn a joint that nothing else depends on is no fault
-    return [given, *(s for s in others if not (s.of_gears and _same(s, given)))]
+    same = [np.allclose(s.each, first.each, rtol=0.0, atol=1e-6) for s in others]
+    return [first, *(s for s, same in zip(others, same, strict=True) if not (s.of_gears and same))]
 
 
 def scored(convention: Convention, rows: Rows, torque: Array) -> Scored:
@@ -183,25 +190,22 @@ def _key(convention: Convention) -> tuple[bytes, bytes]:
     return convention.angle.tobytes(), np.asarray(convention.zero).tobytes()
 
 
-def _same(one: Scored, other: Scored) -> bool:
-    return bool(np.allclose(one.each, other.each, rtol=0.0, atol=1e-6))
-
-
 def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> Iterator[Rows]:
     """Rows at the nominal parameters under each map, as many maps at once as memory allows."""
     mechanism, acts = measured.mechanism, measured.mechanism.friction_map
-    given = measured.balances.samples
-    windows = given.windows(WIDTH)
+    whole = measured.balances.samples
+    windows = whole.windows(WIDTH)
     noise = np.array([motion.velocity_noise for motion in measured.motions])
-    some = max(_SAMPLES // len(given.time), 1)
-    for first in range(0, len(maps), some):
-        angle = np.array([map_ for map_, _ in maps[first : first + some]])
-        zero = np.array([zero + np.zeros(mechanism.n) for _, zero in maps[first : first + some]])
+    count = max(_SAMPLES // len(whole.time), 1)
+    for first in range(0, len(maps), count):
+        part = maps[first : first + count]
+        angle = np.array([map_ for map_, _ in part])
+        zero = np.array([zero + np.zeros(mechanism.n) for _, zero in part])
         turn = np.swapaxes(angle, 1, 2)
-        q, w = (given.q - zero[:, None]) @ turn + zero[:, None], given.w @ turn
+        q, w = (whole.q - zero[:, None]) @ turn + zero[:, None], whole.w @ turn
         scatter = np.sqrt(noise**2 @ turn**2 @ acts.T**2)
         speeds = characteristic_speeds(w @ acts.T, scatter)
-        samples = given._replace(q=q, w=w)
+        samples = whole._replace(q=q, w=w)
         for balances in balances_of(mechanism, samples, measured.nominal, *speeds).each():
             yield balances.rows(windows).without(measured.dead)
 
@@ -249,9 +253,9 @@ def _residual_squares(shapes: Array, target: Array) -> float:
     return float(distance**2 + max(target @ target - b @ b, 0.0))
 
 
-def better(scored: list[Scored], given: Scored) -> list[Scored]:
+def better(scored: list[Scored], first: Scored) -> list[Scored]:
     """Conventions that fit clearly better than the data as given, equivalent ones together."""
-    fitting = [s for s in scored if s.score < EXPLAINS and s.advantage(given) > MARGIN]
+    fitting = [s for s in scored if s.score < EXPLAINS and s.advantage(first) > MARGIN]
     best = min((s.score for s in fitting), default=0.0)
     alike = [s for s in fitting if s.score < best + ALIKE]
     return sorted(alike, key=lambda s: _order(s.convention))
@@ -259,7 +263,88 @@ def better(scored: list[Scored], given: Scored) -> list[Scored]:
 
 def _order(convention: Convention) -> float:
     """Size of the maps: a change of one column comes before one of several."""
-    n = len(convention.angle)
-    return float(
-        np.abs(convention.angle - np.eye(n)).sum() + np.abs(convention.torque - np.eye(n)).sum()
+    eye = np.eye(len(convention.angle))
+    return float(sum(np.abs(map_ - eye).sum() for map_ in (convention.angle, convention.torque)))
+
+
+def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Finding]:
+    """A finding with the conventions that fit better, see `better`."""
+    if not fitting:
+        return
+    best, *others = fitting
+    names = [s.convention.words for s in others if s.convention.kind != "as_given"]
+    also = f" (or, equivalently: {'; '.join(names)})" if names else ""
+    # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
+    weak = first.score - best.score < MARGIN and best.of_gears
+    also += ", or its ratio or coupling is wrong" if weak else ""
+    yield finding(
+        "convention",
+        {"score": best.score, "given": first.score},
+        {"convention": best.convention.words, "also": also},
+        level="doubtful" if weak else "",
+        kind=best.convention.kind,
+    )
+
+
+# [s] between samples of angles: machines are sampled 5 to 5000 times a second, which leaves one
+# unit of time to compare with the one of the table.
+SHORTEST, LONGEST = 1.99e-4, 0.199
+# Seconds of the true unit, in that of the table, and what the table then says.
+UNITS = {
+    1e-3: "the time is in ms, not in s",
+    1e-6: "the time is in us, not in s",
+    1e3: "the time is 1000 times too short: in s, not in ms",
+    1e6: "the time is 1e6 times too short: in s, not in us",
+}
+
+
+def in_seconds(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
+    """Data set with times in seconds, and a finding where those of the tables are not.
+
+    Examples
+    --------
+    >>> time = np.arange(300) / 60
+    >>> fast = Signal(1000 * time, np.cos(5.7 * time)[:, None])
+    >>> machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
+    >>> swing = Recording("swing", fast, Signal(1000 * time, np.zeros((300, 1))))
+    >>> in_seconds(Dataset("demo", machine, (swing,)))[1][0].text.partition(":")[0]
+    'the time is in ms, not in s'
+    """
+    steps = [np.diff(r.angle.time) for r in dataset.recordings if len(r.angle.time) > 1]
+    interval = float(np.median(np.concatenate(steps))) if steps else 0.0
+    fitting = [f for f in (1.0, *UNITS) if SHORTEST <= interval * f < LONGEST]
+    if not fitting or fitting[0] == 1.0:
+        return dataset, []
+    factor = fitting[0]
+    recordings = tuple(_clocked(factor, recording) for recording in dataset.recordings)
+    corrected = replace(dataset, recordings=recordings)
+    measured = Measured.of_dataset(corrected, motions_of(corrected.recordings))
+    rows = windows_of(measured.balances).at(measured.nominal)
+    torque = rows.means(measured.torque)
+    # with the times of the table, then with the corrected ones
+    before, score = (
+        float(log_unexplained(rows._replace(inertia=f**2 * rows.inertia), torque).mean())
+        for f in (factor, 1.0)
+    )
+    if not score < before - MARGIN:
+        return dataset, []
+    numbers = {"factor": factor, "interval": interval, "score": score, "given": before}
+    words = {"unit": UNITS[factor], "actual": factor * interval}
+    return corrected, [finding("time_unit", numbers, words)]
+
+
+def _clocked(factor: float, recording: Recording) -> Recording:
+    """The recording with its times multiplied."""
+
+    def clocked(signal: Signal) -> Signal:
+        return signal._replace(time=factor * signal.time)
+
+    truth, velocity = recording.truth, recording.velocity
+    return replace(
+        recording,
+        angle=clocked(recording.angle),
+        torque=clocked(recording.torque),
+        velocity=velocity and clocked(velocity),
+        covariates={key: clocked(signal) for key, signal in recording.covariates.items()},
+        truth=truth and TrueMotion(clocked(truth.angle), clocked(truth.velocity)),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from frictionid.arrays import Array
-from frictionid.check.fine_structure import resolution
+from frictionid.check.fine_structure import resolution, scatter_of
 from frictionid.check.motion import Motion, speeds_of
 from frictionid.data.recordings import Recording
 
@@ -158,4 +158,4 @@ def _reversals(w: Array, threshold: float) -> int:
 def _ripple(recordings: Sequence[Recording], j: int) -> float:
     """Standard deviation of white noise on the torque, from second differences, robustly."""
     second = np.concatenate([np.diff(r.torque.value[:, j], n=2) for r in recordings])
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)) if len(second) else 0.0
+    return scatter_of(second) / float(np.sqrt(6))

@@ -87,12 +87,12 @@ def noise_of(time: Array, values: Array) -> Noise:
     Stretches in which the readings merely repeat say nothing and are left out.
     """
     each = [deviations(time, values[:, None], m)[:, 0] for m in NEIGHBOURS]
-    levels = [_scale(d) for d in each]
+    levels = [scatter_of(d) for d in each]
     best = each[int(np.argmin(levels))]
     count = min(STRETCHES, max(len(best) // FEWEST, 1))
     repeats = np.append(np.diff(values) == 0.0, False)
     stretches = [
-        _scale(stretch)
+        scatter_of(stretch)
         for stretch, same in zip(
             np.array_split(best, count), np.array_split(repeats, count), strict=True
         )
@@ -126,14 +126,25 @@ def unexplained_noise(time: Array, values: Array, readings: Array) -> float:
         root = np.sqrt(weight)[:, None]
         x = np.linalg.lstsq(columns * root, target * root[:, 0], rcond=1e-10)[0]
         left = target - columns @ x
-        weight = 1.0 / np.maximum(np.abs(left) / (1.5 * _scale(left) + 1e-300), 1.0)
-    return float(min(_scale(left) / max(_scale(target), 1e-300), 1.0))
+        weight = 1.0 / np.maximum(np.abs(left) / (1.5 * scatter_of(left) + 1e-300), 1.0)
+    return float(min(scatter_of(left) / max(scatter_of(target), 1e-300), 1.0))
 
 
-def _scale(values: Array) -> float:
+def scatter_of(values: Array) -> float:
+    """Standard deviation of normal noise about zero, by the median of its sizes."""
     if not len(values):
         return 0.0
     size, middle = np.abs(values), len(values) // 2
     size.partition((middle - 1, middle))  # the median, at a quarter of its time for few values
     both = size[middle - 1 : middle + 1] if len(size) % 2 == 0 else size[middle : middle + 1]
     return float(_MAD * both.mean())
+
+
+def run_edges(flags: Array) -> tuple[Array, Array]:
+    """First samples of the runs of true flags (T,), and the samples behind them.
+
+    >>> [edge.tolist() for edge in run_edges(np.array([True, True, False, True]))]
+    [[0, 3], [2, 4]]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return edges[::2], edges[1::2]

@@ -6,24 +6,36 @@ errors of the earlier ones corrected, so that one fault does not raise suspicion
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.clock import sampling_findings
-from frictionid.check.conventions import MARGIN, Scored, better, log_unexplained, scored, scores
-from frictionid.check.findings import Finding, percent
-from frictionid.check.model_errors import ModelError
-from frictionid.check.motion import MIN_WINDOWS, WIDTH, Measured, windows_of
-from frictionid.check.partial_regression import Nuisance, PartialEstimate, nuisance_of
-from frictionid.check.rivals import (
+from frictionid.check.conventions import (
+    Scored,
+    better,
+    convention_findings,
+    log_unexplained,
+    scored,
+    scores,
+)
+from frictionid.check.findings import Finding, finding
+from frictionid.check.model_errors import (
     SINGLED_OUT,
+    ModelError,
     constant_angle,
     findings_of,
     misfit,
     unlogged_torque,
+)
+from frictionid.check.motion import MIN_WINDOWS, WIDTH, Measured, Motion, windows_of
+from frictionid.check.partial_regression import (
+    Nuisance,
+    PartialEstimate,
+    nuisance_of,
+    refined_delay,
 )
 from frictionid.data.integrals import SignalIntegrals
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
@@ -69,13 +81,12 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     if inside.moving.any(1).sum() < MIN_WINDOWS:
         return None
     lags = np.arange(-np.floor(widest / COARSE), np.floor(widest / COARSE) + 1) * COARSE
-    profile = _profile(_Given.of(inside, nominal), torque, lags)
+    profile = _balances(inside, nominal, torque).profile(lags)
     coarse = float(lags[np.argmin(profile)])
-    near = _Given.of(_inside(rows, abs(coarse) + COARSE), nominal)
+    near = _balances(_inside(rows, abs(coarse) + COARSE), nominal, torque)
     fine = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
-    best = float(fine[np.argmin(_profile(near, torque, fine))])
-    best, step = _refined(near, torque, best)
-    without = float(_profile(near, torque, np.zeros(1))[0])
+    best, step = near.refined(float(fine[np.argmin(near.profile(fine))]))
+    without = float(near.profile(np.zeros(1))[0])
     explained = 1.0 - step.left / max(without, 1e-300)
     return Delay(best, step.error, explained, lags, profile / profile.min())
 
@@ -89,41 +100,42 @@ def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) 
     near = _inside(longer, abs(delay.seconds) + COARSE)
     if near.moving.any(1).sum() < MIN_WINDOWS:
         return delay
-    other, step = _refined(_Given.of(near, nominal), torque, delay.seconds)
+    other, step = _balances(near, nominal, torque).refined(delay.seconds)
     beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
     return delay._replace(error=float(np.hypot(delay.error, beyond)))
 
 
-class _Given(NamedTuple):
-    """Rows, what may be unknown in their balances, and what the nominal mechanism needs (K, n)."""
+class _Balances(NamedTuple):
+    """Balances as functions of the torque's delay.
+
+    nuisance : what may be unknown in them ; required (K, n) : what the nominal mechanism needs
+    """
 
     rows: Rows
+    torque: SignalIntegrals
     nuisance: Nuisance
     required: Array
 
-    @staticmethod
-    def of(rows: Rows, nominal: Array) -> _Given:
-        nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True)
-        return _Given(rows, nuisance, rows.required(nominal))
+    def refined(self, best: float) -> tuple[float, PartialEstimate]:
+        """Delay [s] by Gauss-Newton from a near one, and the last step."""
+
+        def means(lags: Sequence[float]) -> Array:
+            return self.rows.means(self.torque, lags)
+
+        return refined_delay(self.nuisance, self.required, means, best, (STEP, COARSE, 3))
+
+    def profile(self, lags: Array) -> Array:
+        """Sums of squares (D,) with each of the delays; few rows are kept at a time."""
+        fit = self.nuisance.beside(self.rows.means(self.torque, lags[len(lags) // 2]))
+        most = max(_WINDOWS // len(self.rows.start), 1)
+        parts = (lags[i : i + most] for i in range(0, len(lags), most))
+        each = (self.rows.means(self.torque, part) - self.required for part in parts)
+        return np.concatenate([(fit.residual(left) ** 2).sum(-1) for left in each])
 
 
-def _refined(given: _Given, torque: SignalIntegrals, best: float) -> tuple[float, PartialEstimate]:
-    """Delay [s] by Gauss-Newton from a near one, and the last step."""
-    for _ in range(3):
-        early, middle, late = given.rows.means(torque, [best - STEP, best, best + STEP])
-        fit = given.nuisance.beside(middle)
-        step = fit.estimate(middle - given.required, (early - late) / (2 * STEP))
-        best += float(np.clip(step.value, -COARSE, COARSE))
-    return best, step
-
-
-def _profile(given: _Given, torque: SignalIntegrals, lags: Array) -> Array:
-    """Sums of squares (D,) with each of the delays, some at a time: few rows are kept."""
-    fit = given.nuisance.beside(given.rows.means(torque, lags[len(lags) // 2]))
-    most = max(_WINDOWS // len(given.rows.start), 1)
-    parts = (given.rows.means(torque, lags[i : i + most]) for i in range(0, len(lags), most))
-    left = [(fit.residual(means - given.required) ** 2).sum(-1) for means in parts]
-    return np.concatenate(left)
+def _balances(rows: Rows, nominal: Array, torque: SignalIntegrals) -> _Balances:
+    nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True)
+    return _Balances(rows, torque, nuisance, rows.required(nominal))
 
 
 def _shortest(rows: Rows) -> float:
@@ -187,42 +199,44 @@ def untested(measured: Measured) -> HypothesisTests:
 def run_tests(measured: Measured) -> HypothesisTests:
     """Tests of conventions, delay and mechanism; none where no joint moves for long enough."""
     tests = untested(measured)
-    given, nominal = tests.as_given, measured.nominal
-    if not (given.moving.sum(0) >= MIN_WINDOWS).any():
+    if not (tests.rows.moving.sum(0) >= MIN_WINDOWS).any():
         return tests
-    conventions, delay = scores(measured), delay_of(given, measured.torque, nominal)
-    fitting = better(conventions, _limit(conventions[0], measured, given, delay))
-    corrected, rows = measured, given
+    conventions = scores(measured)
+    delay = delay_of(tests.rows, measured.torque, measured.nominal)
+    fitting = better(conventions, _limit(conventions[0], tests, delay))
+    corrected, rows = measured, tests.rows
     if fitting:
         best = fitting[0].convention
         corrected = measured.mapped(best.angle, best.torque, best.zero)
-        rows = windows_of(corrected.balances).without(corrected.dead)
-        delay = delay_of(rows, corrected.torque, nominal)
+        rows = untested(corrected).rows
+        delay = delay_of(rows, corrected.torque, measured.nominal)
     longer = _longer_rows(corrected, rows)
     if delay is not None and longer is not None:
-        delay = beside(delay, longer, corrected.torque, nominal)
-    late = _delay_findings(delay, _sample_interval(measured))
+        delay = beside(delay, longer, corrected.torque, measured.nominal)
+    late = list(_delay_findings(delay, _sample_interval(measured)))
     shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)
     left = misfit(corrected, rows, torque)
-    fault = unlogged_torque(left, torque, measured.mechanism.driven)
-    fault = fault or constant_angle(left, measured)
-    fault = fault or findings_of(left, coarse=bool(sampling_findings(measured)))
-    findings = [*_convention_findings(fitting, conventions[0]), *late, *fault]
+    fault = (
+        unlogged_torque(left, torque, measured.mechanism.driven)
+        or constant_angle(left, measured)
+        or findings_of(left, coarse=bool(sampling_findings(measured)))
+    )
+    findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
-    findings = findings or _unexplained_findings(rows, torque, nominal)
-    return HypothesisTests(
-        corrected,
-        rows,
-        given,
-        longer,
-        True,
-        tuple(conventions),
-        delay,
-        shift,
-        left.errors,
-        tuple(findings),
+    findings = findings or _unexplained_findings(rows, torque, measured.nominal)
+    return replace(
+        tests,
+        measured=corrected,
+        rows=rows,
+        longer=longer,
+        done=True,
+        conventions=tuple(conventions),
+        delay=delay,
+        shift=shift,
+        model_errors=left.errors,
+        findings=tuple(findings),
     )
 
 
@@ -234,17 +248,14 @@ def _longer_rows(measured: Measured, rows: Rows) -> Rows | None:
     return longer if enough[count >= MIN_WINDOWS].all() else None
 
 
-def _limit(given: Scored, measured: Measured, rows: Rows, delay: Delay | None) -> Scored:
+def _limit(first: Scored, tests: HypothesisTests, delay: Delay | None) -> Scored:
     """The data as given, at their delay if they fit better there."""
     if delay is None:
-        return given
+        return first
+    measured, rows = tests.measured, tests.rows
     torque = rows.means(measured.torque, delay.seconds)
-    late = scored(given.convention, rows.at(measured.nominal), torque)
-    return min(given, late, key=lambda s: s.score)
-
-
-def _score(rows: Rows, torque: Array, nominal: Array) -> float:
-    return float(log_unexplained(rows.at(nominal), torque).mean())
+    late = scored(first.convention, rows.at(measured.nominal), torque)
+    return min(first, late, key=lambda s: s.score)
 
 
 def _sample_interval(measured: Measured) -> float:
@@ -257,98 +268,63 @@ def _sample_interval(measured: Measured) -> float:
     return float(np.median(longest)) if longest else 0.0
 
 
-def _convention_findings(fitting: list[Scored], given: Scored) -> list[Finding]:
-    if not fitting:
-        return []
-    first = fitting[0].convention
-    others = [s.convention.words for s in fitting[1:] if s.convention.kind != "as_given"]
-    also = f" (or, equivalently: {'; '.join(others)})" if others else ""
-    # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
-    weak = given.score - fitting[0].score < MARGIN and fitting[0].of_gears
-    also += ", or its ratio or coupling is wrong" if weak else ""
+def _motor_findings(measured: Measured) -> list[Finding]:
     return [
-        Finding(
-            first.kind,
-            "doubtful" if weak else "unusable",
-            f"{first.words}{also}: corrected, the nominal mechanism leaves "
-            f"{percent_unexplained(fitting[0].score)} of the torque unexplained instead of "
-            f"{percent_unexplained(given.score)}",
-            "correct the columns or units in dataset.toml or in the tables; the other checks use "
-            "corrected data",
-            None,
-            {"score": fitting[0].score, "given": given.score},
-        )
+        finding("torque_without_motor", {}, {"sentence": words, "remedy": NO_MOTOR_REMEDY}, j + 1)
+        for j, words in torque_without_motor(measured.dataset).items()
     ]
 
 
-def _between_samples(delay: Delay, interval: float) -> Finding:
+def _delay_findings(delay: Delay | None, interval: float) -> Iterator[Finding]:
+    if delay is None:
+        return
+    size = abs(delay.seconds)
+    # far off, some delay of a nearly periodic torque explains a part of any misfit
+    enough = EXPLAINS if size < UNUSABLE_DELAY else 1.0 - SINGLED_OUT
+    if size < max(ERRORS * delay.error, SAMPLE * interval, LEAST) or delay.explained < enough:
+        return
     low, high = delay.interval
-    return Finding(
-        "hold",
-        "good",
-        f"the motion asks for a torque shifted by {1e3 * low:.1f} to {1e3 * high:.1f} ms, less "
-        f"than its interval between samples ({1e3 * interval:.3g} ms): held or interpolated "
-        "between samples, or late; the data cannot tell these apart",
-        'correct torque = "previous" or "linear" under [hold], or fit the delay',
-        None,
-        {"delay": delay.seconds, "error": delay.error, "interval": interval},
+    numbers, words = {"delay": delay.seconds, "error": delay.error}, {"low": low, "high": high}
+    if size < BETWEEN * interval:
+        yield finding("hold", {**numbers, "interval": interval}, words)
+        return
+    yield finding(
+        "delay",
+        {**numbers, "explains": delay.explained},
+        {**words, "size": size, "word": "after" if delay.seconds > 0 else "before"},
+        level="unusable" if size > UNUSABLE_DELAY else "",
     )
 
 
-def _motor_findings(measured: Measured) -> list[Finding]:
-    return [
-        Finding("torque_without_motor", "unusable", sentence, NO_MOTOR_REMEDY, j + 1)
-        for j, sentence in torque_without_motor(measured.dataset).items()
-    ]
-
-
-def percent_unexplained(score: float) -> str:
-    """Share of the torque that a score, see `log_unexplained`, leaves unexplained.
-
-    >>> percent_unexplained(2 * np.log(0.068))
-    '6.8 %'
-    """
-    return percent(float(np.exp(score / 2)))
-
-
-def _delay_findings(delay: Delay | None, interval: float) -> list[Finding]:
-    if delay is None:
-        return []
-    least = max(ERRORS * delay.error, SAMPLE * interval, LEAST)
-    # far off, some delay of a nearly periodic torque explains a part of any misfit
-    enough = EXPLAINS if abs(delay.seconds) < UNUSABLE_DELAY else 1.0 - SINGLED_OUT
-    if abs(delay.seconds) < least or delay.explained < enough:
-        return []
-    low, high = delay.interval
-    if abs(delay.seconds) < BETWEEN * interval:
-        return [_between_samples(delay, interval)]
-    word = "after" if delay.seconds > 0 else "before"
-    return [
-        Finding(
-            "delay",
-            "unusable" if abs(delay.seconds) > UNUSABLE_DELAY else "doubtful",
-            f"the torque acts {1e3 * abs(delay.seconds):.1f} ms {word} it is logged "
-            f"(95 %: {1e3 * low:.1f} to {1e3 * high:.1f} ms); an uncorrected delay looks like "
-            "viscous friction and like memory",
-            "shift the torque's clock, or fit the delay (calibration parameters)",
-            None,
-            {"delay": delay.seconds, "error": delay.error, "explains": delay.explained},
-        )
-    ]
-
-
 def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:
-    score = _score(rows, torque, nominal)
+    score = float(log_unexplained(rows.at(nominal), torque).mean())
     if score < UNEXPLAINED:
         return []
-    return [
-        Finding(
-            "unexplained",
-            "doubtful",
-            f"the nominal mechanism leaves {100 * np.exp(score / 2):.0f} % of the torque "
-            "unexplained, whatever the friction, and no tested error explains it",
-            "check that mechanism, columns and units belong to these recordings",
-            None,
-            {"score": score},
-        )
-    ]
+    return [finding("unexplained", {"score": score}, {"share": np.exp(score / 2)})]
+
+
+# Velocity changes from sample to sample over the fast speed: beyond it samples are too few.
+COARSE_SAMPLES = 0.1
+
+
+def sampling_findings(measured: Measured) -> list[Finding]:
+    """A finding where the velocity of a joint changes much between two samples."""
+    threshold, fast = measured.speeds
+    change = velocity_changes(measured.motions, threshold) / fast
+    j = int(np.argmax(change))
+    if change[j] <= COARSE_SAMPLES:
+        return []
+    gap = np.median(np.concatenate([np.diff(motion.states.time) for motion in measured.motions]))
+    words = {"gap": gap, "times": np.ceil(2 * change[j] / COARSE_SAMPLES)}
+    return [finding("slow_sampling", {"change": float(change[j])}, words, j + 1)]
+
+
+def velocity_changes(motions: Sequence[Motion], threshold: Array) -> Array:
+    """Usual change (n,) [rad/s] of velocities from sample to sample; zero for joints at rest.
+
+    Median over the samples with a speed above the threshold (n,) [rad/s].
+    """
+    change = np.concatenate([np.abs(np.diff(motion.states.w, axis=0)) for motion in motions])
+    speed = np.concatenate([np.abs(motion.states.w[1:]) for motion in motions])
+    moving = [c[s > least] for c, s, least in zip(change.T, speed.T, threshold, strict=True)]
+    return np.array([np.median(c) if len(c) else 0.0 for c in moving])

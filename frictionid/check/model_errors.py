@@ -1,31 +1,57 @@
-"""Errors of the nominal mechanism, tested one at a time.
+"""Errors of the nominal mechanism, tested one at a time, and which of them the data single out.
 
 Torque gains, rotors, base parameters, and friction that grows with the motor's torque: each is
-fitted alone, with the friction of each joint free. `rivals` decides what that means.
+fitted alone, with the friction of each joint free. Every such suspect has rivals that no column
+describes: a disturbance, an unmodelled load, several errors at once, and the errors of the motion
+itself. A suspect is named where it leaves little, not where it removes something.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding
-from frictionid.check.partial_regression import PartialRegression
-from frictionid.check.regression import Estimate
+from frictionid.check.findings import Finding, finding, sentence
+from frictionid.check.motion import WIDTH, Measured
+from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
 from frictionid.fitting.one_step.balances import Rows
-from frictionid.friction import Friction
 from frictionid.mechanics import Plant
+
+# Nominal numbers of real machines are rarely better than this share; friction that grows with the
+# torque shows from this share of it.
+LARGE, LOADED = 0.1, 0.08
+# Another gear or torque constant stays within these factors; beyond them something else is wrong.
+GAINS = (0.2, 5.0)
+# A gain that its own joint alone shows is off by this much: a nominal inertia may be off by less.
+WRONG = 0.25
+# A suspect matters where it removes this share of the sum of squares, and is this many standard
+# errors from nothing.
+EXPLAINS, ERRORS = 0.3, 4.0
+# It is singled out where it leaves at most this share of the squares, or only errors of the motion
+# (disturbances leave 0.55 and more to the best suspect).
+SINGLED_OUT = 0.35
+# Others are named beside it that leave less than this much more than it.
+ALIKE = 1.1
+# A misfit below this many times what errors of the motion make is theirs.
+NOISE = 1.5
+# Share of the terms that any machine's balance leaves.
+USUAL = 0.03
+# Share of the terms that unknown friction and simple errors leave at most: beyond it, something is
+# wrong in any case (real machines: 0.03 to 0.08).
+MISFIT = 0.1
+# The same in one recording, where it is more than twice that of the others.
+LOCAL = 0.05
 
 
 class ModelError(NamedTuple):
     """A change that would correct the nominal mechanism, or its friction.
 
     kind, words ; size and error in `unit`; share: relative to the nominal value (gain - 1, or the
-    largest change of a base parameter); left: sum of squares over the one without any change; own:
-    the same in the balance of the joint that it changes most
+    largest change of a base parameter); left: sum of squares over the one without any change;
+    left_in_row: the same in the balance of the joint that it changes most
     """
 
     kind: str
@@ -35,17 +61,7 @@ class ModelError(NamedTuple):
     unit: str
     share: float
     left: float
-    own: float = 1.0
-
-
-class _Candidate(NamedTuple):
-    """An error to test: its column [N m per unit], and the relative size of one unit."""
-
-    kind: str
-    words: str
-    column: Array
-    unit: str
-    share: float
+    left_in_row: float = 1.0
 
 
 def model_errors(
@@ -62,118 +78,208 @@ def model_errors(
     out = []
     for kind, words, column, unit, share in _candidates(plant, rows, torque):
         size, error, left = fit.estimate(target, column)
-        own = fit.left_in_row(target, column, size) if kind in ("gain", "rotor") else 1.0
+        in_row = fit.left_in_row(target, column, size) if kind in ("gain", "rotor") else 1.0
         if kind == "gain":  # the joint feels 1 - c of what is logged
             size, share = 1 - size, -size
         else:
             share *= size
-        out.append(ModelError(kind, words, size, error, unit, share, left / without, own))
+        out.append(ModelError(kind, words, size, error, unit, share, left / without, in_row))
     return tuple(sorted((e for e in out if np.isfinite(e.error)), key=lambda e: e.left))
 
 
-def _candidates(plant: Plant, rows: Rows, torque: Array) -> Iterator[_Candidate]:
+def _candidates(
+    plant: Plant, rows: Rows, torque: Array
+) -> Iterator[tuple[str, str, Array, str, float]]:
+    """Errors to test: kind, words, column (K, n) [N m per unit], unit, relative size of a unit."""
     mechanism, nominal = plant.mechanism, np.asarray(plant.p)[0]
-    motors = [j for j, driven in enumerate(mechanism.driven) if driven]
+    motors = np.flatnonzero(mechanism.driven).tolist()
     if len(motors) > 1:
-        yield _Candidate("gain", "gain of all torques", torque, "", 1.0)
+        yield "gain", "gain of all torques", torque, "", 1.0
+    eye = np.eye(torque.shape[1])
     for j in motors:
-        own = torque * (np.arange(torque.shape[1]) == j)
-        yield _Candidate("gain", f"gain of torque {j + 1}", own, "", 1.0)
-    sliding = rows.friction[..., 0]  # mean of sgn(w)
+        yield "gain", f"gain of torque {j + 1}", torque * eye[j], "", 1.0
+    growing = np.abs(torque) * rows.friction[..., 0]  # times the mean of sgn(w)
     for j in motors:
-        own = np.abs(torque) * sliding * (np.arange(torque.shape[1]) == j)
-        words = f"the friction of joint {j + 1} grows with its torque"
-        yield _Candidate("load", words, own, "", 1.0)
+        yield (
+            "load",
+            f"the friction of joint {j + 1} grows with its torque",
+            growing * eye[j],
+            "",
+            1.0,
+        )
     parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
     for name in (p.name for p in mechanism.parameters if p.rotor):
         # base parameters are linear in a rotor inertia
         larger = {**parameters, name: parameters[name] + 1.0}
         change = mechanism.base(larger) - mechanism.base(parameters)
         share = float(np.max(np.abs(change) / np.maximum(np.abs(nominal), 1e-12)))
-        words = f"rotor inertia missing ({name})"
-        yield _Candidate("rotor", words, rows.regressor @ change, "kg m^2", share)
+        yield "rotor", f"rotor inertia missing ({name})", rows.regressor @ change, "kg m^2", share
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
-            share = 1 / abs(float(nominal[i]))
-            yield _Candidate("base", name, rows.regressor[..., i], unit, share)
+            yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
 
 
-# Incompatible: the residual is this many times that of least squares, and some number differs by
-# this share and this many standard errors.
-WORSE, OFF, ERRORS = 1.5, 0.2, 4.0
-# Mean of sgn(w) beyond which a window counts as motion in one direction.
-ONE_WAY = 0.999
+class Misfit(NamedTuple):
+    """What the nominal mechanism leaves, whatever the friction.
 
-
-class Compared(NamedTuple):
-    """A published model beside the least squares of the data.
-
-    names, published, estimated, error (P,) : base parameters, and Coulomb and viscous per joint ;
-    spread, best (n,) [N m] : RMS residual of the published model and of least squares, over the
-    windows in which the joint moves in one direction
+    share : RMS over the terms of the balance ; noise : that which errors of the motion make ;
+    errors : suspects, the one that leaves least first ; free : share of the squares that free base
+    parameters leave ; where, there : recording that it is much worse in than in the others, and the
+    share in it; "" and `share` where there is none
     """
 
-    names: tuple[str, ...]
-    published: Array
-    estimated: Array
-    error: Array
-    spread: Array
-    best: Array
+    share: float
+    noise: float
+    errors: tuple[ModelError, ...]
+    free: float
+    where: str
+    there: float
 
 
-def compared(
-    rows: Rows, torque: Array, estimate: Estimate, parameters: Array, friction: Friction
-) -> Compared:
-    """Published numbers, estimates and residuals side by side.
-
-    parameters : (R, nb) base parameters of the published model. Its friction curve is read as
-    Coulomb and viscous friction by a line through the speeds that occur.
-    """
-    n = torque.shape[1]
-    left = torque - rows.required(parameters)
-    names, values = list(estimate.names[: parameters.shape[1]]), list(parameters[0])
-    spread, best = np.full((2, n), np.nan)
-    for j in range(n):
-        # at a reversal a curve's mean is not its value at the mean velocity
-        use = one_way(rows, j)
-        w = rows.w[use, j]
-        if not len(w):
-            continue
-        curve = friction.curve(w)[:, j]
-        spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2))
-        best[j] = np.sqrt(np.mean(estimate.residual[use, j] ** 2))
-        names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
-        values += list(np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0])
-    at = [estimate.names.index(name) for name in names]
-    value, error = estimate.value[at], estimate.error[at]
-    return Compared(tuple(names), np.array(values), value, error, spread, best)
-
-
-def one_way(rows: Rows, j: int) -> Array:
-    """Windows (K,) in which joint j moves in one direction: there friction has a speed."""
-    return np.asarray(rows.moving[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
-
-
-def incompatible(model: Compared) -> list[Finding]:
-    """A finding with figures where the published numbers contradict the data."""
-    off = np.abs(model.published - model.estimated)
-    wrong = (off > ERRORS * model.error) & (off > OFF * np.abs(model.estimated))
-    ratio = float(np.nanmax(model.spread / np.maximum(model.best, 1e-300)))
-    if not wrong.any() or ratio < WORSE:
-        return []
-    figures = "; ".join(
-        f"{name} {p:.3g} published, {v:.3g} +- {e:.1g} from the data"
-        for name, p, v, e, w in zip(*model[:4], wrong, strict=True)
-        if w
+def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
+    """The misfit of the nominal mechanism; rows of unit vectors, torque (K, n) [N m]."""
+    nominal = measured.nominal
+    fit = partial_regression(rows, torque, nominal)
+    left = fit.residual(torque - rows.required(nominal))
+    count = max(len(left), 1)
+    noise = fit.weight * measured.momentum_noise / WIDTH
+    moving = rows.moving.sum(0) / max(int(rows.moving.sum()), 1)
+    number = np.broadcast_to(rows.recording[:, None], rows.moving.shape)[rows.moving]
+    return Misfit(
+        MODEL * float(np.sqrt(left @ left / count)),
+        MODEL * float(np.sqrt(np.sum(moving * noise**2))),
+        model_errors(measured.plant, rows, torque, fit),
+        free_share(rows, torque, nominal, fit),
+        *_worst(measured, left, number),
     )
-    return [
-        Finding(
-            "published",
-            "good",  # the data are not to blame
-            f"the published numbers are incompatible with the data: {figures}; they leave "
-            f"{ratio:.1f} times the residual of least squares",
-            "check what they were fitted to before using them",
-            None,
-            {"ratio": ratio},
-        )
-    ]
+
+
+def _worst(measured: Measured, left: Array, number: Array) -> tuple[str, float]:
+    """Recording whose residual is more than twice that of the others together, and its share."""
+    squares = np.bincount(number, left**2, len(measured.motions))
+    counts = np.bincount(number, minlength=len(measured.motions))
+    if (counts > 0).sum() < 3:
+        return "", MODEL * float(np.sqrt(left @ left / max(len(left), 1)))
+    each = squares / np.maximum(counts, 1)
+    i = int(np.argmax(each))
+    others = (squares.sum() - squares[i]) / max(counts.sum() - counts[i], 1)
+    alone = bool(each[i] > 4.0 * others)
+    name = measured.dataset.recordings[i].name if alone else ""
+    return name, MODEL * float(np.sqrt(each[i] if alone else squares.sum() / counts.sum()))
+
+
+def free_share(rows: Rows, torque: Array, nominal: Array, fit: PartialRegression) -> float:
+    """Sum of squares with all base parameters free, over the one with the nominal ones."""
+    target = fit.residual(torque - rows.required(nominal))
+    columns = fit.residual(np.moveaxis(rows.regressor, -1, 0)).T
+    size = np.sqrt((columns**2).sum(0))
+    if not np.abs(torque).any():  # only ratios show: hold the largest
+        size[np.argmax(size * np.abs(nominal[0]))] = 0.0
+    columns = columns[:, size > 0] / size[size > 0]
+    left = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-7)[0]
+    return float(left @ left) / max(float(target @ target), 1e-300)
+
+
+def unlogged_torque(left: Misfit, torque: Array, driven: Sequence[bool]) -> list[Finding]:
+    """A finding where motors are not logged: torques (K, n) that are zero, and a misfit."""
+    motors = ", ".join(str(j + 1) for j in np.flatnonzero(driven))
+    unknown = any(f.kind == "unknown_cause" for f in findings_of(left))
+    if np.abs(torque).any() or not motors or not unknown:
+        return []
+    return [finding("zero_torque", {"left": left.share, "noise": left.noise}, {"motors": motors})]
+
+
+def constant_angle(left: Misfit, measured: Measured) -> list[Finding]:
+    """A finding where an angle is constant throughout, and the other joints move as if it moved."""
+    span = [np.ptp(r.angle.value, axis=0) for r in measured.dataset.recordings]
+    still = np.flatnonzero(np.max(span, axis=0) == 0.0)
+    if not len(still) or left.share < max(NOISE * left.noise, MISFIT):
+        return []
+    numbers = {"left": left.share, "noise": left.noise}
+    return [finding("constant_angle", numbers, joint=int(still[0]) + 1)]
+
+
+def findings_of(left: Misfit, coarse: bool = False) -> list[Finding]:
+    """The finding that the misfit deserves: a cause, causes that look the same, or none known.
+
+    coarse : whether samples are so far apart that they leave a misfit without any other cause
+    """
+    causes = _singled_out(left) or _wrong_gain(left)
+    if causes:
+        return [_cause(causes)]
+    if left.share < max(NOISE * left.noise, USUAL) or not left.errors:
+        return []
+    suspect = _suspect(left)
+    free = left.free <= 0.5
+    if free and left.free <= SINGLED_OUT and left.free**0.5 * left.share < LOCAL:
+        return [finding("nominal_mechanism", {"left": left.free}, {"removed": 1 - left.free})]
+    # no friction and no usual error of a model would leave so much
+    beyond = left.there > max(LOCAL if left.where else MISFIT, 3.0 * left.noise)
+    if not coarse and (suspect is not None or free or beyond):
+        return [_unknown(left, suspect)]
+    return []
+
+
+def _singled_out(left: Misfit) -> list[ModelError]:
+    """The suspects that the data single out, those that they cannot tell apart side by side."""
+    best = _suspect(left)
+    if best is None:
+        return []
+    enough = (NOISE * left.noise / max(left.share, 1e-300)) ** 2
+    if best.left > max(SINGLED_OUT, enough):
+        return []
+    return [e for e in _possible(left.errors) if e.left <= ALIKE * best.left]
+
+
+def _wrong_gain(left: Misfit) -> list[ModelError]:
+    """A gain that is far off and explains the balance of its joint, and a rotor that does too.
+
+    In an arm the other joints' balances leave more than a wrong gear of one of them.
+    """
+    possible = [e for e in _possible(left.errors) if e.left_in_row <= SINGLED_OUT]
+    gains = [e for e in possible if e.kind == "gain" and GAINS[0] < e.size < GAINS[1]]
+    best = min(gains, key=lambda e: e.left, default=None)
+    if best is None or abs(best.share) < max(WRONG, ERRORS * best.error):
+        return []
+    return [best, *(e for e in possible if e.kind == "rotor" and e.left <= ALIKE * best.left)]
+
+
+def _suspect(left: Misfit) -> ModelError | None:
+    """The suspect that leaves least, if it matters."""
+    possible = _possible(left.errors)
+    if not possible or 1 - possible[0].left < EXPLAINS:
+        return None
+    best = possible[0]
+    if best.kind == "gain" and not GAINS[0] < best.size < GAINS[1]:
+        return None
+    if abs(best.share) < (LOADED if best.kind == "load" else LARGE):
+        return None
+    return best if abs(best.size - (best.kind == "gain")) >= ERRORS * best.error else None
+
+
+def _possible(errors: Sequence[ModelError]) -> list[ModelError]:
+    return [e for e in errors if e.kind not in ("rotor", "load") or e.size > 0]
+
+
+def _cause(causes: list[ModelError]) -> Finding:
+    best = causes[0]
+    also = "; ".join(sentence(e.kind, {**e._asdict(), "also": ""}) for e in causes[1:3])
+    tail = f" (equally likely by the data: {also})" if also else ""
+    numbers = {"size": best.size, "error": best.error, "explains": 1 - best.left}
+    # load-dependent friction is no fault of the data
+    level = "good" if all(e.kind == "load" for e in causes) else ""
+    return finding(best.kind, numbers, {**best._asdict(), "also": tail}, level=level)
+
+
+def _unknown(left: Misfit, suspect: ModelError | None) -> Finding:
+    """Causes that no column singles out."""
+    best = min(left.free, suspect.left if suspect else 1.0)
+    where = f", {100 * left.there:.0f} % in {left.where!r}" if left.where else ""
+    least = (
+        f"; other numbers of the mechanism or the motor would remove {100 * (1 - best):.0f} % of "
+        "its square at most"
+        if best < 0.7
+        else ""
+    )
+    numbers = {"left": left.share, "noise": left.noise}
+    return finding("unknown_cause", numbers, {"where": where, "least": least})

@@ -59,15 +59,15 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     0.002
     """
     angles = [_averaged(recording.angle) for recording in recordings]
-    found: dict[int, Motion] = {}
+    motions: dict[int, Motion] = {}
     for group in alike(angles):
         series = padded_series([angles[i] for i in group])
         whole = smoothed(series)
-        for i, own in zip(group, series.columns, strict=True):
+        for i, columns in zip(group, series.columns, strict=True):
             T = len(angles[i].time)
-            part = Smoothed(*(x[..., own] if x.ndim == 1 else x[:T, own] for x in whole))
-            found[i] = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
-    return tuple(found[i] for i in range(len(angles)))
+            part = Smoothed(*(x[..., columns] if x.ndim == 1 else x[:T, columns] for x in whole))
+            motions[i] = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
+    return tuple(motions[i] for i in range(len(angles)))
 
 
 def _rounding(angle: Signal, averaged: Signal) -> Array:
@@ -76,9 +76,9 @@ def _rounding(angle: Signal, averaged: Signal) -> Array:
     return step**2 / 12 / (len(angle.time) // len(averaged.time))
 
 
-def _motion(angle: Signal, found: Smoothed, rounding: Array) -> Motion:
-    left = noise_left(found.rho, float(np.median(np.diff(angle.time))))
-    mean, left_out = found.mean, found.left_out
+def _motion(angle: Signal, smooth: Smoothed, rounding: Array) -> Motion:
+    left = noise_left(smooth.rho, float(np.median(np.diff(angle.time))))
+    mean, left_out = smooth.mean, smooth.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
     variance = np.maximum(scatter / np.maximum(1.0 - left.share, 0.05), rounding)
     states = States(angle.time, mean[..., 0], mean[..., 1], left_out)
@@ -100,9 +100,9 @@ class Speeds(NamedTuple):
 def speeds_of(motions: Sequence[Motion]) -> Speeds:
     """Characteristic speeds of the joints over all motions, (n,) each."""
     noise = np.array([m.velocity_noise for m in motions])
-    found = characteristic_speeds(np.concatenate([m.states.w for m in motions]), noise)
+    speeds = characteristic_speeds(np.concatenate([m.states.w for m in motions]), noise)
     moves = [np.ptp(m.states.q, axis=0) > ABOVE * m.angle_noise for m in motions]
-    return found._replace(threshold=np.where(np.any(moves, axis=0), found.threshold, np.inf))
+    return speeds._replace(threshold=np.where(np.any(moves, axis=0), speeds.threshold, np.inf))
 
 
 def characteristic_speeds(w: Array, noise: Array) -> Speeds:
@@ -153,7 +153,7 @@ class Measured:
     dead: tuple[int, ...] = ()
 
     @staticmethod
-    def of(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
+    def of_dataset(dataset: Dataset, motions: Sequence[Motion]) -> Measured:
         """A data set with its motions, torques as logged."""
         torque = integrals_of([recording.torque for recording in dataset.recordings])
         return Measured(dataset, plant_of(dataset), tuple(motions), torque)
@@ -183,19 +183,22 @@ class Measured:
         """Balances of the motions for the units of the base parameters."""
         return unit_balances(self.mechanism, self.motions)
 
+    @property
+    def momentum_noise(self) -> Array:
+        """Noise (n,) [N m s] of the joints' changes of momentum, by that of two velocities."""
+        rest = np.zeros((1, self.mechanism.n))
+        inertia = np.diagonal(self.mechanism.dynamics(self.nominal[0], rest, rest)[0][0])
+        velocity = np.median([m.velocity_noise for m in self.motions], axis=0)
+        return np.asarray(np.abs(inertia) * velocity * np.sqrt(2.0))
+
     def without(self, recordings: set[int]) -> Measured:
         """The data without some recordings, or all of them where none would remain."""
         kept = [i for i in range(len(self.motions)) if i not in recordings]
         if not recordings or not kept:
             return self
-        some = tuple(self.dataset.recordings[i] for i in kept)
-        return Measured(
-            replace(self.dataset, recordings=some),
-            self.plant[kept],
-            tuple(self.motions[i] for i in kept),
-            integrals_of([recording.torque for recording in some]),
-            self.dead,
-        )
+        part = replace(self.dataset, recordings=tuple(self.dataset.recordings[i] for i in kept))
+        motions = tuple(self.motions[i] for i in kept)
+        return replace(self, plant=self.plant[kept], motions=motions).with_torques_of(part)
 
     def mapped(self, angle: Array, torque: Array, zero: Array | float = 0.0) -> Measured:
         """The data after linear maps (n, n) of angles, about `zero`, and of torques."""

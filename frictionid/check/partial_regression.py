@@ -7,12 +7,13 @@ regression on one column (Frisch-Waugh-Lovell).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.regression import block_numbers, friction_columns
+from frictionid.check.regression import block_numbers, friction_columns, row_rms
 from frictionid.fitting.one_step.balances import Rows
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.
@@ -68,8 +69,8 @@ class PartialRegression(NamedTuple):
         """Share of squares that `value` times a column leaves in the balance it changes most."""
         power = (np.where(self.moving, column * self.weight, 0.0) ** 2).sum(0)
         row = np.broadcast_to(np.arange(len(power)), self.moving.shape)[self.moving]
-        own = row == int(np.argmax(power))
-        t, c = (self.residual(x)[: len(row)][own] for x in (target, column))
+        most = row == int(np.argmax(power))
+        t, c = (self.residual(x)[: len(row)][most] for x in (target, column))
         return float(((t - value * c) ** 2).sum() / max(float((t**2).sum()), 1e-300))
 
 
@@ -89,7 +90,7 @@ class Nuisance(NamedTuple):
     def beside(self, torque: Array) -> PartialRegression:
         """Partial regression beside it of torques (K, n) [N m] like this one."""
         moving, N = self.moving, len(self.columns) - self.priors
-        level = self.level + _mean_squares(moving, torque)
+        level = self.level + row_rms(torque, moving) ** 2
         # the inverse of the error expected of each joint: a share of its terms
         weight = 1.0 / np.sqrt(np.where(level > 0, level, 1.0)) / MODEL
         A = self.columns.copy()
@@ -115,7 +116,7 @@ def nuisance_of(rows: Rows, nominal: Array, *, uncertain_mechanism: bool = False
     columns = np.concatenate([columns[moving], np.eye(P)[P - priors :]])
     block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
     block = np.append(block, block.max() + 1 + np.arange(priors)) if priors else block
-    level = sum(_mean_squares(moving, x[..., 0]) for x in (terms.inertia, terms.gravity))
+    level = sum(row_rms(x[..., 0], moving) ** 2 for x in (terms.inertia, terms.gravity))
     return Nuisance(moving, columns, np.asarray(level), block, priors)
 
 
@@ -124,7 +125,22 @@ def partial_regression(rows: Rows, torque: Array, nominal: Array) -> PartialRegr
     return nuisance_of(rows, nominal).beside(torque)
 
 
-def _mean_squares(moving: Array, values: Array) -> Array:
-    """Mean squares (n,) of values (K, n) over the rows of each joint that count."""
-    count = np.maximum(moving.sum(0), 1)
-    return np.asarray((np.where(moving, values, 0.0) ** 2).sum(0) / count)
+def refined_delay(
+    nuisance: Nuisance,
+    required: Array,
+    means: Callable[[Sequence[float]], Iterable[Array]],
+    best: float,
+    steps: tuple[float, float, int],
+) -> tuple[float, PartialEstimate]:
+    """Delay [s] of torques by Gauss-Newton from a near one, and the last step.
+
+    required (K, n) : what the nominal mechanism needs ; means : of the torques, (K, n) for each of
+    some delays ; steps : of the derivative [s], the largest one [s], and how many
+    """
+    small, large, count = steps
+    for _ in range(count):
+        early, middle, late = means([best - small, best, best + small])
+        fit = nuisance.beside(middle)
+        step = fit.estimate(middle - required, (early - late) / (2 * small))
+        best += float(np.clip(step.value, -large, large))
+    return best, step

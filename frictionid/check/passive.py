@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, percent
+from frictionid.check.findings import Finding, finding, percent
+from frictionid.check.fine_structure import run_edges
 from frictionid.check.hypothesis_tests import HypothesisTests
 from frictionid.check.motion import Measured, Motion
 from frictionid.check.regression import Estimate
@@ -29,11 +30,10 @@ def passive_phases(recording: Recording, motion: Motion) -> list[slice]:
     """Samples of the motion without torque, for at least PHASE each."""
     level = 1e-3 * float(np.abs(recording.torque.value).max())
     u = np.abs(sample(recording.torque, motion.states.time)).max(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], (u <= level).astype(int), [0]])))
     time = motion.states.time
     return [
         slice(int(a), int(b))
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        for a, b in zip(*run_edges(u <= level), strict=True)
         if time[b - 1] - time[a] >= PHASE
     ]
 
@@ -86,23 +86,12 @@ def energy_answer(measured: Measured) -> Answered:
     return Answered(share <= RISE, words)
 
 
-def energy_findings(measured: Measured) -> list[Finding]:
+def energy_findings(measured: Measured) -> Iterator[Finding]:
     """A finding where the nominal mechanism's energy rises in passive phases."""
     worst = max(energy_rises(measured), default=Rise(0.0, "", 0.0))
-    if worst.share <= RISE:
-        return []
-    return [
-        Finding(
-            "energy",
-            "doubtful",
-            "without torque the energy of the nominal mechanism rises by "
-            f"{100 * worst.share:.0f} % of its range, in {worst.recording!r} from "
-            f"{worst.start:.3g} s",
-            "check masses, lengths and frames: energy must fall",
-            None,
-            {"rise": worst.share},
-        )
-    ]
+    if worst.share > RISE:
+        words = {"recording": worst.recording, "start": worst.start}
+        yield finding("energy", {"rise": worst.share}, words)
 
 
 def energy_rise(mechanism: Mechanism, p: Array, motion: Motion, phase: slice) -> float | None:
@@ -150,21 +139,12 @@ def rest_answers(tests: HypothesisTests, estimate: Estimate) -> list[Answered]:
     return out
 
 
-def rest_findings(tests: HypothesisTests, estimate: Estimate) -> list[Finding]:
+def rest_findings(tests: HypothesisTests, estimate: Estimate) -> Iterator[Finding]:
     """Findings of joints that rest under loads which their friction could not hold."""
-    return [
-        Finding(
-            "gravity_at_rest",
-            "doubtful",
-            f"joint {load.joint} rests under a load of {load.high:.3g} N m, but its Coulomb "
-            f"friction is {load.level:.3g} N m: torque and gravity do not balance",
-            "check the zero of the angles, the offset of the torque and the masses",
-            load.joint,
-            {"load": load.high, "band": load.band},
-        )
-        for load in _rest_loads(tests, estimate)
-        if isinstance(load, RestLoad) and load.high > load.band
-    ]
+    for load in _rest_loads(tests, estimate):
+        if isinstance(load, RestLoad) and load.high > load.band:
+            numbers = {"load": load.high, "band": load.band}
+            yield finding("gravity_at_rest", numbers, {"level": load.level}, load.joint)
 
 
 def _rest_loads(tests: HypothesisTests, estimate: Estimate) -> list[RestLoad | str]:
@@ -175,15 +155,15 @@ def _rest_loads(tests: HypothesisTests, estimate: Estimate) -> list[RestLoad | s
     out: list[RestLoad | str] = []
     for j in range(tests.measured.mechanism.n):
         level, error = estimate.at(f"coulomb_{j + 1}")
-        own, weight = torque[still, j], gravity[still, j]
-        if len(own) < FEWEST:
+        push, weight = torque[still, j], gravity[still, j]
+        if len(push) < FEWEST:
             out.append("it hardly rests under load")
         elif not np.isfinite(error) or level < 4 * error:
             out.append("its Coulomb friction is not known well enough")
         else:
             high, possible = (
                 float(np.quantile(load, 0.9))
-                for load in (np.abs(own - weight), np.abs(own) + np.abs(weight))
+                for load in (np.abs(push - weight), np.abs(push) + np.abs(weight))
             )
             band = BAND * (level + 2 * error) + 0.02 * float(top[j])
             out.append(RestLoad(j + 1, level, high, band, possible))
@@ -211,30 +191,23 @@ _TOGETHER = 50_000  # samples whose gravity is evaluated in one go
 GravityShares = Mapping[tuple[str, int], float]
 
 
-def gravity_findings(measured: Measured, shares: GravityShares) -> list[Finding]:
+def gravity_findings(measured: Measured, shares: GravityShares) -> Iterator[Finding]:
     """Findings of joints whose torque is a function of the angles, b + sum of gravity terms."""
-    out = []
     for j in np.flatnonzero(measured.mechanism.driven).tolist():
         acts = [r.name for r in measured.dataset.recordings if r.torque.value[:, j].any()]
         commands = {name: shares[name, j] for name in acts if (name, j) in shares}
-        if commands:
-            out.append(_finding(j, commands, len(commands) == len(acts)))
-    return out
-
-
-def _finding(j: int, shares: Mapping[str, float], everywhere: bool) -> Finding:
-    names = ", ".join(repr(name) for name in list(shares)[:3])
-    where = "" if everywhere else f" in {names}{' and others' if len(shares) > 3 else ''}"
-    worst = max(shares.values())
-    return Finding(
-        "commanded_torque",
-        "unusable" if everywhere else "doubtful",
-        f"nothing to identify{where}: the torque equals a gravity model (torque {j + 1} is a "
-        f"function of the angle to {100 * worst:.2g} %), so it is a command, not a measurement",
-        "record the torque that the drive reports (its current), or leave these recordings out",
-        j + 1,
-        {"recordings": float(len(shares)), "remainder": worst},
-    )
+        if not commands:
+            continue
+        everywhere = len(commands) == len(acts)
+        names = ", ".join(repr(name) for name in list(commands)[:3])
+        where = f" in {names}{' and others' if len(commands) > 3 else ''}"
+        yield finding(
+            "commanded_torque",
+            {"recordings": float(len(commands)), "remainder": max(commands.values())},
+            {"where": "" if everywhere else where},
+            j + 1,
+            level="" if everywhere else "doubtful",
+        )
 
 
 class _Log(NamedTuple):
@@ -253,16 +226,15 @@ def gravity_shares(dataset: Dataset) -> GravityShares:
 
     Shares are of most samples, so that a few glitches make neither the torque nor the model.
     """
-    logs = [_log(r) for r in dataset.recordings if len(r.torque.time) >= _FEWEST]
     out: dict[tuple[str, int], float] = {}
-    some, count = [], 0
-    for i, log in enumerate(logs):
-        some.append(log)
-        count += log.q[..., 0].size
-        if count >= _TOGETHER or i == len(logs) - 1:
-            out |= _shares(dataset, some)
-            some, count = [], 0
-    return out
+    logs: list[_Log] = []
+    for recording in dataset.recordings:
+        if len(recording.torque.time) >= _FEWEST:
+            logs.append(_log(recording))
+        if sum(log.q[..., 0].size for log in logs) >= _TOGETHER:
+            out |= _shares(dataset, logs)
+            logs = []
+    return out | _shares(dataset, logs) if logs else out
 
 
 def _log(recording: Recording) -> _Log:
@@ -280,10 +252,10 @@ def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
     gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq
     ends = np.cumsum([log.q[..., 0].size for log in logs])[:-1]
     out = {}
-    for log, own in zip(logs, np.split(gravity, ends, axis=1), strict=True):
+    for log, terms in zip(logs, np.split(gravity, ends, axis=1), strict=True):
         for j in np.flatnonzero(mechanism.driven).tolist():
             # a controller computes from the sample before or from this one
-            share = _share(log.torque[:, j], np.split(own[..., j].T, 2))
+            share = _share(log.torque[:, j], np.split(terms[..., j].T, 2))
             if share is not None:
                 out[log.name, j] = share
     return out
@@ -291,8 +263,6 @@ def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
 
 def _share(torque: Array, gravity: list[Array]) -> float | None:
     """Share of a torque (S,) that the best of some gravity terms (S, nb) leaves, None if much."""
-    if len(torque) < _FEWEST:
-        return None
     size, varies = _most(np.abs(torque)), _most(np.abs(torque - np.median(torque)))
     if size < 1e-9 or varies < 0.05 * size:
         return None

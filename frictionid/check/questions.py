@@ -1,11 +1,11 @@
-"""The classic questions with their answers: yes, no, or not tested and why.
+"""Questions with their answers, what can be identified, and which recording to make next.
 
-An answer is yes only where its test ran and could have failed.
+An answer is yes only where its test ran and could have failed; else no, or not tested and why.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +13,16 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check.conventions import ALIKE, EXPLAINS, MARGIN, Scored
 from frictionid.check.facts import JointFacts
-from frictionid.check.findings import percent
-from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests, percent_unexplained
-from frictionid.check.motion import sliding_speeds
-from frictionid.check.passive import Answered, energy_answer, rest_answers
-from frictionid.check.regression import Estimate
-from frictionid.check.rivals import RIVALS
+from frictionid.check.findings import Finding, finding, percent, percent_unexplained
+from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
+from frictionid.check.motion import MIN_WINDOWS, Measured, sliding_speeds
+from frictionid.check.passive import energy_answer, rest_answers
+from frictionid.check.regression import Estimate, row_rms
 from frictionid.check.torque_source import TorqueSource
+from frictionid.mechanics import Mechanism
+
+# Findings beside which an estimate is only right if nothing else is wrong.
+RIVALS = frozenset({"load", "unknown_cause", "zero_torque", "constant_angle"})
 
 
 class Question(NamedTuple):
@@ -42,13 +45,9 @@ def questions(
         *first,
         _conventions(tests.conventions),
         *_signs(tests),
-        _question("energy falls without input", energy_answer(tests.measured)),
-        *(_question(f"gravity at rest, joint {j}", a) for j, a in enumerate(rest, start=1)),
+        Question("energy falls without input", *energy_answer(tests.measured)),
+        *(Question(f"gravity at rest, joint {j}", *a) for j, a in enumerate(rest, start=1)),
     ]
-
-
-def _question(words: str, answer: Answered) -> Question:
-    return Question(words, answer.passed, answer.words)
 
 
 def _measured(tests: HypothesisTests, sources: Sequence[TorqueSource]) -> list[Question]:
@@ -77,12 +76,12 @@ def _conventions(scored: Sequence[Scored]) -> Question:
 
     Mirror images leave as much unexplained; these recordings cannot tell them from each other.
     """
-    given, *others = scored
-    advantages = [s.advantage(given) for s in others]
+    first, *others = scored
+    advantages = [s.advantage(first) for s in others]
     mirrors = [s for s, a in zip(others, advantages, strict=True) if abs(a) < ALIKE]
     worse = [s for s, a in zip(others, advantages, strict=True) if abs(a) >= ALIKE]
-    left = f"as given {percent_unexplained(given.score)} of the torque stays unexplained"
-    # of some that look the same the first
+    left = f"as given {percent_unexplained(first.score)} of the torque stays unexplained"
+    # the first of those that look the same
     best = min(worse, key=lambda s: round(s.score, 6), default=None)
     if best is not None:
         words = best.convention.words
@@ -92,24 +91,26 @@ def _conventions(scored: Sequence[Scored]) -> Question:
     if mirrors:
         names = " and ".join(f'"{s.convention.words}"' for s in mirrors)
         left = f"{names} would look the same in these recordings; {left}"
-    clear = best is not None and max(advantages) < -MARGIN / 2 and given.score < EXPLAINS
+    clear = best is not None and max(advantages) < -MARGIN / 2 and first.score < EXPLAINS
     return Question("signs, frames, units", True if clear else None, left)
 
 
 def _signs(tests: HypothesisTests) -> list[Question]:
     """Whether each torque pushes where the joint accelerates to."""
-    rivals = {f.kind for f in tests.findings} & RIVALS
-    unless = ", if nothing else is wrong" if rivals else ""
-    gains = [e for e in tests.model_errors if e.kind == "gain" and "all" not in e.words]
-    return [
-        Question(
-            f"sign of {e.words.removeprefix('gain of ')}",
-            e.size > 0 if abs(e.size) > 3 * e.error else None,
-            f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs{unless}"
-            + (", too uncertain to tell" if abs(e.size) <= 3 * e.error else ""),
-        )
-        for e in gains
-    ]
+    unless = ", if nothing else is wrong" if _rivals(tests) else ""
+    out = []
+    for e in tests.model_errors:
+        if e.kind == "gain" and "all" not in e.words:
+            clear = abs(e.size) > 3 * e.error
+            words = f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs{unless}"
+            question = f"sign of {e.words.removeprefix('gain of ')}"
+            words += "" if clear else ", too uncertain to tell"
+            out.append(Question(question, e.size > 0 if clear else None, words))
+    return out
+
+
+def _rivals(tests: HypothesisTests) -> set[str]:
+    return {f.kind for f in tests.findings} & RIVALS
 
 
 def answer_of(passed: bool | None) -> str:
@@ -140,19 +141,21 @@ class Identifiable(NamedTuple):
 
 def identifiable(
     tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
-) -> list[Identifiable]:
+) -> Iterator[Identifiable]:
     """Friction of each joint, inertia combinations, gain and delay."""
     mechanism = tests.measured.mechanism
-    terms = _terms(tests)
-    out = [
-        _friction(estimate, fact, unit, float(terms[fact.joint - 1]))
-        if not (reason := _hidden(tests, fact.joint - 1))
-        else Identifiable(f"friction of joint {fact.joint}", False, reason)
-        for fact, unit in zip(facts, mechanism.velocity_units, strict=True)
-    ]
-    out += _parts(tests, estimate)
-    out.append(_base(mechanism.base_names, estimate))
-    return [*out, _gain(tests), _delay(tests)] if any(mechanism.driven) else out
+    for fact, terms in zip(facts, _terms(tests), strict=True):
+        reason = _hidden(tests, fact.joint - 1)
+        if reason:
+            yield Identifiable(f"friction of joint {fact.joint}", False, reason)
+        else:
+            unit = mechanism.velocity_units[fact.joint - 1]
+            yield _friction(estimate, fact, unit, float(terms))
+    yield from _parts(tests, estimate)
+    yield _base(mechanism.base_names, estimate)
+    if any(mechanism.driven):
+        yield _gain(tests)
+        yield _delay(tests)
 
 
 def _hidden(tests: HypothesisTests, j: int) -> str:
@@ -168,9 +171,7 @@ def _terms(tests: HypothesisTests) -> Array:
     """Root mean square (n,) of the largest term of each joint's balance [N m]."""
     rows = tests.rows.at(tests.measured.nominal)
     each = (rows.inertia[..., 0], rows.gravity[..., 0], tests.rows.means(tests.measured.torque))
-    squares = [np.where(rows.moving, x, 0.0) ** 2 for x in each]
-    count = np.maximum(rows.moving.sum(0), 1)
-    return np.asarray(np.sqrt(np.max([x.sum(0) / count for x in squares], axis=0)))
+    return np.asarray(np.max([row_rms(x, rows.moving) for x in each], axis=0))
 
 
 def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> Identifiable:
@@ -181,29 +182,27 @@ def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> 
     total, share = _precision(estimate, str(fact.joint), fact.fast)
     spread = float(estimate.spread[fact.joint - 1])
     if total < TERMS * terms and total < RESIDUALS * spread:
+        shown, left = (percent(torque / max(terms, 1e-300)) for torque in (total, spread))
         reason = (
-            f"{percent(total / max(terms, 1e-300))} of the terms of its balance, of which "
-            f"{percent(spread / max(terms, 1e-300))} stay unexplained: only energy over long "
-            "motions shows it"
+            f"{shown} of the terms of its balance, of which {left} stay unexplained: only energy "
+            "over long motions shows it"
         )
         return Identifiable(what, False, reason)
-    return _known(what, share, fact.fast, unit)
+    return _precise(what, share, fact.fast, unit)
 
 
-def _parts(tests: HypothesisTests, estimate: Estimate) -> list[Identifiable]:
+def _parts(tests: HypothesisTests, estimate: Estimate) -> Iterator[Identifiable]:
     """Friction of the parts that turn with several joints."""
     mechanism = tests.measured.mechanism
     fast = sliding_speeds(mechanism, tests.measured.motions).fast[mechanism.n :]
     units = mechanism.friction_units[mechanism.n :]
-    out = []
     for (name, _), speed, unit in zip(mechanism.coupled, fast, units, strict=True):
         what = f"friction of {name}"
-        if not np.isfinite(estimate.at(f"coulomb_{name}")[1]):
-            out.append(Identifiable(what, False, "it hardly slides"))
-            continue
-        share = _precision(estimate, name, float(speed))[1]
-        out.append(_known(what, share, float(speed), f"{unit}/s"))
-    return out
+        if np.isfinite(estimate.at(f"coulomb_{name}")[1]):
+            share = _precision(estimate, name, float(speed))[1]
+            yield _precise(what, share, float(speed), f"{unit}/s")
+        else:
+            yield Identifiable(what, False, "it hardly slides")
 
 
 def _precision(estimate: Estimate, label: str, fast: float) -> tuple[float, float]:
@@ -215,7 +214,7 @@ def _precision(estimate: Estimate, label: str, fast: float) -> tuple[float, floa
     return total, deviation / max(total, 1e-300)
 
 
-def _known(what: str, share: float, fast: float, unit: str) -> Identifiable:
+def _precise(what: str, share: float, fast: float, unit: str) -> Identifiable:
     reason = f"known to {percent(share)} of its level at {fast:.2g} {unit}"
     return Identifiable(what, share < PRECISE, reason)
 
@@ -242,9 +241,11 @@ def _direction(direction: tuple[tuple[str, float], ...]) -> str:
     if len(direction) == 1:
         return f"{direction[0][0]} has no effect"
     sign = np.sign(direction[0][1])
-    more = " and ".join(name for name, share in direction if share * sign > 0)
-    less = " and ".join(name for name, share in direction if share * sign < 0)
-    return f"more {more}{f' with less {less}' if less else ''} changes nothing"
+    up, down = (
+        " and ".join(name for name, share in direction if share * sign * side > 0)
+        for side in (1, -1)
+    )
+    return f"more {up}{f' with less {down}' if down else ''} changes nothing"
 
 
 def _gain(tests: HypothesisTests) -> Identifiable:
@@ -252,7 +253,7 @@ def _gain(tests: HypothesisTests) -> Identifiable:
     if not gains:
         return Identifiable("torque gain", False, "no torque acts")
     best = min(gains, key=lambda e: e.error)
-    rivals = {f.kind for f in tests.findings} & RIVALS
+    rivals = _rivals(tests)
     if rivals:
         other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
         reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"
@@ -269,10 +270,89 @@ def _delay(tests: HypothesisTests) -> Identifiable:
         return Identifiable("torque delay", False, "no torque varies")
     if abs(tests.delay.seconds) >= UNUSABLE_DELAY and tests.shift == 0.0:
         return Identifiable("torque delay", False, "no delay explains the motion clearly")
-    low, high = tests.delay.interval
-    reason = f"the torque acts {1e3 * low:.1f} to {1e3 * high:.1f} ms after it is logged (95 %)"
+    low, high = (1e3 * end for end in tests.delay.interval)
+    word = "after"
     if high < 0:
-        reason = (
-            f"the torque acts {-1e3 * high:.1f} to {-1e3 * low:.1f} ms before it is logged (95 %)"
-        )
+        low, high, word = -high, -low, "before"
+    reason = f"the torque acts {low:.1f} to {high:.1f} ms {word} it is logged (95 %)"
     return Identifiable("torque delay", tests.delay.error < DELAY, reason)
+
+
+# Speed [rad/s] that shows viscous friction.
+FAST = 2.0
+# Free decay [s] that identifies the friction of joints without motor, and the least for any joint.
+DECAY, SOME_DECAY = 20.0, 2.0
+_SWINGING = 2  # joints of what swings freely without harm; arms with a motor at each of more fall
+
+
+def still_joints(tests: HypothesisTests, facts: Sequence[JointFacts]) -> Iterator[Finding]:
+    """Findings of joints that hardly move in any recording."""
+    windows = tests.as_given.moving.sum(0)
+    level = "" if (windows >= MIN_WINDOWS).any() else "unusable"
+    units = tests.measured.mechanism.velocity_units
+    for fact, count, unit in zip(facts, windows, units, strict=True):
+        if count < MIN_WINDOWS and fact.joint - 1 not in tests.measured.dead:
+            numbers = {"fast": fact.fast, "windows": float(count)}
+            words = {"unit": unit, "noise": fact.velocity_noise}
+            yield finding("missing_excitation", numbers, words, fact.joint, level=level)
+
+
+def advice(
+    tests: HypothesisTests, facts: Sequence[JointFacts], passive: float, estimate: Estimate
+) -> Iterator[str]:
+    """Sentences that say which recording to make next, the most useful first.
+
+    passive : [s] of motion without torque
+    """
+    measured, mechanism = tests.measured, tests.measured.mechanism
+    yield from _faster(mechanism, measured.nominal[0], facts)
+    if _may_fall(measured):
+        yield from _decay(passive, unmoved=not all(mechanism.driven))
+    delay = tests.delay
+    if any(mechanism.driven) and (delay is None or delay.error >= DELAY):
+        what = f"the delay is known to {1e3 * delay.error:.0f} ms" if delay else "no torque varies"
+        yield f"{what}: add torque steps or a chirp, which show delay and gain"
+    names = {name for direction in estimate.unidentifiable for name, _ in direction}
+    base = sorted(names & set(mechanism.base_names))
+    if base:
+        yield f"{' and '.join(base)} not identified: add faster, wider motion of all joints"
+
+
+def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> Iterator[str]:
+    for fact, unit in zip(facts, mechanism.position_units, strict=True):
+        if unit == "rad" and fact.top < FAST:
+            swing = _swing(mechanism, nominal, fact.joint - 1)
+            yield f"joint {fact.joint} never exceeds {max(fact.top, 0.1):.1f} rad/s: add {swing}"
+        elif fact.at_rest < 0.9 and not 0.15 < fact.forward < 0.85:
+            direction = "forward" if fact.forward < 0.5 else "backward"
+            yield f"joint {fact.joint} hardly moves {direction}: add motion in that direction"
+
+
+def _may_fall(measured: Measured) -> bool:
+    """Whether gravity moves the mechanism when its motors are off, and it is no arm that breaks."""
+    if measured.mechanism.n > _SWINGING and all(measured.mechanism.driven):
+        return False
+    q = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(measured.mechanism.n)
+    return bool(measured.mechanism.dynamics(measured.nominal[0], q, 0 * q)[1].any())
+
+
+def _decay(passive: float, *, unmoved: bool) -> Iterator[str]:
+    if passive < SOME_DECAY:
+        reason = " (it shows the friction of the joint without motor)" if unmoved else ""
+        yield f"no free decay: add one of {DECAY:.0f} s, torque off{reason}"
+    elif unmoved and passive < DECAY:
+        yield f"only {passive:.0f} s of free decay: add one of {DECAY:.0f} s"
+
+
+def _swing(mechanism: Mechanism, nominal: Array, j: int) -> str:
+    """A swing that reaches twice the speed, by the energy of the nominal mechanism."""
+    angles = np.linspace(0.0, 2.8, 141)
+    q = np.zeros((len(angles), mechanism.n))
+    q[:, j] = angles
+    terms = mechanism.terms(nominal, q, np.zeros_like(q))
+    speed = np.sqrt(2 * np.maximum(terms.energy - terms.energy[0], 0) / terms.M[:, j, j])
+    enough = np.flatnonzero(speed > 2 * FAST)
+    if len(enough):
+        degrees = int(np.ceil(np.degrees(angles[enough[0]]) / 10) * 10)
+        return f"a swing of this joint from {degrees} degrees"
+    return f"driven motion of this joint above {FAST:g} rad/s"

@@ -1,5 +1,7 @@
 """Inverse-dynamics least squares: base parameters, Coulomb, viscous and offset of each joint.
 
+A published model is compared with them.
+
 One balance per window and joint (see `balance_windows`), torque alone on the left:
 
     B u = regressor p + coulomb sgn(w) + viscous w + offset     [N m]
@@ -15,15 +17,17 @@ does not appear. [Gautier1990]
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.findings import Finding, finding
 from frictionid.check.motion import Measured
 from frictionid.fitting.one_step.balances import PART_SHAPES, SHAPE_NAMES, Rows
+from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 
 FRICTION, SLOW = ("coulomb", "viscous", "offset"), ("slow", "slower")
@@ -100,11 +104,11 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
         fit = _solve(X[..., at], y, rows, size[at])
         value[at] = fit.value
         slow = friction_columns(rows, SLOW)
-        loaded = _of_own_joint(np.abs(torque) * rows.friction[..., 0])
+        loaded = (np.abs(torque) * rows.friction[..., 0])[..., None] * np.eye(torque.shape[1])
         slowly = _solve_beside(X[..., at], y, rows, size[at], slow).value
         growing = _solve_beside(X[..., at], y, rows, size[at], loaded)
-        own = np.sqrt(np.diag(growing.covariance))
-        grown = np.where(at < len(reference), _beyond(fit.value - growing.value, own), 0.0)
+        error = np.sqrt(np.diag(growing.covariance))
+        grown = np.where(at < len(reference), _beyond(fit.value - growing.value, error), 0.0)
         y = y - X[..., at] @ fit.value
         shrunk = _attenuation(torque, y, rows.moving) * fit.value
         drifts = [fit.value - slowly, grown, shrunk]
@@ -115,7 +119,7 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     error = np.full(len(names), np.inf)
     error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
     residual = np.where(rows.moving, y, np.nan)
-    spread = _spread(y, rows.moving)
+    spread = row_rms(y, rows.moving)
     return Estimate(names, value, error, covariance, residual, spread, unidentifiable)
 
 
@@ -127,7 +131,7 @@ def _named(direction: Array, names: Sequence[str]) -> tuple[tuple[str, float], .
 
 def _attenuation(torque: Array, residual: Array, moving: Array) -> float:
     """Mean square of the residual over that of the torque, of the joints with torque."""
-    power, left = _spread(torque, moving) ** 2, _spread(residual, moving) ** 2
+    power, left = row_rms(torque, moving) ** 2, row_rms(residual, moving) ** 2
     acts = power > 0
     return float(min(left[acts].sum() / power[acts].sum(), 1.0)) if acts.any() else 0.0
 
@@ -137,12 +141,12 @@ def friction_columns(rows: Rows, shapes: Sequence[str] = SHAPE_NAMES) -> Array:
 
     Shape (K, n, n F + c f), see `friction_names`.
     """
-    own = rows.friction[..., [SHAPE_NAMES.index(shape) for shape in shapes]]
+    joints = rows.friction[..., [SHAPE_NAMES.index(shape) for shape in shapes]]
     parts = rows.coupled[..., [PART_SHAPES.index(s) for s in shapes if s in PART_SHAPES]]
-    (K, n, F), (c, f) = own.shape, parts.shape[2:]
+    (K, n, F), (c, f) = joints.shape, parts.shape[2:]
     out = np.zeros((K, n, n, F))
     each = np.arange(n)
-    out[:, each, each] = own[:, each]
+    out[:, each, each] = joints[:, each]
     return np.concatenate([out.reshape(K, n, n * F), parts.reshape(K, n, c * f)], axis=-1)
 
 
@@ -158,29 +162,23 @@ def widened(estimate: Estimate, longer: Estimate) -> Estimate:
 
     Errors of the motion weigh less in these. What their own errors explain is left out.
     """
-    known = np.isfinite(estimate.error) & np.isfinite(longer.error)
-    drift = np.where(known, longer.value - estimate.value, 0.0)
-    own = np.where(known, longer.error, 0.0)
-    drift = _beyond(drift, own)
+    both = np.isfinite(estimate.error) & np.isfinite(longer.error)
+    drift = np.where(both, longer.value - estimate.value, 0.0)
+    drift = _beyond(drift, np.where(both, longer.error, 0.0))
     covariance = estimate.covariance + np.outer(drift, drift)
     return estimate._replace(covariance=covariance, error=np.hypot(estimate.error, drift))
 
 
-def _of_own_joint(torque: Array) -> Array:
-    """Columns (K, n, n) of one torque (K, n) for each joint, in its own balance only."""
-    return torque[..., None] * np.eye(torque.shape[1])
+def _beyond(drift: Array, error: Array) -> Array:
+    """The part of a drift that its standard error does not explain."""
+    return np.asarray(np.sign(drift) * np.sqrt(np.maximum(drift**2 - error**2, 0.0)))
 
 
-def _beyond(drift: Array, own: Array) -> Array:
-    """The part of a drift that its own standard error does not explain."""
-    return np.asarray(np.sign(drift) * np.sqrt(np.maximum(drift**2 - own**2, 0.0)))
-
-
-def _solve_beside(X: Array, y: Array, rows: Rows, size: Array, more: Array) -> _Solved:
+def _solve_beside(X: Array, y: Array, rows: Rows, size: Array, beside: Array) -> _Solved:
     """The estimates with further columns (K, n, m) beside them."""
-    more = more[..., (np.abs(more[rows.moving.any(1)]) > 0).any((0, 1))]
-    level = np.full(more.shape[-1], size[-1] if len(size) else 1.0)
-    fit = _solve(np.concatenate([X, more], axis=-1), y, rows, np.append(size, level))
+    beside = beside[..., (np.abs(beside[rows.moving.any(1)]) > 0).any((0, 1))]
+    level = np.full(beside.shape[-1], size[-1] if len(size) else 1.0)
+    fit = _solve(np.concatenate([X, beside], axis=-1), y, rows, np.append(size, level))
     P = X.shape[-1]
     return fit._replace(value=fit.value[:P], covariance=fit.covariance[:P, :P])
 
@@ -232,7 +230,7 @@ def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
     block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
     joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
     A, b = X[moving] * size, y[moving]
-    spread = _spread((np.abs(X) * size).max(-1), moving)
+    spread = row_rms((np.abs(X) * size).max(-1), moving)
     for _ in range(3):
         weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
         weighted, target = A * weight[:, None], b * weight
@@ -242,7 +240,7 @@ def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
         residual = b - A @ x
         full = np.zeros(moving.shape)
         full[moving] = residual
-        spread = _spread(full, moving)
+        spread = row_rms(full, moving)
     inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
     covariance = sandwich(weighted, residual * weight, block, inverse)
     variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
@@ -253,7 +251,7 @@ def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
 def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     """What counts as one of each parameter: its own size, or the joint's typical torque."""
     mean = (rows.regressor * base).sum(-1)
-    level = np.maximum(_spread(mean, rows.moving), _spread(torque, rows.moving))
+    level = np.maximum(row_rms(mean, rows.moving), row_rms(torque, rows.moving))
     level = np.where(level > 0, level, 1.0)
     fast = np.maximum(np.abs(rows.w).max(0, initial=0.0), 1e-12)
     friction = np.stack([level, level / fast, level], axis=-1) * 0.2
@@ -263,11 +261,84 @@ def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
     small = 1e-3 * np.abs(base).max()
     # a nominal zero (no gravity) counts by the torque that it would make
     column = np.abs(np.where(rows.moving[..., None], rows.regressor, 0.0)).max((0, 1), initial=0.0)
-    own = np.where(base == 0.0, 0.2 * level.max() / np.where(column > 0, column, 1.0), np.abs(base))
-    return np.concatenate([np.maximum(own, small), friction.ravel(), parts.ravel()])
+    sizes = np.where(
+        base == 0.0, 0.2 * level.max() / np.where(column > 0, column, 1.0), np.abs(base)
+    )
+    return np.concatenate([np.maximum(sizes, small), friction.ravel(), parts.ravel()])
 
 
-def _spread(values: Array, moving: Array) -> Array:
+def row_rms(values: Array, moving: Array) -> Array:
     """Root mean square (n,) over the rows of each joint that count."""
     squares = np.where(moving, values, 0.0) ** 2
     return np.sqrt(squares.sum(0) / np.maximum(moving.sum(0), 1))
+
+
+# Incompatible: the residual is this many times that of least squares, and some number differs by
+# this share and this many standard errors.
+WORSE, OFF, ERRORS = 1.5, 0.2, 4.0
+# Mean of sgn(w) beyond which a window counts as motion in one direction.
+ONE_WAY = 0.999
+
+
+class Compared(NamedTuple):
+    """A published model beside the least squares of the data.
+
+    names, published, estimated, error (P,) : base parameters, and Coulomb and viscous per joint ;
+    spread, best (n,) [N m] : RMS residual of the published model and of least squares, over the
+    windows in which the joint moves in one direction
+    """
+
+    names: tuple[str, ...]
+    published: Array
+    estimated: Array
+    error: Array
+    spread: Array
+    best: Array
+
+
+def compared(
+    rows: Rows, torque: Array, estimate: Estimate, parameters: Array, friction: Friction
+) -> Compared:
+    """Published numbers, estimates and residuals side by side.
+
+    parameters : (R, nb) base parameters of the published model. Its friction curve is read as
+    Coulomb and viscous friction by a line through the speeds that occur.
+    """
+    n = torque.shape[1]
+    left = torque - rows.required(parameters)
+    names, values = list(estimate.names[: parameters.shape[1]]), list(parameters[0])
+    spread, best = np.full((2, n), np.nan)
+    for j in range(n):
+        # at a reversal a curve's mean is not its value at the mean velocity
+        use = one_way(rows, j)
+        w = rows.w[use, j]
+        if not len(w):
+            continue
+        curve = friction.curve(w)[:, j]
+        spread[j] = np.sqrt(np.mean((left[use, j] - curve) ** 2))
+        best[j] = np.sqrt(np.mean(estimate.residual[use, j] ** 2))
+        names += [f"coulomb_{j + 1}", f"viscous_{j + 1}"]
+        values += list(np.linalg.lstsq(np.column_stack([np.sign(w), w]), curve, rcond=None)[0])
+    at = [estimate.names.index(name) for name in names]
+    value, error = estimate.value[at], estimate.error[at]
+    return Compared(tuple(names), np.array(values), value, error, spread, best)
+
+
+def one_way(rows: Rows, j: int) -> Array:
+    """Windows (K,) in which joint j moves in one direction: there friction has a speed."""
+    return np.asarray(rows.moving[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
+
+
+def incompatible(model: Compared) -> Iterator[Finding]:
+    """A finding with figures where the published numbers contradict the data."""
+    off = np.abs(model.published - model.estimated)
+    wrong = (off > ERRORS * model.error) & (off > OFF * np.abs(model.estimated))
+    ratio = float(np.nanmax(model.spread / np.maximum(model.best, 1e-300)))
+    if not wrong.any() or ratio < WORSE:
+        return
+    figures = "; ".join(
+        f"{name} {p:.3g} published, {v:.3g} +- {e:.1g} from the data"
+        for name, p, v, e, w in zip(*model[:4], wrong, strict=True)
+        if w
+    )
+    yield finding("published", {"ratio": ratio}, {"figures": figures})

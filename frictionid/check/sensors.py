@@ -1,4 +1,4 @@
-"""Sensor faults: angles wrapped at a whole turn, and frozen readings of angles and torques.
+"""Sensor faults: wrapped angles, frozen readings, outliers, late and coarse velocities.
 
 A reading of a joint at rest and a held command repeat as well, so that repeated readings alone mean
 nothing. An angle is frozen where the joint enters or leaves the interval with an acceleration that
@@ -10,17 +10,18 @@ everywhere, something else is wrong: signs, units, joints.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding
+from frictionid.check.findings import Finding, finding
+from frictionid.check.fine_structure import resolution
 from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, windows_of
-from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, sample
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
 
@@ -52,11 +53,12 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     >>> angle = (4.0 * time[:, None] + np.pi) % TURN - np.pi
     >>> recording = Recording("r", Signal(time, angle), Signal(time, 0 * angle))
     >>> wrapped = Dataset("a", pendulum(), (recording,))
-    >>> mended, found = unwrapped(wrapped)
-    >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), found[0].kind
+    >>> mended, findings = unwrapped(wrapped)
+    >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), findings[0].kind
     (3.92, 'wrapped_angle')
     """
-    span, jumps = _span(dataset), np.zeros(dataset.mechanism.n, int)
+    span = np.ptp(np.concatenate([r.angle.value for r in dataset.recordings]), axis=0)
+    jumps = np.zeros(dataset.mechanism.n, int)
     turns = np.array([unit == "rad" for unit in dataset.mechanism.position_units])
     recordings = []
     for recording in dataset.recordings:
@@ -67,24 +69,11 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
             mended = np.where(hits.any(0), np.unwrap(value, axis=0), value)
             recording = replace(recording, angle=recording.angle._replace(value=mended))
         recordings.append(recording)
-    found = [
-        Finding(
-            "wrapped_angle",
-            "unusable",
-            f"angle {j + 1} jumps by a whole turn {jumps[j]} times: it is wrapped at half a turn",
-            "unwrap it (numpy.unwrap) when the tables are written; all other checks unwrap it",
-            int(j) + 1,
-            {"jumps": float(jumps[j])},
-        )
+    findings = [
+        finding("wrapped_angle", {"jumps": float(jumps[j])}, joint=int(j) + 1)
         for j in np.flatnonzero(jumps)
     ]
-    return replace(dataset, recordings=tuple(recordings)), found
-
-
-def _span(dataset: Dataset) -> Array:
-    values = np.concatenate([r.angle.value for r in dataset.recordings])
-    span: Array = np.ptp(values, axis=0)
-    return span
+    return replace(dataset, recordings=tuple(recordings)), findings
 
 
 class Frozen(NamedTuple):
@@ -148,10 +137,10 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
     friction = torque - rows.required(measured.nominal)
     out = []
     for j in sorted({interval.joint for interval in intervals}):
-        own = [interval for interval in intervals if interval.joint == j]
+        of_joint = [interval for interval in intervals if interval.joint == j]
         level = float(np.sqrt(np.mean(torque[:, j] ** 2)))
-        wrong = _contradicted(own, rows, friction, level)
-        out += [interval for interval, is_wrong in zip(own, wrong, strict=True) if is_wrong]
+        wrong = _contradicted(of_joint, rows, friction, level)
+        out += [interval for interval, is_wrong in zip(of_joint, wrong, strict=True) if is_wrong]
     return out
 
 
@@ -199,14 +188,12 @@ def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, leve
 def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Array, Array]:
     """Slices of rows (I,): first to last overlap an interval, begin to end lie within it."""
     places = []
-    for one in intervals:
-        here = slice(*np.searchsorted(rows.recording, [one.recording, one.recording + 1]))
+    for i in intervals:
+        here = slice(*np.searchsorted(rows.recording, [i.recording, i.recording + 1]))
         start, stop = rows.start[here], rows.stop[here]
-        first = np.searchsorted(stop, one.start, side="right")
-        last = max(np.searchsorted(start, one.stop, side="left"), first)
-        begin = np.searchsorted(start, one.start, side="left")
-        end = max(np.searchsorted(stop, one.stop, side="right"), begin)
-        places.append(here.start + np.array([first, last, begin, end]))
+        first, end = (np.searchsorted(stop, t, side="right") for t in (i.start, i.stop))
+        begin, last = (np.searchsorted(start, t, side="left") for t in (i.start, i.stop))
+        places.append(here.start + np.array([first, max(last, first), begin, max(end, begin)]))
     first, last, begin, end = np.array(places).T
     return first, last, begin, end
 
@@ -231,37 +218,26 @@ def _rms(products: Array, fitted: Array, count: Array) -> Array:
 
 
 def frozen_findings(
-    measured: Measured, frozen: Sequence[Frozen], quantity: Literal["angle", "torque"]
-) -> list[Finding]:
+    measured: Measured, frozen: Sequence[Frozen], code: Literal["frozen_sensor", "frozen_torque"]
+) -> Iterator[Finding]:
     """A finding for each joint with frozen angles or torques."""
     mechanism = measured.mechanism
-    kind, units, contradiction = {
-        "angle": ("frozen_sensor", mechanism.position_units, "the joint must move"),
-        "torque": ("frozen_torque", mechanism.torque_units, "the motion needs others"),
-    }[quantity]
-    out = []
+    is_angle = code == "frozen_sensor"
+    units = mechanism.position_units if is_angle else mechanism.torque_units
     for joint in sorted({f.joint for f in frozen}):
-        own = [f for f in frozen if f.joint == joint]
-        longest = max(own, key=lambda f: f.length)
-        more = f", and {len(own) - 1} times more" if len(own) > 1 else ""
-        name = measured.dataset.recordings[longest.recording].name
-        out.append(
-            Finding(
-                kind,
-                "doubtful",
-                f"{quantity} {joint + 1} stands still at {longest.value:.3g} {units[joint]} for "
-                f"{longest.length:.2g} s while {contradiction}, in {name!r} at "
-                f"{longest.start:.3g} s{more}",
-                "cut these intervals out, or record them again",
-                joint + 1,
-                {
-                    "longest": longest.length,
-                    "intervals": float(len(own)),
-                    "value": longest.value,
-                },
-            )
+        of_joint = [f for f in frozen if f.joint == joint]
+        longest, count = max(of_joint, key=lambda f: f.length), len(of_joint)
+        yield finding(
+            code,
+            {"longest": longest.length, "intervals": float(count), "value": longest.value},
+            {
+                "unit": units[joint],
+                "recording": measured.dataset.recordings[longest.recording].name,
+                "start": longest.start,
+                "more": f", and {count - 1} times more" if count > 1 else "",
+            },
+            joint + 1,
         )
-    return out
 
 
 # Shares of a recording's samples: fewer are rough motion as likely as a glitch, more are doubtful.
@@ -278,38 +254,130 @@ def without_outliers(measured: Measured) -> tuple[Measured, list[Finding]]:
     dataset, states = measured.dataset, [motion.states for motion in measured.motions]
     angles = [np.zeros(s.q.shape, bool) if s.left_out is None else s.left_out for s in states]
     torques = torque_outliers(dataset, measured.plant, states)
+    masks = {"angle": angles, "torque": torques}
+    findings = [f for name, mask in masks.items() for f in _outlier_findings(name, mask, dataset)]
+    return measured.with_torques_of(with_torques_replaced(dataset, torques)), findings
+
+
+def _outlier_findings(quantity: str, masks: Sequence[Array], dataset: Dataset) -> Iterator[Finding]:
+    size, counts = (
+        np.array([len(mask) for mask in masks]),
+        np.array([mask.sum(0) for mask in masks]),
+    )
     names = [recording.name for recording in dataset.recordings]
-    found = [*_findings("angle", angles, names), *_findings("torque", torques, names)]
-    return measured.with_torques_of(with_torques_replaced(dataset, torques)), found
-
-
-def _findings(quantity: str, masks: Sequence[Array], names: Sequence[str]) -> list[Finding]:
-    out = []
-    size = np.array([len(mask) for mask in masks])
-    for j in range(masks[0].shape[1]):
-        count = np.array([mask[:, j].sum() for mask in masks])
-        count = np.where(count >= _SOME * size, count, 0)
+    for j, count in enumerate(np.where(counts >= _SOME * size[:, None], counts, 0).T):
         if not count.any():
             continue
         share = float(count.sum() / size[count > 0].sum())
-        out.append(
-            Finding(
-                f"{quantity}_outliers",
-                "doubtful" if share > _MANY else "good",
-                f"{quantity} {j + 1} has {count.sum()} gross outliers, which fits leave out: "
-                + _by_recording(count, names),
-                "look for lost packets, wrong bits or a marker taken for another",
-                j + 1,
-                {"outliers": float(count.sum()), "share": share},
-            )
+        yield finding(
+            "outliers",
+            {"outliers": float(count.sum()), "share": share},
+            {"quantity": quantity, "recordings": _by_recording(count, names)},
+            j + 1,
+            level="doubtful" if share > _MANY else "good",
+            kind=f"{quantity}_outliers",
         )
-    return out
 
 
 def _by_recording(count: Array, names: Sequence[str]) -> str:
     """Recordings with their counts, those with most first."""
     order = [int(i) for i in np.argsort(-count, kind="stable") if count[i]]
     text = ", ".join(f"{count[i]} in {names[i]!r}" for i in order[:_NAMED])
-    more = order[_NAMED:]
-    rest = f", and {int(count[more].sum())} in {len(more)} other recordings" if more else ""
-    return text + rest
+    others = order[_NAMED:]
+    if not others:
+        return text
+    return f"{text}, and {int(count[others].sum())} in {len(others)} other recordings"
+
+
+# A velocity is late by this many standard errors and seconds at least; the search [s] and its step.
+ERRORS, LATE, WIDEST, STEP = 4.0, 0.02, 0.5, 0.005
+# It is another quantity where its size is off by this factor, or this share stays unexplained.
+SIZE, UNLIKE = 1.25, 0.5
+# A velocity is coarse whose steps are this share of its root mean square.
+COARSE = 0.1
+
+
+class Lag(NamedTuple):
+    """A velocity against the smoothed angle's: lag, error [s], size, and what stays different."""
+
+    seconds: float
+    error: float
+    size: float
+    left: float
+
+
+def velocity_findings(measured: Measured) -> Iterator[Finding]:
+    """Findings of velocity columns that are late, no velocities of these angles, or coarse."""
+    lags = {j: lag for j in range(measured.mechanism.n) if (lag := _lag(measured, j)) is not None}
+    late = [
+        j
+        for j, lag in lags.items()
+        if lag.left < UNLIKE and abs(lag.seconds) > max(LATE, ERRORS * lag.error)
+    ]
+    if late:
+        seconds = float(np.median([lags[j].seconds for j in late]))
+        words = {
+            "plural": "s" * (len(late) > 1),
+            "joints": ", ".join(str(j + 1) for j in late),
+            "size": abs(seconds),
+            "word": "behind" if seconds > 0 else "ahead of",
+        }
+        yield finding("late_velocity", {"delay": seconds}, words, late[0] + 1)
+    for j, lag in lags.items():
+        unlike = lag.left > UNLIKE
+        if j not in late and (unlike or not 1 / SIZE < lag.size < SIZE):
+            code = "other_velocity" if unlike else "wrong_velocity"
+            yield finding(code, {"size": lag.size, "left": lag.left}, joint=j + 1)
+    yield from coarse_velocities(measured.dataset)
+
+
+def coarse_velocities(dataset: Dataset) -> Iterator[Finding]:
+    """A finding for each joint whose velocity comes in steps of a good part of its size."""
+    logged = [r.velocity.value for r in dataset.recordings if r.velocity is not None]
+    for j, value in enumerate(np.concatenate(logged).T if logged else ()):
+        step, size = resolution(value), float(np.sqrt(np.mean(value**2)))
+        if step > COARSE * size:
+            words = {"unit": dataset.mechanism.position_units[j], "share": step / size}
+            yield finding("coarse_velocity", {"step": step, "size": size}, words, j + 1)
+
+
+def _lag(measured: Measured, j: int) -> Lag | None:
+    """Least squares of the measured velocity on the delayed smoothed one, all recordings."""
+    pairs = [
+        (recording, motion)
+        for recording, motion in zip(measured.dataset.recordings, measured.motions, strict=True)
+        if recording.velocity is not None and np.ptp(motion.states.time) > 4 * WIDEST
+    ]
+    if not pairs or not np.isfinite(measured.speeds.threshold[j]):
+        return None
+    lags = np.arange(-WIDEST, WIDEST + STEP / 2, STEP)
+    sums = np.zeros((len(lags), 3))
+    for recording, motion in pairs:
+        sums += _products(recording, motion, j, lags)
+    vv, vw, ww = sums.T
+    if not (vv > 0).all() or not (ww > 0).all():
+        return None
+    left = 1 - vw * np.abs(vw) / (vv * ww)
+    best = int(np.argmin(left))
+    size, unlike = float(vw[best] / ww[best]), float(np.sqrt(max(left[best], 0.0)))
+    if best in (0, len(lags) - 1):
+        return Lag(0.0, np.inf, size, unlike)
+    curve = max(left[best - 1] - 2 * left[best] + left[best + 1], 1e-300)
+    shift = 0.5 * (left[best - 1] - left[best + 1]) / curve
+    # a fifth of a second of samples agree with each other
+    free = sum(float(np.ptp(motion.states.time)) for _, motion in pairs) / 0.2
+    error = STEP * np.sqrt(2 * max(float(left[best]), 1e-12) / curve / max(free, 1.0))
+    return Lag(float(lags[best] + STEP * shift), float(error), size, unlike)
+
+
+def _products(recording: Recording, motion: Motion, j: int, lags: Array) -> Array:
+    """Sums (D, 3) of v v, v w and w w with w delayed by each lag."""
+    assert recording.velocity is not None
+    time = np.asarray(motion.states.time)
+    inside = time[(time > time[0] + WIDEST) & (time < time[-1] - WIDEST)]
+    v = sample(recording.velocity, inside)[:, j]
+    out = np.empty((len(lags), 3))
+    for i, lag in enumerate(lags):
+        w = np.interp(inside - lag, time, motion.states.w[:, j])
+        out[i] = v @ v, v @ w, w @ w
+    return out

@@ -6,7 +6,7 @@ balance of torques as that of a measured torque is, so that the tests see torque
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, percent
+from frictionid.check.findings import Finding, finding
 from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, adapted
 from frictionid.check.partial_regression import (
     Nuisance,
-    PartialEstimate,
     PartialRegression,
     nuisance_of,
+    refined_delay,
 )
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
@@ -47,7 +47,7 @@ def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Data
     servos = servos_of(dataset)
     if len(servos) < len(dataset.recordings) or not all(holds(s.goal) for s in servos):
         return dataset, []
-    measured = Measured.of(dataset, motions)
+    measured = Measured.of_dataset(dataset, motions)
     rows = adapted(measured.balances, measured.motions)
     if rows.moving.any(1).sum() < MIN_WINDOWS:
         return dataset, []
@@ -66,11 +66,10 @@ def with_late_targets(dataset: Dataset, motions: Sequence[Motion]) -> tuple[Data
         replace(r, servo=_with(r.servo, best.late, best.play), torque=t)
         for r, t in zip(dataset.recordings, fit.torques(best.late, best.play), strict=True)
     )
-    found_of = [_late_finding(best), *([_play_finding(best, first)] if best.play else [])]
-    return replace(dataset, recordings=recordings), found_of
+    return replace(dataset, recordings=recordings), list(_late_findings(best, first))
 
 
-class _Found(NamedTuple):
+class _Late(NamedTuple):
     """Delay of the targets [s] with its standard error, at a backlash [rad], and what is left."""
 
     late: float
@@ -88,16 +87,16 @@ class _Fit:
     rows: Rows
     nominal: Array
 
-    def at(self, play: float, lags: Array) -> _Found:
+    def at(self, play: float, lags: Array) -> _Late:
         """The best delay at a backlash, near one of some (D,) [s]."""
+
+        def means(delays: Sequence[float]) -> list[Array]:
+            return [self._means(late, play) for late in delays]
+
         best = float(lags[np.argmin([self.left(late, play) for late in lags])])
-        step = PartialEstimate(0.0, np.inf, np.inf)
-        for _ in range(2):
-            early, middle, late = (self._means(best + s * _STEP, play) for s in (-1, 0, 1))
-            fit = self._nuisance.beside(middle)
-            step = fit.estimate(middle - self._required, (early - late) / (2 * _STEP))
-            best += float(np.clip(step.value, -_COARSE, _COARSE))
-        return _Found(best, step.error, play, self.left(best, play))
+        steps = _STEP, _COARSE, 2
+        best, step = refined_delay(self._nuisance, self._required, means, best, steps)
+        return _Late(best, step.error, play, self.left(best, play))
 
     def left(self, late: float, play: float) -> float:
         """Sum of squares of the balances, of one weight for all delays."""
@@ -130,17 +129,28 @@ class _Fit:
         return self._nuisance.beside(self._means(0.0, 0.0))
 
 
-def servo_findings(dataset: Dataset) -> list[Finding]:
+def servo_findings(dataset: Dataset) -> Iterator[Finding]:
     """What the recordings of servos cannot tell apart, and what would."""
     servos = servos_of(dataset)
     if not servos:
-        return []
-    return [
-        *_fast_loop(dataset),
-        *_tied(dataset, servos),
-        *_one_gain_set(servos),
-        *_one_payload(dataset, servos),
-    ]
+        return
+    rate = _fastest(dataset)
+    if rate >= _FAST:
+        yield finding("fast_loop", {"samples": 1 / rate})
+    payloads = len(_payloads(dataset))
+    words = {
+        "payloads": f"{payloads} payloads do"
+        if payloads > 1
+        else "here one payload, if it is known",
+        "what": "gains" if servos[0].output == "torque" else "gains and kt",
+    }
+    off = any((s.enabled.value <= 0.5).any() for s in servos)
+    motor = "tied_motor_with_drops" if off else "tied_motor"
+    yield finding(motor if servos[0].has_motor else "tied_gains", {}, words)
+    if len(_gain_sets(servos)) == 1:
+        yield finding("one_gain_set", {})
+    if payloads == 1:
+        yield finding("one_payload", {})
 
 
 def servo_advice(dataset: Dataset) -> list[str]:
@@ -155,38 +165,22 @@ def servo_advice(dataset: Dataset) -> list[str]:
     return out
 
 
-def _late_finding(found: _Found) -> Finding:
-    late, error = found.late, found.error
-    low, high = 1e3 * (late - _WIDE * error), 1e3 * (late + _WIDE * error)
-    d = 1 if high - low > 0.1 else 2
-    return Finding(
-        "late_targets",
-        "good",
-        f"targets act {1e3 * late:.{d}f} ms later than they are logged (95 %: {low:.{d}f} to "
-        f"{high:.{d}f} ms), and torques are computed so here; left out, that would look like "
-        "viscous friction",
-        "fit by shooting, where the delay of held targets is free",
-        None,
-        {"delay": late, "error": error},
-    )
+def _late_findings(best: _Late, first: _Late) -> Iterator[Finding]:
+    """Findings of the delay of targets and of backlash; first : the best without backlash."""
+    late, margin = best.late, _WIDE * best.error
+    words = {
+        "low": late - margin,
+        "high": late + margin,
+        "digits": 1 if 2e3 * margin > 0.1 else 2,
+    }
+    yield finding("late_targets", {"delay": late, "error": best.error}, words)
+    if best.play:
+        numbers = {"backlash": best.play, "explains": 1.0 - best.left / first.left}
+        yield finding("backlash", numbers, {"degrees": np.degrees(best.play)})
 
 
-def _play_finding(found: _Found, without: _Found) -> Finding:
-    share = 1.0 - found.left / without.left
-    return Finding(
-        "backlash",
-        "good",
-        f"a backlash of about {np.degrees(found.play):.2g} degrees before the encoder explains "
-        f"{percent(share)} of what targets, gains and friction leave; left out, it would change "
-        "Coulomb friction with the gains",
-        "fit by shooting with the block 'backlash' free",
-        None,
-        {"backlash": found.play, "explains": share},
-    )
-
-
-def _fast_loop(dataset: Dataset) -> list[Finding]:
-    """Whether controllers change velocities within a sample or so, which samples do not show."""
+def _fastest(dataset: Dataset) -> float:
+    """Largest share of a velocity that a controller takes off from one sample to the next."""
     plant, most = plant_of(dataset), 0.0
     for k, r in enumerate(dataset.recordings):
         if r.servo is None:
@@ -195,84 +189,7 @@ def _fast_loop(dataset: Dataset) -> list[Finding]:
         M = np.asarray(plant.mechanism.inertia(np.asarray(plant.p)[k], q))
         rate = r.servo.damping_at(time, q, 0.0 * q) / np.diagonal(M, axis1=-2, axis2=-1)
         most = max(most, float(np.median(rate, axis=0).max() * np.median(np.diff(time))))
-    if most < _FAST:
-        return []
-    return [
-        Finding(
-            "fast_loop",
-            "good",
-            f"controllers change a velocity within {1 / most:.1f} samples: torques that are "
-            "computed from samples are too coarse to test masses and delays by, what is said of "
-            "them here may be off by a fifth and more",
-            "log faster, or believe the fit by shooting, which simulates the controller in between",
-            None,
-            {"samples": 1 / most},
-        )
-    ]
-
-
-def _tied(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
-    """What is known of the scale of the torque, and of back-EMF beside viscous friction."""
-    off = any((s.enabled.value <= 0.5).any() for s in servos)
-    if not servos[0].has_motor:
-        what = "gains" if servos[0].output == "torque" else "gains and kt"
-        return [
-            Finding(
-                "tied_constants",
-                "good",
-                f"torque is computed from {what}: friction is known as well as these and the "
-                f"nominal masses, which the motion shows only together ({_scale(dataset)})",
-                "free 'gain' where masses and lengths are known",
-            )
-        ]
-    emf = (
-        "phases with the motor disconnected tell back-EMF from viscous friction"
-        if off
-        else "back-EMF kt^2/R and viscous friction show as their sum only"
-    )
-    return [
-        Finding(
-            "tied_constants",
-            "good",
-            "torque is computed from kt and R: a smaller R looks like larger masses and more "
-            f"friction, which known masses or gravity tell apart ({_scale(dataset)}); {emf}",
-            "" if off else "record drops with the motor disconnected, or fix kt",
-        )
-    ]
-
-
-def _scale(dataset: Dataset) -> str:
-    number = len(_payloads(dataset))
-    return f"{number} payloads do" if number > 1 else "here one payload, if it is known"
-
-
-def _one_gain_set(servos: Sequence[Servo]) -> list[Finding]:
-    if len(_gain_sets(servos)) > 1:
-        return []
-    return [
-        Finding(
-            "one_gain_set",
-            "good",
-            "all recordings have the same gains: backlash, which is a torque of P times half of "
-            "it, differs from Coulomb friction by its hysteresis only",
-            "record the same targets with other gains",
-        )
-    ]
-
-
-def _one_payload(dataset: Dataset, servos: Sequence[Servo]) -> list[Finding]:
-    if len(_payloads(dataset)) > 1 or not servos:
-        return []
-    return [
-        Finding(
-            "one_payload",
-            "good",
-            "all recordings have one payload and one length: friction that grows with the load "
-            "cannot be seen for certain, as friction that is larger at some angles, or a wrong "
-            "gain, looks like it",
-            "record with another payload or length before a load-dependent law is believed",
-        )
-    ]
+    return most
 
 
 def _payloads(dataset: Dataset) -> set[tuple[tuple[str, float], ...]]:

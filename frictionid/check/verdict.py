@@ -2,39 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.check.clock import in_seconds, sampling_findings
-from frictionid.check.conventions import Scored
-from frictionid.check.coverage import advice, still_joints
+from frictionid.check.conventions import Scored, in_seconds
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.hypothesis_tests import Delay, HypothesisTests, run_tests, untested
+from frictionid.check.hypothesis_tests import (
+    Delay,
+    HypothesisTests,
+    run_tests,
+    sampling_findings,
+    untested,
+)
 from frictionid.check.log_faults import dead_torques, log_findings
-from frictionid.check.model_errors import Compared, ModelError, compared, incompatible
+from frictionid.check.model_errors import ModelError
 from frictionid.check.motion import Measured, Motion, adapted, is_blurred, motions_of
 from frictionid.check.passive import (
-    GravityShares,
     energy_findings,
     gravity_findings,
     gravity_shares,
     passive_time,
     rest_findings,
 )
-from frictionid.check.questions import Identifiable, Question, identifiable, questions
-from frictionid.check.regression import Estimate, Regression, regress, widened
+from frictionid.check.questions import (
+    Identifiable,
+    Question,
+    advice,
+    identifiable,
+    questions,
+    still_joints,
+)
+from frictionid.check.regression import (
+    Compared,
+    Estimate,
+    Regression,
+    compared,
+    incompatible,
+    regress,
+    widened,
+)
 from frictionid.check.sensors import (
     frozen_angles,
     frozen_findings,
     frozen_torques,
     unwrapped,
+    velocity_findings,
     without_outliers,
 )
 from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
-from frictionid.check.torque_source import TorqueSource, place_findings, torque_sources
-from frictionid.check.unmeasured import unmeasured
+from frictionid.check.torque_source import (
+    TorqueSource,
+    place_findings,
+    torque_sources,
+    unmeasured_findings,
+)
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
@@ -93,18 +116,6 @@ class Verdict:
     regression: Regression
 
 
-@dataclass(frozen=True)
-class Screening:
-    """Faults of the sensors, and the recordings without them.
-
-    command : whether the torque is nothing but a command, so that nothing else can be tested
-    """
-
-    findings: tuple[Finding, ...]
-    usable: Measured
-    command: bool
-
-
 def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     """Verdict on a data set, before any model is fitted.
 
@@ -143,30 +154,27 @@ def judge(
     Sensor faults, then the tests against the nominal mechanism, then least squares on what these
     leave and correct. `findings` were made before; for the rest see `check`.
     """
-    facts = joints_of(dataset.recordings, motions)
-    measured = Measured.of(dataset, motions)
-    commanded = gravity_shares(dataset)
-    screening = screened(measured, commanded)
-    usable, of_outliers = without_outliers(screening.usable)
-    tests = untested(usable) if screening.command else run_tests(usable)
-    regression, estimate = _least_squares(tests)
-    sources = torque_sources(dataset, commanded)
-    model = _compared(regression, estimate, published) if published else None
-    everything = _worst_first(
-        [
-            *findings,
-            *screening.findings,
-            *of_outliers,
-            *sampling_findings(usable),
-            *still_joints(tests, facts),
-            *tests.findings,
-            *_passivity_findings(tests, estimate),
-            *place_findings(tests, estimate),
-            *_torque_findings(sources, tests, regression, estimate),
-            *(incompatible(model) if model else []),
-        ]
-    )
-    passive = passive_time(tests.measured)
+    facts, commanded = joints_of(dataset.recordings, motions), gravity_shares(dataset)
+    usable, of_sensors = screened(Measured.of_dataset(dataset, motions))
+    of_commands = list(gravity_findings(usable, commanded))
+    is_command = any(f.level == "unusable" for f in of_commands)
+    usable, of_outliers = without_outliers(usable)
+    tests = untested(usable) if is_command else run_tests(usable)
+    results = _Results(tests, *_least_squares(tests), torque_sources(dataset, commanded))
+    model = _compared(results, published) if published else None
+    unsorted = [
+        *findings,
+        *of_commands,
+        *of_sensors,
+        *of_outliers,
+        *sampling_findings(usable),
+        *still_joints(tests, facts),
+        *results.findings(),
+        *(incompatible(model) if model else []),
+    ]
+    everything = sorted(unsorted, key=lambda f: -LEVELS.index(f.level))
+    estimate, passive = results.estimate, passive_time(tests.measured)
+    untestable = "the torque is a command" if is_command else "no joint slides long enough"
     return Verdict(
         dataset=dataset.name,
         level=everything[0].level if everything else "good",
@@ -177,19 +185,21 @@ def judge(
         conventions=tests.conventions,
         delay=tests.delay,
         model_errors=tests.model_errors,
-        torque=sources,
-        questions=tuple(questions(tests, estimate, sources)),
+        torque=results.sources,
+        questions=tuple(questions(tests, estimate, results.sources)),
         estimate=estimate,
         nominal=tests.measured.nominal[0],
-        identifiable=tuple(_identifiable(screening, tests, facts, estimate)),
+        identifiable=tuple(identifiable(tests, facts, estimate))
+        if tests.done
+        else (Identifiable("everything", False, untestable),),
         next=(*servo_advice(dataset), *advice(tests, facts, passive, estimate)),
         published=model,
-        regression=regression,
+        regression=results.regression,
     )
 
 
-def screened(measured: Measured, commanded: GravityShares) -> Screening:
-    """Frozen readings and commanded torques; recordings with frozen readings are left out.
+def screened(measured: Measured) -> tuple[Measured, list[Finding]]:
+    """The recordings without frozen readings, and the faults of sensors and log.
 
     Their fault would look like others in all that follows.
     """
@@ -198,71 +208,49 @@ def screened(measured: Measured, commanded: GravityShares) -> Screening:
     angles = frozen_angles(measured)
     moving = measured.without({f.recording for f in angles})
     torques = frozen_torques(moving)
-    usable = moving.without({f.recording for f in torques})
-    commands = gravity_findings(usable, commanded)
-    findings = (
-        *commands,
-        *frozen_findings(measured, angles, "angle"),
-        *frozen_findings(moving, torques, "torque"),
+    findings = [
+        *frozen_findings(measured, angles, "frozen_sensor"),
+        *frozen_findings(moving, torques, "frozen_torque"),
         *log_findings(measured, dead),
-    )
-    return Screening(findings, usable, any(f.level == "unusable" for f in commands))
+        *velocity_findings(measured),
+    ]
+    return moving.without({f.recording for f in torques}), findings
+
+
+@dataclass(frozen=True, eq=False)
+class _Results:
+    """Results of the tests, least squares on what they leave, and where torques come from."""
+
+    tests: HypothesisTests
+    regression: Regression
+    estimate: Estimate
+    sources: tuple[TorqueSource, ...]
+
+    def findings(self) -> Iterator[Finding]:
+        """Errors of the tests, and where none explains them already, of passivity; of torques."""
+        tests, estimate = self.tests, self.estimate
+        yield from tests.findings
+        if tests.done and not tests.findings:
+            yield from energy_findings(tests.measured)
+            yield from rest_findings(tests, estimate)
+        yield from place_findings(tests, estimate)
+        yield from unmeasured_findings(self.sources, tests, self.regression, estimate)
 
 
 def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
-    measured = tests.measured
-    rows = tests.rows
+    measured, rows = tests.measured, tests.rows
+    mechanism, nominal = measured.mechanism, measured.nominal
     if not is_blurred(measured.motions):
         rows = adapted(measured.balances, measured.motions).without(measured.dead)
     torque = rows.means(measured.torque, tests.shift)
-    mechanism, nominal = measured.mechanism, measured.nominal
     estimate = regress(rows, torque, mechanism, nominal)
     if tests.longer is not None:
-        estimate = widened(
-            estimate,
-            regress(
-                tests.longer,
-                tests.longer.means(measured.torque, tests.shift),
-                mechanism,
-                nominal,
-            ),
-        )
+        means = tests.longer.means(measured.torque, tests.shift)
+        estimate = widened(estimate, regress(tests.longer, means, mechanism, nominal))
     return Regression(measured, rows, torque), estimate
 
 
-def _compared(regression: Regression, estimate: Estimate, published: Friction) -> Compared:
+def _compared(results: _Results, published: Friction) -> Compared:
+    regression = results.regression
     parameters = plant_of(regression.measured.dataset, published.parameters).p
-    return compared(regression.rows, regression.torque, estimate, parameters, published)
-
-
-def _passivity_findings(tests: HypothesisTests, estimate: Estimate) -> list[Finding]:
-    """Findings of energy and loads at rest, where no tested error explains them already."""
-    if not tests.done or tests.findings:
-        return []
-    return [*energy_findings(tests.measured), *rest_findings(tests, estimate)]
-
-
-def _torque_findings(
-    sources: Sequence[TorqueSource],
-    tests: HypothesisTests,
-    regression: Regression,
-    estimate: Estimate,
-) -> list[Finding]:
-    """Findings of torques that are not measured, where the motion is known well enough."""
-    coarse = bool(sampling_findings(tests.measured))
-    if not tests.done or coarse or any(f.kind == "constant_angle" for f in tests.findings):
-        return []
-    return unmeasured(sources, regression, estimate, tests.delay)
-
-
-def _worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    return sorted(findings, key=lambda f: -LEVELS.index(f.level))
-
-
-def _identifiable(
-    screening: Screening, tests: HypothesisTests, facts: Sequence[JointFacts], estimate: Estimate
-) -> list[Identifiable]:
-    if tests.done:
-        return identifiable(tests, facts, estimate)
-    reason = "the torque is a command" if screening.command else "no joint slides long enough"
-    return [Identifiable("everything", False, reason)]
+    return compared(regression.rows, regression.torque, results.estimate, parameters, published)

@@ -26,7 +26,7 @@ def _measured(samples: int, frozen: slice = slice(200, 300)) -> Measured:
     one = np.ones(1)
     motion = Motion(States(time, q[:, None], w[:, None]), 1e-4 * one, 1e-3 * one, 1e-3 * one)
     recording = Recording("r", Signal(time, q[:, None]), Signal(time, held[:, None], "previous"))
-    return Measured.of(Dataset("held", MACHINE, (recording,)), [motion])
+    return Measured.of_dataset(Dataset("held", MACHINE, (recording,)), [motion])
 
 
 def _is_contradicted(measured: Measured, start: float, stop: float) -> bool:

@@ -7,8 +7,8 @@ import pytest
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
-from frictionid.check.clock import clock_findings
-from frictionid.check.log_faults import coarse_velocities, repeated_rows, unsigned_torques
+from frictionid.check.log_faults import clock_findings, repeated_rows, unsigned_torques
+from frictionid.check.sensors import coarse_velocities
 from frictionid.data.signals import Signal, taken
 
 COUNT = 20
@@ -46,9 +46,9 @@ def test_a_torque_without_its_sign_is_named(setup, sign):
 def test_a_torque_with_its_sign_is_not_called_unsigned(setup):
     """Neither as logged, nor lifted so that it acts in one direction only."""
     for data in sets(setup, COUNT, seed=8):
-        assert unsigned_torques(data) == []
-        assert unsigned_torques(changed(data, "torque", lambda u: u - u.min())) == []
-        assert unsigned_torques(changed(data, "torque", lambda u: np.maximum(u, 0.0))) == []
+        assert list(unsigned_torques(data)) == []
+        assert list(unsigned_torques(changed(data, "torque", lambda u: u - u.min()))) == []
+        assert list(unsigned_torques(changed(data, "torque", lambda u: np.maximum(u, 0.0)))) == []
 
 
 def with_velocity(data, step):
@@ -66,7 +66,7 @@ def with_velocity(data, step):
 @pytest.mark.parametrize(("step", "named"), [(0.0, False), (0.01, False), (0.2, True), (0.7, True)])
 def test_a_velocity_in_coarse_steps_is_named(step, named):
     for data in sets(Setup(), 5, seed=2):
-        found = coarse_velocities(with_velocity(data, step))
+        found = list(coarse_velocities(with_velocity(data, step)))
         assert [f.kind for f in found] == ["coarse_velocity"] * named
         if named:
             assert found[0].numbers["step"] == pytest.approx(
@@ -83,7 +83,7 @@ def test_held_samples_of_a_log_faster_than_its_sensor_are_named():
     for data in sets(Setup(counts=4096), COUNT, seed=4):
         found = repeated_rows(changed(data, "angle", held))
         assert [(f.kind, f.level) for f in found] == [("repeated_rows", "doubtful")]
-        assert repeated_rows(data) == []
+        assert list(repeated_rows(data)) == []
 
 
 def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
@@ -116,7 +116,7 @@ def test_bursts_of_stamps_and_held_torques_are_named():
         return np.repeat(value[::4], 4, axis=0)[: len(value)]
 
     for data in sets(Setup(), 3, seed=8):
-        assert clock_findings(data) == []
+        assert list(clock_findings(data)) == []
         burst = replace(data, recordings=(together(data.recordings[0]), *data.recordings[1:]))
         rows = {f.kind: f.numbers for f in clock_findings(burst)}
         assert rows["stamp_bursts"]["rows"] == 9

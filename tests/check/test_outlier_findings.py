@@ -20,7 +20,7 @@ def clean():
 
 
 def found(data):
-    return without_outliers(Measured.of(data, motions_of(data.recordings)))[1]
+    return without_outliers(Measured.of_dataset(data, motions_of(data.recordings)))[1]
 
 
 def with_wild(data, name, quantity, rows, column, size):

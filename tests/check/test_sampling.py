@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fixtures.paths import DATA
 
-from frictionid.check.clock import sampling_findings
+from frictionid.check.hypothesis_tests import sampling_findings
 from frictionid.check.motion import Measured, motions_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
@@ -36,7 +36,7 @@ def thinned(data, every, slower=1.0):
 
 
 def found(data):
-    return sampling_findings(Measured.of(data, motions_of(data.recordings)))
+    return sampling_findings(Measured.of_dataset(data, motions_of(data.recordings)))
 
 
 @pytest.mark.parametrize("every", [1, 2])

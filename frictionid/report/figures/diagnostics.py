@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import Verdict
-from frictionid.check.model_errors import one_way
 from frictionid.check.motion import Motion
+from frictionid.check.regression import one_way
 from frictionid.data.recordings import Recording
 from frictionid.files import write_bytes
 from frictionid.mechanics import Mechanism
