@@ -14,8 +14,7 @@ from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
-from frictionid.quickstart.quick_picture import quick_figure
-from frictionid.quickstart.quick_text import show_quick
+from frictionid.quickstart.quick_report import quick_figure, show_quick
 from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import as_json, show_verdict
 from frictionid.report.figures.diagnostics import PICTURES

@@ -15,6 +15,7 @@ import pandas as pd
 from frictionid import excitation
 from frictionid.errors import InputError
 from frictionid.excitation import Design, TrajectoryDesign
+from frictionid.excitation.signals import FAMILIES
 from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import (
     described,
@@ -24,8 +25,6 @@ from frictionid.report.experiment_design import (
 )
 from frictionid.report.figures.experiment_design import design_figure, trajectory_figure
 from frictionid.report.figures.style import drawn
-
-FAMILIES = ("multisine", "chirp")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -73,8 +73,7 @@ def quick(
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
-    from frictionid.quickstart.quick_picture import quick_picture
-    from frictionid.quickstart.quick_text import quick_json, show_quick
+    from frictionid.quickstart.quick_report import quick_json, quick_picture, show_quick
 
     loaded = load_dataset(dataset, data, trust=trust)
     figure = figure or Path(f"quick-{file_names([loaded.name])[loaded.name]}.png")

@@ -1,4 +1,13 @@
-"""Design of an experiment: torque signals, the motion they should make, and what it identifies."""
+"""Design of an experiment: a search for torque signals, their motion, and what it identifies.
+
+The search has a pool of random signals, Fedorov exchange of recordings, and refinement. Its
+criterion is the smallest eigenvalue of the expected information, the inverse of the covariance
+of all parameters, each in units of the standard error by a plain sine (E-optimality [Walter1997],
+standardised [Dette1997]). Friction counts more than the base parameters, which are identified with
+it. Information adds up over recordings, so that the best set of motions that are simulated once is
+found by exchange [Fedorov1972]. New signals come from the best and nearly best ones, by small
+changes and by differences between two of them [Storn1997].
+"""
 
 from __future__ import annotations
 
@@ -9,11 +18,211 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.errors import InputError
 from frictionid.excitation.experiment import Experiment
-from frictionid.excitation.information import Concatenated, equations
-from frictionid.excitation.motion import Motions, jerk_decades, predict_motions, smoothed_states
-from frictionid.excitation.search import Search, search_signals
-from frictionid.excitation.signals import SignalSpace
+from frictionid.excitation.information import (
+    Concatenated,
+    Information,
+    covariances,
+    equations,
+    expected_information,
+)
+from frictionid.excitation.signals import (
+    Motions,
+    SignalSpace,
+    jerk_decades,
+    predict_motions,
+    smoothed_states,
+)
+
+# Standard errors that count as one, over the best of any single recording: of base parameters, and
+# at most of friction (plain sines may be worse).
+BASE_SCALE, FRICTION_SCALE = 10.0, 4.0
+_SWEEPS = 5
+_SINES = 10  # one of so many signals of the first pool is a plain sine
+_NEAR = 6  # signals kept as parents for each recording
+_SPREAD = (0.003, 0.3)  # of a change, in the unit cube: motions are sensitive
+_CHANGED = 4.0  # coordinates, on average
+_STEP = (0.2, 0.8)  # of a difference between two parents
+_KINDS = (4, 3, 3)  # of ten children: changed ones, differences, and fresh ones
+_TRIES = 3
+
+
+@dataclass(frozen=True)
+class Search:
+    """Effort of the search: random signals, then generations of refined ones; seed of the draws."""
+
+    pool: int = 600
+    generations: int = 12
+    children: int = 200
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least in (("pool", 1), ("generations", 0), ("children", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} = {getattr(self, name)} must be at least {least}")
+
+
+class Pool(NamedTuple):
+    """Signals x (N, size) that keep the limits, and the expected information of each."""
+
+    x: Array
+    information: Information
+
+    def joined(self, other: Pool) -> Pool:
+        """Both pools as one."""
+        pairs = zip(self.information, other.information, strict=True)
+        both = Information(*(np.concatenate(pair, axis=1) for pair in pairs))
+        return Pool(np.concatenate([self.x, other.x]), both)
+
+
+def search_signals(
+    space: SignalSpace, search: Search, done: Callable[[str], None] = lambda _: None
+) -> tuple[Array, Array]:
+    """Signals x (R, size) of the experiment's recordings, and the criterion after each stage.
+
+    `done` is called with a line of text after each of the `generations + 1` stages.
+
+    Raises
+    ------
+    InputError
+        Where no signal of the pool keeps the limits, or none shows friction and inertia.
+    """
+    random = np.random.default_rng(search.seed)
+    sines, pool = _first(space, search, random)
+    recordings = space.experiment.recordings
+    scale = scales(space.experiment, pool.information, pool.information.pick(slice(sines)))
+    chosen, value = exchange(pool.information, scale, recordings)
+    if not value > 0.0:
+        raise InputError(
+            "no signal within the limits shows all of friction and inertia: check the parameters "
+            "of the mechanism, or widen the limit of the torque or the length of the recordings"
+        )
+    values = [value]
+    done(f"{len(pool.x)} signals keep the limits")
+    for _ in range(search.generations):
+        x = _children(pool.x[_parents(pool.information, scale, chosen)], search.children, random)
+        children = simulated(space, x, search.seed)
+        pool = pool if children is None else pool.joined(children)
+        chosen, value = exchange(pool.information, scale, recordings, chosen)
+        values.append(value)
+        done(f"{100 * np.sqrt(values[0] / value):.0f} % of the first standard errors")
+    return pool.x[chosen], np.array(values)
+
+
+def simulated(space: SignalSpace, x: Array, seed: int) -> Pool | None:
+    """Those of the signals that keep the limits, None where none does."""
+    motions = predict_motions(space.experiment, space.torque(x), space.start(x), quick=True)
+    kept = np.flatnonzero(motions.within(space.experiment))
+    if not kept.size:
+        return None
+    return Pool(x[kept], expected_information(space.experiment, motions.pick(kept), seed))
+
+
+def _first(space: SignalSpace, search: Search, random: np.random.Generator) -> tuple[int, Pool]:
+    """The first pool, and how many plain sines it begins with."""
+    # those at a resonance are hard to find by chance, and hard to beat
+    sines = space.sines(search.pool // _SINES)
+    for _ in range(_TRIES):
+        x = random.uniform(size=(search.pool - len(sines), space.size))
+        pool = simulated(space, np.concatenate([sines, x]), search.seed)
+        if pool is not None:
+            return int((pool.x[:, None] == sines).all(-1).any(-1).sum()), pool
+    limits = space.experiment.limits
+    raise InputError(
+        f"none of {_TRIES * search.pool} signals keeps the limits, velocity "
+        f"{limits.velocity.tolist()} and angle {limits.angle.tolist()}: shorten the recordings, "
+        "raise the frequencies, widen the limits, or give start angles at which the machine rests"
+    )
+
+
+def _parents(pool: Information, scale: Array, chosen: Array) -> Array:
+    """Indices of the chosen recordings and of the best in place of each."""
+    near = [np.argsort(-_in_place(pool, scale, [*chosen], r))[:_NEAR] for r in range(len(chosen))]
+    return np.concatenate([chosen, *near])
+
+
+def _children(parents: Array, count: int, random: np.random.Generator) -> Array:
+    """New signals of three kinds.
+
+    A parent changed in a few coordinates, by much or by little; a parent moved by the difference of
+    two others in half of its coordinates; random ones.
+    """
+    changed, moved = (count * kind // sum(_KINDS) for kind in _KINDS[:2])
+    size = parents.shape[1]
+    x = parents[np.arange(changed) % len(parents)]
+    few = random.uniform(size=x.shape) < _CHANGED / size
+    low, high = np.log(_SPREAD)
+    spread = np.exp(random.uniform(low, high, size=(changed, 1)))
+    x = x + few * spread * random.standard_normal(x.shape)
+    a, b, c = parents[random.integers(len(parents), size=(3, moved))]
+    half = random.uniform(size=a.shape) < 0.5
+    y = a + half * random.uniform(*_STEP, size=(moved, 1)) * (b - c)
+    fresh = random.uniform(size=(count - changed - moved, size))
+    folded = np.abs(np.concatenate([x, y, fresh])) % 2.0
+    return np.minimum(folded, 2.0 - folded)  # reflected at both ends
+
+
+def exchange(
+    pool: Information, scale: Array, recordings: int, initial: Array | None = None
+) -> tuple[Array, float]:
+    """Indices (R,) of the recordings with the best joint information, and their criterion.
+
+    Fedorov exchange: one after the other is replaced by the best until nothing improves.
+    """
+    chosen = [] if initial is None else [int(i) for i in initial]
+    value = 0.0
+    for _ in range(_SWEEPS):
+        before = list(chosen)
+        for place in range(recordings):
+            values = _in_place(pool, scale, chosen, place)
+            chosen = [*chosen[:place], int(np.argmax(values)), *chosen[place + 1 :]]
+            value = float(values.max())
+        if chosen == before:
+            break
+    return np.array(chosen), value
+
+
+def _in_place(pool: Information, scale: Array, chosen: list[int], place: int) -> Array:
+    """Criterion (N,) with each signal of the pool in place of one of the chosen."""
+    others = chosen[:place] + chosen[place + 1 :]
+    sums = Information(*(x + x[:, others].sum(1, keepdims=True) for x in pool))
+    return e_criterion(sums, scale)
+
+
+def e_criterion(information: Information, scale: Array) -> Array:
+    """Smallest eigenvalue of the scaled information, (N,), at the worst of L friction scales.
+
+    information (L, N, P, P) ; scale (P,) : standard errors that count as one
+    """
+    covariance = covariances(information) / (scale[:, None] * scale)
+    singular = ~np.isfinite(covariance).all(axis=(-2, -1))
+    safe = np.where(singular[..., None, None], 0.0, covariance)
+    largest = np.linalg.eigvalsh(safe)[..., -1]
+    return np.where(singular, 0.0, 1.0 / np.maximum(largest, 1e-300)).min(axis=0)
+
+
+def scales(experiment: Experiment, pool: Information, sines: Information) -> Array:
+    """Standard errors (P,) that count as one.
+
+    For friction the least of one plain sine, at most FRICTION_SCALE times the least of any
+    recording of the pool; for base parameters BASE_SCALE times the latter. So each parameter counts
+    by its distance from the best that is possible for it alone, not by a prior of its size
+    [Dette1997]. Where no recording identifies it, its size is used.
+    """
+    p = np.abs(experiment.plant.p)
+    sizes = np.concatenate([experiment.friction.theta.ravel(), np.where(p > 0, p, p.max())])
+    least, plain = (_least(each) for each in (pool, sines))
+    least = np.where(np.isfinite(least), least, sizes)
+    friction = np.arange(len(sizes)) < len(sizes) - len(p)
+    return np.where(friction, np.minimum(plain, FRICTION_SCALE * least), BASE_SCALE * least)
+
+
+def _least(each: Information) -> Array:
+    """Least standard error (P,) by one recording, infinite where none identifies a parameter."""
+    variances = np.diagonal(covariances(each), axis1=-2, axis2=-1).max(axis=0)
+    return np.asarray(np.sqrt(variances.min(axis=0, initial=np.inf)))
+
 
 DRAWS = 80  # a standard deviation is then known to 8 %
 
@@ -47,8 +256,8 @@ def monte_carlo(
     q, w = smoothed_states(motions.q + noise, jerk_decades(motions.q + noise, dt), dt)
     H, g = [], []
     for d in range(draws):
-        one = motions._replace(q=q[:, d : d + 1], w=w[:, d : d + 1])
-        fit = Concatenated.of(experiment, one, 0)
+        drawn = motions._replace(q=q[:, d : d + 1], w=w[:, d : d + 1])
+        fit = Concatenated.at_level(experiment, drawn, 0)
         A, gradient = equations(fit, fit.projector, fit.problem)
         A = A[fit.used]
         H.append(np.einsum("kip,kiq->pq", A, A))

@@ -1,22 +1,127 @@
-"""The experiment that signals are designed for: machine, prior friction, limits, drive, camera."""
+"""The experiment that signals are designed for: machine, limits, prior friction, drive, camera."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import read_toml
+from frictionid.config import nearest, parse_toml, read_toml
 from frictionid.errors import InputError
-from frictionid.excitation.limits import Limits
 from frictionid.friction import Friction
-from frictionid.mechanics import Plant
+from frictionid.friction.laws import CoulombViscous
+from frictionid.mechanics import Mechanism, Plant
 
+_LIMITS = "torque=0.14,velocity=[10,20],angle=3.1"
+_PRIOR = "coulomb=[0.1,0.05],viscous=0.001"
+_SHARE = 0.05  # of the largest torque limit, which is friction by default
 _RESTING = 0.01  # of the velocity limit: slower motion is what a smoother makes of a reversal
+
+
+class Limits(NamedTuple):
+    """Largest magnitudes: torque (n,) [N m], zero without a motor; velocity, angle (n,), SI."""
+
+    torque: Array
+    velocity: Array
+    angle: Array
+
+
+def limits_of(text: str, mechanism: Mechanism) -> Limits:
+    """Limits of a text, one number for all or a list; an angle that is not named has no limit.
+
+    Torques have one number for each motor, velocities and angles one for each joint.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, a missing one, or anything that is no positive number.
+
+    Examples
+    --------
+    >>> from frictionid.mechanics import acrobot
+    >>> limits_of("torque=0.14, velocity=[10, 20]", acrobot())
+    Limits(torque=array([0.  , 0.14]), velocity=array([10., 20.]), angle=array([inf, inf]))
+    """
+    table = table_of("--limits", text, Limits._fields, _LIMITS)
+    for name in ("torque", "velocity"):
+        if name not in table:
+            raise InputError(f"--limits {text!r} lacks {name}: e.g. {_LIMITS}")
+    driven = np.flatnonzero(mechanism.driven)
+    if not driven.size:
+        raise InputError(
+            f"[mechanism] {mechanism.kind} has no motor: there is no torque to suggest"
+        )
+    torque = np.zeros(mechanism.n)
+    torque[driven] = numbers_of("--limits", "torque", table["torque"], (driven.size, "motors"))
+    joints = (mechanism.n, "joints")
+    angle = numbers_of("--limits", "angle", table.get("angle", math.inf), joints)
+    return Limits(torque, numbers_of("--limits", "velocity", table["velocity"], joints), angle)
+
+
+def table_of(option: str, text: str, names: tuple[str, ...], example: str) -> Mapping[str, Any]:
+    """Values by name of an option "name=value,name=[value,value]"."""
+    try:
+        table = parse_toml(f"x = {{{text}}}", option)["x"]
+    except InputError:
+        raise InputError(
+            f"{option} {text!r} cannot be read: give name=number or name=[number,number] with "
+            f"commas, e.g. {example}"
+        ) from None
+    for name in table:
+        if name not in names:
+            raise InputError(f"{option}: {name!r} is unknown; {nearest(name, names)}")
+    return table
+
+
+def numbers_of(option: str, name: str, value: Any, count: tuple[int, str]) -> Array:
+    """One positive number for each of the joints or motors, from one number or a list."""
+    numbers = value if isinstance(value, list) else [value]
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int | float) or not number > 0:
+            raise InputError(f"{option}: {name} = {number!r} must be positive")
+    if len(numbers) not in (1, count[0]):
+        raise InputError(
+            f"{option}: {name} has {len(numbers)} numbers for {count[0]} {count[1]}; "
+            "give one, or one for each"
+        )
+    return np.broadcast_to(np.array(numbers, dtype=float), (count[0],)).copy()
+
+
+def prior_friction_of(text: str, limits: Limits) -> Friction:
+    """Coulomb and viscous friction of a text; default: 5 % of the largest torque limit.
+
+    That share is each joint's Coulomb friction, and its viscous friction at the velocity limit.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or a number that is not possible.
+
+    Examples
+    --------
+    >>> limits = Limits(np.array([0.0, 0.2]), np.array([10.0, 20.0]), np.array([np.inf, np.inf]))
+    >>> print(prior_friction_of("viscous=0.002", limits))
+    CoulombViscous(width=0.02, shape='tanh', symmetric=True)
+      joint 1  coulomb 0.01 N m, viscous 0.002 N m s/rad
+      joint 2  coulomb 0.01 N m, viscous 0.002 N m s/rad
+    """
+    law, joints = CoulombViscous(), len(limits.torque)
+    level = _SHARE * float(limits.torque.max())
+    columns = {"coulomb": np.full(joints, level), "viscous": level / limits.velocity}
+    for name, value in table_of("--friction", text, law.names, _PRIOR).items():
+        columns[name] = numbers_of("--friction", name, value, (joints, "joints"))
+    theta = np.stack([columns[name] for name in law.names], axis=-1)
+    if not (np.isfinite(theta) & (theta > 0)).all():
+        coulomb, viscous = theta.T.tolist()
+        raise InputError(
+            f"--friction: Coulomb {coulomb} and viscous {viscous} must be finite and positive"
+        )
+    return Friction(law, theta)
 
 
 @dataclass(frozen=True)
@@ -67,7 +172,12 @@ class Experiment:
                 f"frequencies {low:g},{high:g} Hz must be positive, increasing and at most a "
                 f"quarter of the drive rate of {self.drive_rate:g} Hz"
             )
-        _check_start(self.start, self.limits, self.plant.n)
+        if self.start is not None and len(self.start) != self.plant.n:
+            raise InputError(f"start has {len(self.start)} angles for {self.plant.n} joints")
+        for j, angle in enumerate(self.start or ()):
+            if not abs(angle) < self.limits.angle[j]:
+                limit = f"its limit {self.limits.angle[j]:g}"
+                raise InputError(f"start angle {angle:g} of joint {j + 1} is not within {limit}")
 
     @property
     def noise(self) -> Array:
@@ -88,16 +198,6 @@ class Experiment:
     def commands(self) -> Array:
         """Times of the drive's commands (K + 1,) [s], the last one where the signal ends."""
         return np.arange(round(self.length * self.drive_rate) + 1) / self.drive_rate
-
-
-def _check_start(start: tuple[float, ...] | None, limits: Limits, joints: int) -> None:
-    if start is None:
-        return
-    if len(start) != joints:
-        raise InputError(f"start has {len(start)} angles for {joints} joints")
-    for j, (angle, most) in enumerate(zip(start, limits.angle, strict=True), start=1):
-        if not abs(angle) < most:
-            raise InputError(f"start angle {angle:g} of joint {j} is not within its limit {most:g}")
 
 
 def load_mechanism(path: Path) -> dict[str, Any]:

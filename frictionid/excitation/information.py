@@ -27,7 +27,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
 from frictionid.excitation.experiment import Experiment
-from frictionid.excitation.motion import Motions, jerk_decades, smoothed_states, smoother_gains
+from frictionid.excitation.signals import Motions, jerk_decades, smoothed_states, smoother_gains
 from frictionid.fitting.one_step.residual import (
     Problem,
     integral_problem,
@@ -87,7 +87,9 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     decades = jerk_decades(motions.q + draw, dt)
     q, w = smoothed_states(motions.q, decades, dt)
     smoothed = motions._replace(q=q, w=w)
-    parts = [_sensitivities(Concatenated.of(experiment, smoothed, level)) for level in range(L)]
+    parts = [
+        _sensitivities(Concatenated.at_level(experiment, smoothed, level)) for level in range(L)
+    ]
     H, by_state, by_mask = (np.concatenate(x) for x in zip(*parts, strict=True))
     V = np.zeros_like(H)
     decades = decades.reshape(L * N, n)
@@ -95,11 +97,11 @@ def expected_information(experiment: Experiment, motions: Motions, seed: int) ->
     margin = speed - experiment.velocity_threshold
     for j in range(n):
         for decade in np.unique(decades[:, j]):
-            own = decades[:, j] == decade
+            alike = decades[:, j] == decade
             gains = smoother_gains(images, dt, float(decade))
-            V[own] += noise[j] ** 2 * _noise_variance(by_state[own, ..., j], gains)
+            V[alike] += noise[j] ** 2 * _noise_variance(by_state[alike, ..., j], gains)
             sigma = noise[j] * np.sqrt(gains[1].power(2).sum(axis=1))
-            V[own] += _mask_variance(by_mask[own, ..., j], margin[own, :, j] / sigma)
+            V[alike] += _mask_variance(by_mask[alike, ..., j], margin[alike, :, j] / sigma)
     P = H.shape[-1]
     return Information(H.reshape(L, N, P, P), V.reshape(L, N, P, P))
 
@@ -142,7 +144,7 @@ class Concatenated:
     velocity_threshold: Array
 
     @staticmethod
-    def of(experiment: Experiment, motions: Motions, level: int) -> Concatenated:
+    def at_level(experiment: Experiment, motions: Motions, level: int) -> Concatenated:
         """Motions at one of the friction scales."""
 
         def flat(x: Array) -> Array:
@@ -154,11 +156,15 @@ class Concatenated:
         recording = Recording("expected", Signal(time, q), Signal(time, u, hold="previous"))
         plant = experiment.plant
         parameters = {name: value[None] for name, value in plant.parameters.items()}
-        one = Plant(plant.mechanism, parameters, plant.p[None])
-        friction = experiment.friction
-        scaled = Friction(friction.law, experiment.friction_scales[level] * friction.theta)
-        count, threshold = motions.q.shape[2], experiment.velocity_threshold
-        return Concatenated(scaled, one, recording, w, count, threshold)
+        scale, friction = experiment.friction_scales[level], experiment.friction
+        return Concatenated(
+            Friction(friction.law, scale * friction.theta),
+            Plant(plant.mechanism, parameters, plant.p[None]),
+            recording,
+            w,
+            motions.q.shape[2],
+            experiment.velocity_threshold,
+        )
 
     @property
     def q(self) -> Array:

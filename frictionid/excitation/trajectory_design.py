@@ -17,7 +17,7 @@ import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.errors import InputError
-from frictionid.excitation.limits import Limits
+from frictionid.excitation.experiment import Limits
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant
 from frictionid.simulate.tracking import Fourier
@@ -137,46 +137,42 @@ def design_trajectories(
     True
     """
     random = np.random.default_rng(seed)
-    known, chosen, values = np.zeros((_size(task),) * 2), [], []
+    total, chosen, values = np.zeros((_size(task),) * 2), [], []
     for number in range(task.recordings):
-        best = _search(task, known, effort, random)
-        known = known + _information(task, best)
+        best = _search(task, total, effort, random)
+        total = total + _information(task, best)
         chosen.append(best)
-        values.append(float(_errors(task, known).max()))
+        values.append(float(_errors(task, total).max()))
         done(f"trajectory {number + 1}: friction known to {100 * values[-1]:.2g} % at worst")
-    return TrajectoryDesign(task, tuple(chosen), _errors(task, known), tuple(values))
+    return TrajectoryDesign(task, tuple(chosen), _errors(task, total), tuple(values))
 
 
 def _search(
-    task: TrajectoryTask, known: Array, effort: int, random: np.random.Generator
+    task: TrajectoryTask, before: Array, effort: int, random: np.random.Generator
 ) -> Trajectory:
-    """The best motion of so many, beside what is known already."""
+    """The best motion of so many, beside the information of those before it."""
     n, width = task.plant.n, 2 * task.harmonics + 1
-    found: list[tuple[float, Array, Trajectory]] = []
-
-    def consider(x: Array) -> None:
+    candidates: list[tuple[float, Array, Trajectory]] = []
+    pool = max(1, effort // 2)
+    for step in range(-pool, effort - pool):
+        x = random.normal(size=(n, width))
+        if step >= 0:
+            if not candidates:
+                break
+            candidates = sorted(candidates, key=lambda c: c[0])[:_BEST]
+            share = step / max(effort - pool - 1, 1)
+            spread = _SPREAD[0] * (_SPREAD[1] / _SPREAD[0]) ** share
+            x = candidates[step % len(candidates)][1] + spread * x
         motion = _within_limits(task, x)
         if motion is not None:
-            value = float(_errors(task, known + _information(task, motion)).max())
-            found.append((value, x, motion))
-
-    pool = max(1, effort // 2)
-    for _ in range(pool):
-        consider(random.normal(size=(n, width)))
-    for step in range(effort - pool):
-        if not found:
-            break
-        found = sorted(found, key=lambda own: own[0])[:_BEST]
-        share = step / max(effort - pool - 1, 1)
-        spread = _SPREAD[0] * (_SPREAD[1] / _SPREAD[0]) ** share
-        x = found[step % len(found)][1]
-        consider(x + spread * random.normal(size=x.shape))
-    if not found:
+            value = float(_errors(task, before + _information(task, motion)).max())
+            candidates.append((value, x, motion))
+    if not candidates:
         raise InputError(
             f"no motion of {task.length:g} s keeps the limits: the torques do not suffice for "
             "gravity and friction; raise torque, or take a longer one"
         )
-    return min(found, key=lambda own: own[0])[2]
+    return min(candidates, key=lambda c: c[0])[2]
 
 
 def _within_limits(task: TrajectoryTask, x: Array) -> Trajectory | None:
@@ -189,23 +185,17 @@ def _within_limits(task: TrajectoryTask, x: Array) -> Trajectory | None:
     q, w, a = (
         np.stack(part, axis=-1) for part in zip(*(f.motion(task.time) for f in shape), strict=True)
     )
-    room = _MARGIN * limits.angle - np.abs(offset)
-    scale = np.minimum(
-        room / np.abs(q).max(axis=0), _MARGIN * limits.velocity / np.abs(w).max(axis=0)
-    )
+    room = _MARGIN * limits.angle - np.abs(offset), _MARGIN * limits.velocity
+    scale = np.minimum(*(r / np.abs(x).max(axis=0) for r, x in zip(room, (q, w), strict=True)))
     for _ in range(_TRIES):
         motion = offset + scale * q, scale * w
         torque = _torque(task, *motion, scale * a)
         over = float((np.abs(torque).max(axis=0) / (_MARGIN * limits.torque)).max())
         if over <= 1.0:
+            rows = zip(scale[:, None] * sines, scale[:, None] * cosines, offset, strict=True)
             references = tuple(
-                Fourier(
-                    tuple(map(float, scale[j] * sines[j])),
-                    tuple(map(float, scale[j] * cosines[j])),
-                    frequency,
-                    float(offset[j]),
-                )
-                for j in range(n)
+                Fourier(tuple(a.tolist()), tuple(b.tolist()), frequency, float(c))
+                for a, b, c in rows
             )
             return Trajectory(references, *motion, torque)
         scale, offset = scale * max(0.5, 0.95 / over), 0.9 * offset

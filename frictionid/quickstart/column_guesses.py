@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +48,8 @@ def quantity_of(name: str) -> str:
     >>> [quantity_of(name) for name in ("t_ms", "q2 [deg]", "i_motor", "temperature")]
     ['time', 'angle', 'current', '']
     """
-    own = set(words(name))
-    return next((quantity for quantity, known in WORDS.items() if own & known), "")
+    said = set(words(name))
+    return next((quantity for quantity, usual in WORDS.items() if said & usual), "")
 
 
 def is_measured(name: str) -> bool:
@@ -66,9 +67,8 @@ def unit_of(name: str, quantity: str) -> str:
     >>> unit_of("angle [Deg]", "angle"), unit_of("t_ms", "time"), unit_of("tau_Nm", "torque")
     ('deg', 'ms', 'N m')
     """
-    known = {unit: unit for unit in UNITS[quantity]} | SPELLINGS[quantity]
-    folded = {unit.replace(" ", "").lower(): unit for unit in known}
-    folded = {spelled: known[unit] for spelled, unit in folded.items()}
+    spellings = {unit: unit for unit in UNITS[quantity]} | SPELLINGS[quantity]
+    folded = {said.replace(" ", "").lower(): unit for said, unit in spellings.items()}
     bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
     last = bracket[1] if bracket else re.split(r"[_\s.]", name)[-1]
     return folded.get(last.replace(" ", "").lower(), "") if last != name else ""
@@ -80,8 +80,8 @@ def is_sensed(name: str) -> bool:
     >>> is_sensed("i_motor"), is_sensed("tau_meas"), is_sensed("tau"), is_sensed("i_cmd")
     (True, True, False, False)
     """
-    own = set(words(name))
-    return is_measured(name) and bool(own & SENSED or quantity_of(name) == "current")
+    sensed = SENSED & set(words(name)) or quantity_of(name) == "current"
+    return bool(sensed) and is_measured(name)
 
 
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
@@ -125,39 +125,27 @@ class ColumnGuesses:
 
     def with_angle_unit(self, unit: str, evidence: str) -> ColumnGuesses:
         """The guesses with another unit of the angles, or of those that are of its kind."""
-        own = self.angle.unit
-        other: str | tuple[str, ...] = unit
-        if not isinstance(own, str):
-            other = tuple(unit if (u in _LENGTHS) == (unit in _LENGTHS) else u for u in own)
-        return replace(self, angle=self.angle._replace(unit=other, evidence=evidence))
-
-
-@dataclass(frozen=True)
-class Joints:
-    """What the mechanism says of the columns: which joints are driven, and the units' kind.
-
-    units : "rad" or "m", of each angle; all are "rad" where there are none
-    """
-
-    driven: tuple[bool, ...]
-    units: tuple[str, ...] = ()
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Unit of each joint's angle, "rad" or "m"."""
-        return self.units or ("rad",) * len(self.driven)
+        units: str | tuple[str, ...] = unit
+        if not isinstance(self.angle.unit, str):
+            length = unit in _LENGTHS
+            units = tuple(unit if (u in _LENGTHS) == length else u for u in self.angle.unit)
+        return replace(self, angle=self.angle._replace(unit=units, evidence=evidence))
 
 
 def guess_columns(
-    table: Table, joints: Joints, given: Mapping[str, Sequence[str]] | None = None
+    table: Table,
+    driven: Sequence[bool],
+    kinds: Sequence[str],
+    named: Mapping[str, Sequence[str]] | None = None,
 ) -> ColumnGuesses:
     """Columns and units of a table's time, angles and torques.
 
     Parameters
     ----------
     table : Table of all columns with numbers
-    joints : Joints
-    given : columns of "time", "angle" or "torque" that are known
+    driven : whether each joint has a motor
+    kinds : unit of each joint's angle, "rad" or "m"
+    named : columns of "time", "angle" or "torque" that are known
 
     Raises
     ------
@@ -168,49 +156,44 @@ def guess_columns(
     --------
     >>> t = np.arange(50) / 50
     >>> table = Table("a.csv", np.arange(50), {"t": t, "q": np.sin(9 * t), "i_A": np.cos(t)})
-    >>> guesses = guess_columns(table, Joints((True,)))
+    >>> guesses = guess_columns(table, [True], ["rad"])
     >>> guesses.angle.columns, guesses.angle.unit, guesses.torque.unit, guesses.time.evidence
     (('q',), 'rad', 'A', 'increases in every row, at 50 Hz')
     """
-    given = dict(given or {})
-    _check_given(given, table)
-    time = _time(table, given.get("time"))
-    clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
-    angle = _angle(table, joints, time, given.get("angle"), clock)
-    torque = _torque(table, joints, (*time.columns, *angle.columns), given.get("torque"))
-    used = {*time.columns, *angle.columns, *torque.columns}
-    driven = [name for name in torque.columns if name]
-    hold = "linear" if driven and all(_varies(table, name) for name in driven) else TORQUE_HOLD
-    unused = tuple(name for name in table.columns if name not in used)
+    named = dict(named or {})
+    for quantity, names in named.items():
+        for name in filter(None, names):
+            if name not in table.columns:
+                raise InputError(
+                    f"--{quantity}: {table.file} has no column of numbers {name!r}; "
+                    f"{nearest(name, table.columns)}"
+                )
+    time = _time(table, named.get("time"))
+    angle = _angle(table, kinds, time, named.get("angle"))
+    free = [name for name in table.columns if name not in (*time.columns, *angle.columns)]
+    torque = _torque(table, driven, kinds, free, named.get("torque"))
+    pushes = [name for name in torque.columns if name]
+    hold = "linear" if pushes and all(_varies(table, name) for name in pushes) else TORQUE_HOLD
+    unused = tuple(name for name in free if name not in pushes)
     cells = np.stack([table.columns[name] for name in angle.columns])
     missing = int(np.isnan(cells).any(axis=0).sum())
     return ColumnGuesses(time, angle, torque, hold, unused, missing)
 
 
-def _check_given(given: Mapping[str, Sequence[str]], table: Table) -> None:
-    for quantity, names in given.items():
-        for name in names:
-            if name and name not in table.columns:
-                raise InputError(
-                    f"--{quantity}: {table.file} has no column of numbers {name!r}; "
-                    f"{nearest(name, table.columns)}"
-                )
-
-
-def _unknown(table: Table, quantity: str, found: str) -> InputError:
+def _unknown(table: Table, quantity: str, fault: str) -> InputError:
     columns = ", ".join(
         f"{name!r} ({np.nanmin(c):.4g} to {np.nanmax(c):.4g})" for name, c in table.columns.items()
     )
-    return InputError(f"{table.file}: {found}; name it with --{quantity}; there are {columns}")
+    return InputError(f"{table.file}: {fault}; name it with --{quantity}; there are {columns}")
 
 
 # --- Time -----------------------------------------------------------------------------------------
 
 
-def _time(table: Table, given: Sequence[str] | None) -> Guess:
+def _time(table: Table, named: Sequence[str] | None) -> Guess:
     increasing = [name for name, c in table.columns.items() if _increases(c)]
-    named = [name for name in increasing if quantity_of(name) == "time"]
-    candidates = list(given or named or increasing)
+    called = [name for name in increasing if quantity_of(name) == "time"]
+    candidates = list(named or called or increasing)
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
@@ -233,22 +216,21 @@ def _time_unit(step: float) -> str:
 # --- Angles ---------------------------------------------------------------------------------------
 
 
-def _angle(
-    table: Table, joints: Joints, time: Guess, given: Sequence[str] | None, clock: Array
-) -> Guess:
-    n = len(joints.driven)
+def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str] | None) -> Guess:
+    n = len(kinds)
     free = [name for name in table.columns if name not in time.columns]
-    named = [name for name in free if quantity_of(name) == "angle" and is_measured(name)]
-    columns, evidence = list(given or named), "as named"
-    if len(columns) < n and not given:
+    called = [name for name in free if quantity_of(name) == "angle" and is_measured(name)]
+    columns, evidence = list(named or called), "as named"
+    if len(columns) < n and not named:
+        clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
         slopes = _with_slopes(table, free, clock)
         if len(slopes) >= n:
             columns, evidence = slopes, "another column follows its slope"
-    if len(columns) < n or (given and len(columns) != n):
+    if len(columns) < n or (named and len(columns) != n):
         raise _unknown(table, "angle", f"{len(columns)} columns look like angles, for {n} joints")
     chosen = tuple(columns[:n])
-    unit, why = _by_kind(joints.kinds, chosen, lambda own, kind: _angle_unit(table, own, kind))
-    return Guess(chosen, unit, f"{evidence}; {why}")
+    unit, reason = _by_kind(kinds, chosen, lambda names, kind: _angle_unit(table, names, kind))
+    return Guess(chosen, unit, f"{evidence}; {reason}")
 
 
 def _by_kind(
@@ -259,15 +241,16 @@ def _by_kind(
     names : of the columns, "" where a joint has none ; guess : unit and reason for columns of a
     kind
     """
-    found = {
-        kind: guess([n for n, own in zip(names, kinds, strict=True) if n and own == kind], kind)
-        for kind in dict.fromkeys(k for n, k in zip(names, kinds, strict=True) if n)
-    }
-    units = {kind: unit for kind, (unit, _) in found.items()}
-    why = "; ".join(dict.fromkeys(reason for _, reason in found.values()))
+    of_kind: dict[str, list[str]] = {}
+    for name, kind in zip(names, kinds, strict=True):
+        if name:
+            of_kind.setdefault(kind, []).append(name)
+    guesses = {kind: guess(columns, kind) for kind, columns in of_kind.items()}
+    units = {kind: unit for kind, (unit, _) in guesses.items()}
+    reasons = "; ".join(dict.fromkeys(reason for _, reason in guesses.values()))
     if len(set(units.values())) == 1:
-        return next(iter(units.values())), why
-    return tuple(units.get(kind, _TORQUE[kind]) for kind in kinds), why
+        return next(iter(units.values())), reasons
+    return tuple(units.get(kind, _TORQUE[kind]) for kind in kinds), reasons
 
 
 def _with_slopes(table: Table, free: Sequence[str], clock: Array) -> list[str]:
@@ -307,39 +290,41 @@ def _angle_unit(table: Table, names: Sequence[str], kind: str) -> tuple[str, str
 
 
 def _torque(
-    table: Table, joints: Joints, used: Sequence[str], given: Sequence[str] | None
+    table: Table,
+    driven: Sequence[bool],
+    kinds: Sequence[str],
+    free: Sequence[str],
+    named: Sequence[str] | None,
 ) -> Guess:
-    driven = list(joints.driven)
-    if not any(driven):
-        units = tuple(_TORQUE[kind] for kind in joints.kinds)
+    motors = sum(driven)
+    if not motors:
+        units = tuple(_TORQUE[kind] for kind in kinds)
         return Guess(("",) * len(driven), units[0] if len(set(units)) == 1 else units, "no motor")
-    free = [name for name in table.columns if name not in used]
-    quantity, columns = _torque_columns(free, sum(driven), given)
-    if given and len(given) == len(driven):
-        columns = [name for name, motor in zip(given, driven, strict=True) if motor]
-    if len(columns) < sum(driven):
-        found = f"{len(columns)} columns look like torques or currents, for {sum(driven)} motors"
-        raise _unknown(table, "torque", found)
-    rest = iter(columns)
-    chosen = tuple(next(rest) if motor else "" for motor in driven)
-    unit, why = _by_kind(
-        joints.kinds, chosen, lambda own, kind: _torque_unit(table, own, quantity, kind)
+    quantity, columns = _torque_columns(free, motors, named)
+    if named and len(named) == len(driven):
+        columns = [name for name, motor in zip(named, driven, strict=True) if motor]
+    if len(columns) < motors:
+        fault = f"{len(columns)} columns look like torques or currents, for {motors} motors"
+        raise _unknown(table, "torque", fault)
+    left = iter(columns)
+    chosen = tuple(next(left) if motor else "" for motor in driven)
+    unit, reason = _by_kind(
+        kinds, chosen, lambda names, kind: _torque_unit(table, names, quantity, kind)
     )
-    return Guess(chosen, unit, why)
+    return Guess(chosen, unit, reason)
 
 
 def _torque_columns(
-    free: Sequence[str], motors: int, given: Sequence[str] | None
+    free: Sequence[str], motors: int, named: Sequence[str] | None
 ) -> tuple[str, list[str]]:
     """Quantity and columns that drive the motors: measured ones before commands."""
-    if given:
-        own = [name for name in given if name]
-        return ("current" if any(quantity_of(n) == "current" for n in own) else "torque"), own
-    for measured in (True, False):
-        for quantity in ("torque", "current"):
-            own = [n for n in free if quantity_of(n) == quantity and is_measured(n) == measured]
-            if len(own) >= motors:
-                return quantity, own
+    if named:
+        columns = [name for name in named if name]
+        return ("current" if "current" in map(quantity_of, columns) else "torque"), columns
+    for measured, quantity in product((True, False), ("torque", "current")):
+        columns = [n for n in free if quantity_of(n) == quantity and is_measured(n) == measured]
+        if len(columns) >= motors:
+            return quantity, columns
     return "torque", []
 
 
@@ -347,13 +332,13 @@ def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -
     top = max(float(np.nanmax(np.abs(table.columns[name]))) for name in names)
     unit = unit_of(names[0], "torque")
     command = "" if all(map(is_measured, names)) else "a command, no measurement; "
-    if unit:
-        return unit, f"{command}the name says {unit}; up to {top:.4g}"
-    if quantity == "current":
-        unit = "mA" if top > _AMPERES else "A"
-        return unit, f"{command}named like a current; up to {top:.4g}"
-    unit = _TORQUE[kind]
-    return unit, f"{command}no unit in the name, taken as {unit}; up to {top:.4g}"
+    reason = f"the name says {unit}"
+    if not unit and quantity == "current":
+        unit, reason = "mA" if top > _AMPERES else "A", "named like a current"
+    elif not unit:
+        unit = _TORQUE[kind]
+        reason = f"no unit in the name, taken as {unit}"
+    return unit, f"{command}{reason}; up to {top:.4g}"
 
 
 def _varies(table: Table, name: str) -> bool:

@@ -142,9 +142,9 @@ def chosen_of(candidates: Sequence[Candidate], choice: Choice) -> Candidate:
 
     No friction is never chosen: too little motion does not show that there is none.
     """
-    found = None if choice.simplest is None else candidates[choice.simplest]
+    simplest = None if choice.simplest is None else candidates[choice.simplest]
     laws = [c for c in candidates if c.parameters]
-    return found if found in laws else min(laws, key=lambda c: c.error)
+    return simplest if simplest in laws else min(laws, key=lambda c: c.error)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
@@ -227,9 +227,9 @@ def candidates_of(
 
 def _by_fold(result: Result, horizon: float) -> Array:
     """Median error after a horizon in each fold."""
-    own: Any = result.scores
-    own = own[own["horizon_s"] == horizon]
-    for key, value in {"score": "rollout_angle", "statistic": "median", "joint": "all"}.items():
-        own = own[own[key] == value]
-    own = own[own["fold"] != "all"].sort_values("fold")
-    return np.asarray(own["value"], dtype=float)
+    scores: Any = result.scores
+    of_all = {"horizon_s": horizon, "score": "rollout_angle", "statistic": "median", "joint": "all"}
+    for key, value in of_all.items():
+        scores = scores[scores[key] == value]
+    scores = scores[scores["fold"] != "all"].sort_values("fold")
+    return np.asarray(scores["value"], dtype=float)

@@ -11,8 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
-from frictionid.excitation.motion import MARGIN
-from frictionid.excitation.signals import DECIMALS
+from frictionid.excitation.signals import DECIMALS, MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
 from frictionid.report.numbers import NOTHING
 from frictionid.report.tables import Column, Table, line, render, terminal_text, text_columns

@@ -18,7 +18,7 @@ from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Body, Joint, Parameter, from_bodies, linear_axis
-from frictionid.quickstart.column_guesses import Joints, guess_columns
+from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, Stribeck, simulate
 
 MASS = 10.0
@@ -197,8 +197,8 @@ def test_columns_of_slides_and_of_joints_that_turn_have_their_own_units():
         "tau_2": np.sin(time),
     }
     table = Table("a.csv", np.arange(300), columns)
-    guesses = guess_columns(table, Joints((True, True), ("m", "rad")))
+    guesses = guess_columns(table, (True, True), ("m", "rad"))
     assert guesses.angle.unit == ("mm", "deg") and guesses.torque.unit == ("N", "N m")
     assert guesses.with_angle_unit("rad", "").angle.unit == ("mm", "rad")
-    alike = guess_columns(table, Joints((True, True), ("rad", "rad")))
+    alike = guess_columns(table, (True, True), ("rad", "rad"))
     assert (alike.angle.unit, alike.torque.unit) == ("deg", "N m")

@@ -31,13 +31,13 @@ from frictionid.excitation import (
     prior_friction_of,
     standard_errors,
 )
+from frictionid.excitation.design import e_criterion, exchange, simulated
 from frictionid.excitation.information import (
     Concatenated,
     base_jacobian,
     friction_jacobian,
 )
-from frictionid.excitation.motion import smoother_gains
-from frictionid.excitation.search import e_criterion, exchange, simulated
+from frictionid.excitation.signals import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import Problem, integral_problem, mask_stiction
@@ -193,7 +193,7 @@ def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequenc
 
 def test_the_stiction_mask_is_that_of_a_fit() -> None:
     design = on_acrobot()
-    motions = Concatenated.of(design.experiment, design.motions, 0)
+    motions = Concatenated.at_level(design.experiment, design.motions, 0)
     fitted = mask_stiction(motions.problem, design.experiment.velocity_threshold).G
     assert np.allclose(motions.projector @ motions.problem.G, fitted, atol=1e-9)
     assert motions.mask.any(0).all() and not motions.mask.all(0).any()

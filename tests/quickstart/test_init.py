@@ -14,7 +14,7 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
-from frictionid.quickstart.column_guesses import Joints, guess_columns
+from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
 TIME = np.arange(200) / 100.0
@@ -145,10 +145,10 @@ def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
 # --- Guesses --------------------------------------------------------------------------------------
 
 
-def guessed(columns, driven=(True,), unit="rad", given=None):
+def guessed(columns, driven=(True,), unit="rad", named=None):
     columns = {name: np.asarray(c, float) for name, c in columns.items()}
-    joints = Joints(driven, (unit,) * len(driven))
-    return guess_columns(Table("a.csv", np.arange(len(TIME)), columns), joints, given)
+    table = Table("a.csv", np.arange(len(TIME)), columns)
+    return guess_columns(table, driven, (unit,) * len(driven), named)
 
 
 NAMED = {
@@ -251,7 +251,7 @@ def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_p
 
 
 def test_given_columns_count(lab):
-    g = guessed({"t": TIME, "q": Q, "u": U, "b": W}, given={"angle": ["b"], "torque": ["q"]})
+    g = guessed({"t": TIME, "q": Q, "u": U, "b": W}, named={"angle": ["b"], "torque": ["q"]})
     assert g.angle.columns == ("b",) and g.torque.columns == ("q",)
     known = Known({"torque": ["vel"]})
     described = describe_tables(tables_at([lab / "arm" / "run1.csv"]), MACHINE, known)

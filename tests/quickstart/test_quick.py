@@ -27,8 +27,7 @@ from frictionid.quickstart.quick import (
     quick,
     shortened,
 )
-from frictionid.quickstart.quick_picture import quick_picture
-from frictionid.quickstart.quick_text import quick_json, verdict
+from frictionid.quickstart.quick_report import quick_json, quick_picture, verdict
 from frictionid.simulate import Curve
 
 PAGE = ROOT / "docs" / "quickstart.md"
