@@ -8,7 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.gauss_newton import bounded
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.friction import along
 

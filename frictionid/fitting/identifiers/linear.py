@@ -8,7 +8,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
-from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.gauss_newton import box_step
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import check_rows
 from frictionid.fitting.identifiers.least_squares import LeastSquares
@@ -76,11 +76,7 @@ class Linear(Identifier):
 
 def solutions(T: Array, low: Array, high: Array) -> Array:
     """Parameters (F, N) within bounds (F, N), of Gram matrices T (F, N + 1, N + 1)."""
-    length = np.sqrt(np.einsum("fii->fi", T)[:, :-1])
-    scale = np.where(length > 0, length, 1.0)
-    H = T[:, :-1, :-1] / scale[:, :, None] / scale[:, None, :]
-    damped = H * (1.0 + _RIDGE * np.eye(H.shape[-1]))
-    return np.asarray(bounded(damped, T[:, :-1, -1] / scale, low * scale, high * scale) / scale)
+    return box_step(T[:, :-1, :-1], T[:, :-1, -1], low, high, _RIDGE)
 
 
 def _in_linear_range(friction: Friction, problem: Problem) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.fitting.gauss_newton import Conditions
 from frictionid.fitting.one_step.residual import Problem, speed_range
 from frictionid.friction import (
     Constraints,
@@ -22,6 +23,7 @@ from frictionid.friction import (
 )
 
 _DIFFERENCE = 1e-6
+_EXACT = 1e-22  # costs below this part of that without friction are rounding
 _TORQUES = 1e7  # computed at a time
 _ROW_ARRAYS = ("r", "G", "recording", "time", "dt")
 _ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
@@ -84,16 +86,21 @@ class Linearised(NamedTuple):
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the parameters, (F, N) each."""
-        own = self.constraints
-        assert own is not None
-        return self.once(own.low), self.once(own.high)
+        constraints = self.constraints
+        assert constraints is not None
+        return self.once(constraints.low), self.once(constraints.high)
 
-    @property
-    def prior(self) -> tuple[Array, Array]:
-        """Mean and precision of the parameters' priors, (F, N) each; zero precision for none."""
-        own = self.constraints
-        assert own is not None
-        return self.once(own.mean), self.once(own.deviation) ** -2.0
+    def conditions(self, weights: Array, variance: Array) -> Conditions:
+        """Those of F fits under weights (F, K).
+
+        variance : (F,) of the weighted residuals, which makes priors comparable with them
+        """
+        constraints = self.constraints
+        assert constraints is not None
+        mean = self.once(constraints.mean)
+        precision = np.multiply((self.once(constraints.deviation) ** -2.0).T, variance).T
+        floor = _EXACT * self.cost(self.problem.r[None], weights)
+        return Conditions(weights, *self.bounds, mean, precision, floor)
 
     def once(self, each: Array) -> Array:
         """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""
@@ -194,6 +201,15 @@ class Linearised(NamedTuple):
                     hessian[f] += square if self.tie is None else self.tie.T @ square @ self.tie
         self.check_finite(descent, hessian)
         return descent, hessian
+
+    def cost(self, residual: Array, weights: Array) -> Array:
+        """Weighted squares (F,) of residuals (F, K, n)."""
+        squares = np.einsum("...n,...n->...", residual, residual)
+        return np.asarray((weights * squares).sum(axis=-1))
+
+    def possible(self, theta: Array) -> Array:
+        """The parameters: all within the bounds are possible."""
+        return theta
 
     def check_finite(self, *arrays: Array) -> None:
         """Refuse arrays with numbers that are not finite.

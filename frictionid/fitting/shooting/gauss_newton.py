@@ -11,13 +11,13 @@ the step before it or takes it back, and solves the normal equations for the nex
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.gauss_newton import MAD, box_step
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -38,7 +38,6 @@ from frictionid.fitting.shooting.window_steps import (
 from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
 from frictionid.progress import report_step
 
-_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _DAMPING = (1e-8, 1e4)
 _WORSE = 1.02  # a cost that grows by more was a step too far
 _ROUNDS = 3  # of Huber weights in an iteration
@@ -87,20 +86,6 @@ class Solution(NamedTuple):
         return np.asarray(self.normal.H[self.closed].sum(axis=0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    """What does not change over the iterations of a stage: windows (W, N)."""
-
-    problem: ShootingProblem
-    windows: Array
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (D,) of the parameters."""
-        parameters = self.problem.parameters
-        return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
-
-
 class _Step(NamedTuple):
     """One iteration: the point of its linearisation, and the solution after its step.
 
@@ -144,10 +129,13 @@ def solve(
         stages = [(s, leading) for s in lengths] + stages
     else:
         nodes, sigma, total = ended.nodes, ended.sigma, ended.iterations
-    for seconds, own in stages:
+    for seconds, settled in stages:
         windows = cut_windows(problem.intervals, use, seconds)
         kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
-        solution = _solve_stage(_Stage(own, windows), estimate, nodes, sigma, kinked)
+        point = linearised_at(settled, windows, estimate, nodes, sigma)
+        if kinked is not None:
+            point = point._replace(kinked=kinked, out=kinked)
+        solution = _solve_stage(settled, point, sigma)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -162,10 +150,10 @@ def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: flo
     windows = solution.windows[solution.closed]
     use = np.zeros(len(problem.intervals.dt), dtype=bool)
     use[windows[windows >= 0]] = True
-    stage = _Stage(problem, cut_windows(problem.intervals, use, seconds))
+    windows = cut_windows(problem.intervals, use, seconds)
     estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
-    point = linearised_at(problem, stage.windows, estimate, nodes, sigma)
-    return _next_step(stage, point, sigma, _DAMPING[0], 1.0).solution.move
+    point = linearised_at(problem, windows, estimate, nodes, sigma)
+    return _next_step(problem, point, sigma, _DAMPING[0], 1.0).solution.move
 
 
 def _leading(problem: ShootingProblem) -> ShootingProblem:
@@ -181,43 +169,28 @@ def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
     intervals = problem.intervals
     off = np.abs(intervals.before - intervals.q)[use]
     floor = 1e-9 + 1e-6 * np.abs(intervals.before).max(axis=0)
-    return np.maximum(_MAD * np.median(off, axis=0), floor)
+    return np.maximum(MAD * np.median(off, axis=0), floor)
 
 
-def _solve_stage(
-    stage: _Stage, estimate: Estimate, nodes: Array, sigma: Array, kinked: Array | None
-) -> Solution:
-    """Gauss-Newton iterations over windows of one length; (W,) that are left out from the start."""
-    settings = stage.problem.settings
-    point = linearised_at(stage.problem, stage.windows, estimate, nodes, sigma)
-    if kinked is not None:
-        point = point._replace(kinked=kinked, out=kinked)
-    step, before = _next_step(stage, point, sigma, _DAMPING[0], 1.0), None
-    path, what = [_begin(stage, step)], f"windows of {stage.windows.shape[1]} samples"
+def _solve_stage(problem: ShootingProblem, point: Point, sigma: Array) -> Solution:
+    """Gauss-Newton iterations over windows of one length, from a linearised point."""
+    settings, what = problem.settings, f"windows of {point.windows.shape[1]} samples"
+    step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
+    path = [step]
     report_step(what, settings.iterations - 1)
-    while len(path) < settings.iterations and not _converged(stage, step, path):
-        point, damping = _accepted_or_last(stage, step)
+    count = 1
+    while count < settings.iterations and not _converged(problem, path):
+        point, damping = _accepted_or_last(problem, step)
         share = _step_share(step, before)
         before = step.solution.move
-        step = _next_step(stage, point, step.solution.sigma, damping, share)
-        path.append(_begin(stage, step))
-        report_step(what, settings.iterations - len(path))
-    converged = _converged(stage, step, path)
-    return step.solution._replace(converged=converged, iterations=len(path))
+        step = _next_step(problem, point, step.solution.sigma, damping, share)
+        path, count = [*path, step][-_CIRCLE:], count + 1
+        report_step(what, settings.iterations - count)
+    converged = _converged(problem, path)
+    return step.solution._replace(converged=converged, iterations=count)
 
 
-class _Begin(NamedTuple):
-    """All that is kept of a step that is over: its damping, and the values (D,) it began at."""
-
-    damping: float
-    values: Array
-
-
-def _begin(stage: _Stage, step: _Step) -> _Begin:
-    return _Begin(step.damping, values_of(step.point.estimate, stage.problem.blocks))
-
-
-def _converged(stage: _Stage, last: _Step, path: Sequence[_Begin]) -> bool:
+def _converged(problem: ShootingProblem, path: Sequence[_Step]) -> bool:
     """Whether the last step was small, or the last few led to and fro and nowhere.
 
     Where the cost has a kink (a joint that just stops in some window), steps from either side of it
@@ -225,26 +198,24 @@ def _converged(stage: _Stage, last: _Step, path: Sequence[_Begin]) -> bool:
     none of the parameters got on by more than the tolerance, nor left by more than half a standard
     error.
     """
-    tolerance = stage.problem.settings.tolerance
+    tolerance, last = problem.settings.tolerance, path[-1]
     if last.converged(tolerance):
         return True
-    few = path[-_CIRCLE:]
-    if len(few) < _CIRCLE or any(begin.damping >= _DAMPED for begin in few):
+    if len(path) < _CIRCLE or any(step.damping >= _DAMPED for step in path):
         return False
-    end = values_of(last.solution.estimate, stage.problem.blocks)
-    way = np.stack([*(begin.values for begin in few), end]) / last.error
+    ends = [*(step.point.estimate for step in path), last.solution.estimate]
+    way = np.stack([values_of(estimate, problem.blocks) for estimate in ends]) / last.error
     onward = np.abs(way[-1] - way[0]).max(initial=0.0)
     return bool(onward <= tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _NEAR)
 
 
-def _accepted_or_last(stage: _Stage, step: _Step) -> tuple[Point, float]:
+def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, float]:
     """The point that a step led to, less damping; or the point before it again, more damping.
 
     A step is taken back where the cost has grown.
     """
-    s, last = step.solution, step.point
-    huber = stage.problem.settings.huber
-    point = linearised_at(stage.problem, stage.windows, s.estimate, s.nodes, s.sigma)
+    s, last, huber = step.solution, step.point, problem.settings.huber
+    point = linearised_at(problem, s.windows, s.estimate, s.nodes, s.sigma)
     near = step.largest <= step.share * _NEAR
     point = with_windows_checked(point, last, s.move, s.sigma, huber, near)
     before, after = (cost_of(x.prediction, point.out, s.sigma, huber) for x in (last, point))
@@ -269,81 +240,58 @@ def _step_share(step: _Step, before: Array | None) -> float:
     return min(1.0, 1.5 * step.share)
 
 
-class _Round(NamedTuple):
-    """Solution of the normal equations under some Huber weights, and the next weights.
-
-    H (D, D) : normal matrix with priors; move (D,); moves (W, 2n + D) : of each window's initial
-    state, and `move`
-    """
-
-    normal: NormalEquations
-    H: Array
-    move: Array
-    moves: Array
-    residual: Array
-    sigma: Array
-    weight: Array
-
-
-def _next_step(stage: _Stage, point: Point, sigma: Array, damping: float, share: float) -> _Step:
+def _next_step(
+    problem: ShootingProblem, point: Point, sigma: Array, damping: float, share: float
+) -> _Step:
     """The step from a linearised point, by least squares reweighted a few times."""
-    weight = np.ones_like(point.prediction.error)
-    slow = initial_state_damping(stage.problem, point, sigma)
-    counts = counts_of(point, sigma, stage.problem.settings.huber)
+    prediction, huber = point.prediction, problem.settings.huber
+    weight = np.ones_like(prediction.error)
+    slow = initial_state_damping(problem, point, sigma)
+    counts = counts_of(point, sigma, huber)
     for _ in range(_ROUNDS):
-        normal = eliminate_states(point.prediction, weight, sigma, point.prior, slow)
-        normal = normal.weighted(counts)
-        one = _solved(stage, point, normal, sigma, (damping, share))
-        weight, sigma = one.weight, one.sigma
-    wanted = values_of(point.estimate, stage.problem.blocks) + one.move
-    low, high = stage.bounds
+        normal = eliminate_states(prediction, weight, sigma, point.prior, slow).weighted(counts)
+        H, move = _move(problem, point, normal, damping, share)
+        start = normal.start - normal.to_start @ move
+        moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
+        residual = prediction.error - (prediction.slope @ moves[:, None, :, None])[..., 0]
+        sigma = _noise(residual, prediction.share, normal.leverage, sigma)
+        weight = np.minimum(1.0, huber / np.maximum(np.abs(residual) / sigma, 1e-12))
+    wanted = values_of(point.estimate, problem.blocks) + move
+    low, high = problem.bounds
     free = (wanted > low + 1e-12) & (wanted < high - 1e-12)
     solution = Solution(
-        estimate=with_values(point.estimate, stage.problem.blocks, wanted),
-        nodes=moved_nodes(stage.problem, point, one.moves),
-        windows=stage.windows,
-        residual=one.residual,
-        share=point.prediction.share,
-        weight=one.weight,
-        sigma=one.sigma,
-        normal=one.normal,
-        move=one.move,
+        estimate=with_values(point.estimate, problem.blocks, wanted),
+        nodes=moved_nodes(problem, point, moves),
+        windows=point.windows,
+        residual=residual,
+        share=prediction.share,
+        weight=weight,
+        sigma=sigma,
+        normal=normal,
+        move=move,
         free=free,
         counts=counts,
         kinked=point.kinked,
     )
-    return _Step(
-        point,
-        solution,
-        damping,
-        share,
-        _errors(one, free, stage.problem.prior_precision),
-    )
+    error = _errors(solution, H, problem.prior_precision)
+    return _Step(point, solution, damping, share, error)
 
 
-def _solved(
-    stage: _Stage, point: Point, normal: NormalEquations, sigma: Array, control: tuple[float, float]
-) -> _Round:
-    """Solve the normal equations of all windows: H move = g, within bounds.
+def _move(
+    problem: ShootingProblem, point: Point, normal: NormalEquations, damping: float, share: float
+) -> tuple[Array, Array]:
+    """H (D, D) of all windows with priors, and the move (D,) of the parameters within bounds.
 
-    H = sum H_w + diag(1/prior^2),    g = sum g_w + (mean - value)/prior^2
+    H move = g,    H = sum H_w + diag(1/prior^2),    g = sum g_w + (mean - value)/prior^2
 
-    control : Levenberg damping, and the share of the Gauss-Newton step
+    damping : Levenberg's; share : of the Gauss-Newton step
     """
-    prediction, value = point.prediction, values_of(point.estimate, stage.problem.blocks)
-    precision, (low, high) = stage.problem.prior_precision, stage.bounds
-    damping, share = control
+    precision, value = problem.prior_precision, values_of(point.estimate, problem.blocks)
     H = normal.H.sum(axis=0) + np.diag(precision)
-    g = normal.g.sum(axis=0) + precision * (stage.problem.prior_mean - value)
-    damped = H + _missing_information(H, stage.problem.parameters)
-    move = share * _bounded_step(damped, g, low - value, high - value, damping)
-    start = normal.start - normal.to_start @ move
-    moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
-    residual = prediction.error - (prediction.slope @ moves[:, None, :, None])[..., 0]
-    sigma = _noise(residual, prediction.share, normal.leverage, sigma)
-    size = np.abs(residual) / sigma
-    weight = np.minimum(1.0, stage.problem.settings.huber / np.maximum(size, 1e-12))
-    return _Round(normal, H, move, moves, residual, sigma, weight)
+    g = normal.g.sum(axis=0) + precision * (problem.prior_mean - value)
+    known = H + _missing_information(H, problem.parameters)
+    low, high = (end - value for end in problem.bounds)
+    return H, share * box_step(known[None], g[None], low[None], high[None], damping)[0]
 
 
 def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
@@ -351,31 +299,21 @@ def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
 
     Each should have a trillionth of the information on the best known one of its block and unit.
     """
-    own = np.diag(H)
-    kinds = [(p.block, p.unit) for p in parameters]
-    most = {k: max(own[i] for i, kind in enumerate(kinds) if kind == k) for k in set(kinds)}
-    return np.diag(np.maximum([_TRACE * most[kind] for kind in kinds] - own, 0.0))
-
-
-def _bounded_step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Array:
-    """Damped step within bounds, in units in which the diagonal of H is one."""
-    if not len(g):
-        return g
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    scaled = H / np.outer(scale, scale) + damping * np.eye(len(g))
-    inner = bounded(scaled[None], (g / scale)[None], (low * scale)[None], (high * scale)[None])
-    return inner[0] / scale
+    information, kinds = np.diag(H), [(p.block, p.unit) for p in parameters]
+    pairs = list(zip(kinds, information, strict=True))
+    most = {kind: max(known for other, known in pairs if other == kind) for kind in set(kinds)}
+    return np.diag(np.maximum([_TRACE * most[kind] for kind in kinds] - information, 0.0))
 
 
 def _noise(residual: Array, share: Array, leverage: Array, sigma: Array) -> Array:
     """Angle noise (n,) [rad] from the residuals, each corrected for its leverage."""
     known = share > 0
     clean = residual / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    return np.maximum(_MAD * np.median(np.abs(clean[known]), axis=0), 1e-3 * sigma)
+    return np.maximum(MAD * np.median(np.abs(clean[known]), axis=0), 1e-3 * sigma)
 
 
-def _errors(one: _Round, free: Array, precision: Array) -> Array:
-    """Standard errors (D,) by which moves are judged.
+def _errors(solution: Solution, H: Array, precision: Array) -> Array:
+    """Standard errors (D,) by which moves are judged, with H (D, D) of all windows and priors.
 
     Infinite for parameters that are at a bound or leave no trace, and larger where a part of the
     information comes from a prior. They are those by the curvature, or by the scatter between
@@ -384,10 +322,12 @@ def _errors(one: _Round, free: Array, precision: Array) -> Array:
 
         H^-1 (sum_w s_w s_w') H^-1,    s_w = g_w - H_w move
     """
-    own = one.H[np.ix_(free, free)]
-    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-    inverse = np.linalg.pinv(own / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
-    score = (one.normal.g - one.normal.H @ one.move)[:, free] @ inverse
+    free, normal = solution.free, solution.normal
+    inner = H[np.ix_(free, free)]
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = np.linalg.pinv(inner / np.outer(scale, scale), hermitian=True)
+    inverse = inverse / np.outer(scale, scale)
+    score = (normal.g - normal.H @ solution.move)[:, free] @ inverse
     variance = np.diag(inverse)
     by_data = np.clip(1.0 - precision[free] * variance, 0.0, 1.0)
     known = (variance > 0.0) & (by_data > 0.0)

@@ -90,6 +90,12 @@ class ShootingProblem:
         """Mean (D,) of the parameters' priors."""
         return prior_mean(self.parameters)
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (D,) of the parameters."""
+        parameters = self.parameters
+        return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         intervals, n = self.intervals, self.intervals.n

@@ -13,7 +13,6 @@ from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
     TorqueSettings,
     TorqueSolution,
-    normal_equations,
     solve,
 )
 from frictionid.mechanics.rigid_body.consistent import nearest_consistent
@@ -51,8 +50,7 @@ def made_consistent(
     base[fixed] = wanted[fixed]
     held = solution.estimate._replace(calibration=replace(solution.estimate.calibration, base=base))
     others = tuple(b.block for b in problem.blocks if b is not own)
-    beside = TorqueProblem(problem.balance, free_blocks(others, held))
-    after = solve(beside, held, use, settings)
+    after = solve(TorqueProblem(problem.balance, free_blocks(others, held), held), use, settings)
     free = np.array(solution.free)
     rest = np.ones(len(free), dtype=bool)
     rest[own.columns] = False
@@ -64,7 +62,7 @@ def _information(
     problem: TorqueProblem, solution: TorqueSolution, places: list[int], count: int
 ) -> Array:
     """Information (nb, nb) on the base parameters, whatever else is free; fixed ones are held."""
-    H = normal_equations(solution.slopes, solution.residual, solution.weight, solution.sigma)[0]
+    H = solution.normal_equations()[0]
     H = H + np.diag(problem.prior_precision)
     own = next(b for b in problem.blocks if b.block.enters == "base").columns
     rest = np.ones(len(H), dtype=bool)

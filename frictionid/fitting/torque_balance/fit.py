@@ -29,7 +29,6 @@ from frictionid.fitting.torque_balance.solve import (
     TorqueSolution,
     left_to_friction,
     logged_gain,
-    normal_equations,
     solve,
 )
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
@@ -101,8 +100,8 @@ def _best(
     for _ in range(_STARTS):
         friction = _friction(identifier, balance, estimate, use, seed)
         estimate = _with(estimate, friction, balance, use)
-        problem = TorqueProblem(balance, free_blocks(blocks, estimate))
-        solution = solve(problem, estimate, use, settings)
+        problem = TorqueProblem(balance, free_blocks(blocks, estimate), estimate)
+        solution = solve(problem, use, settings)
         estimate = solution.estimate
         found.append((solution, problem))
     return min(found, key=lambda one: one[0].log_noise)
@@ -179,17 +178,11 @@ def _groups(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Gro
     balance, rows = problem.balance, np.flatnonzero(use)
     stretch = clusters(balance.problem)[rows]
     labels, first = np.unique(stretch, return_index=True)
-    each = [_equations(solution, rows[stretch == c]) for c in labels]
+    each = [solution.normal_equations(rows[stretch == c]) for c in labels]
     H, g = (np.stack(parts) for parts in zip(*each, strict=True))
     recording = balance.recording[rows[first]]
     cluster = recording if len(np.unique(recording)) >= FEW else labels
     return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording, cluster)
-
-
-def _equations(solution: TorqueSolution, rows: Array) -> tuple[Array, Array]:
-    """Normal equations (D, D), (D,) of some rows."""
-    s = solution
-    return normal_equations(s.slopes[rows], s.residual[rows], s.weight[rows], s.sigma)
 
 
 def check_blocks(

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.gauss_newton import MAD, Conditions, minimum
 from frictionid.fitting.one_step.linearised import torque_gradient
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
@@ -55,6 +55,7 @@ class TorqueProblem:
 
     balance: TorqueBalance
     blocks: tuple[FreeBlock, ...]
+    estimate: Estimate  # with all that is not free
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -71,7 +72,40 @@ class TorqueProblem:
         """Mean (D,) of the parameters' priors."""
         return prior_mean(self.parameters)
 
-    def residual(self, estimate: Estimate) -> Array:
+    @property
+    def x(self) -> Array:
+        """Values (1, D) of the free parameters in the estimate."""
+        return values_of(self.estimate, self.blocks)[None]
+
+    def conditions(self, sigma: Array, weight: Array) -> Conditions:
+        """Those of one fit to torques with noise (n,) [N m], under weights (K, n)."""
+        parameters = self.parameters
+        low, high = (np.array([[getattr(p, end) for p in parameters]]) for end in ("low", "high"))
+        prior = self.prior_mean[None], self.prior_precision[None]
+        return Conditions((weight / sigma**2)[None], low, high, *prior, np.zeros(1))
+
+    def at(self, x: Array) -> Estimate:
+        """The estimate with other values (1, D) of the free parameters."""
+        return with_values(self.estimate, self.blocks, x[0])
+
+    def possible(self, x: Array) -> Array:
+        """Values (1, D) with base parameters on the way there whose M(q) is positive definite."""
+        return values_of(self.at(x), self.blocks)[None]
+
+    def residual(self, x: Array) -> Array:
+        """Unexplained torques (1, K, n) [N m] at values (1, D) of the free parameters."""
+        return self.unexplained(self.at(x))[None]
+
+    def cost(self, residual: Array, weights: Array) -> Array:
+        """Weighted squares (1,) of residuals."""
+        return np.asarray((weights * residual**2).sum(axis=(1, 2)))
+
+    def normal_equations(self, x: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+        """J'We (1, D) and J'WJ (1, D, D) with J = -de/dx."""
+        H, g = normal_equations(self.slopes(self.at(x)), residual[0], weights[0])
+        return g[None], H[None]
+
+    def unexplained(self, estimate: Estimate) -> Array:
         """Unexplained torques e (K, n) [N m]."""
         balance = self.balance
         mean = balance.problem.mean(along(estimate.friction, balance.nodes))
@@ -103,7 +137,7 @@ class TorqueProblem:
                 joints = [p.place[0] for p in own.parameters]
                 columns = np.arange(own.columns.start, own.columns.stop)
                 gain = logged_gain(estimate)[joints]
-                out[:, joints, columns] -= self.residual(estimate)[:, joints] / gain
+                out[:, joints, columns] -= self.unexplained(estimate)[:, joints] / gain
         return out
 
     def _friction_slopes(self, estimate: Estimate) -> Array:
@@ -142,10 +176,8 @@ class TorqueSettings:
                 raise InputError(f"{name} = {getattr(self, name)} must be positive")
 
 
-_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _ROUNDS = 4  # of weights
-_DAMPING = (1e-10, 1e6)
-_TOLERANCE = 1e-3  # [standard errors] of the step with which a round ends
+_STILL = 1e-3  # [standard errors], step with which a round ends
 
 
 class TorqueSolution(NamedTuple):
@@ -164,44 +196,31 @@ class TorqueSolution(NamedTuple):
     converged: bool
     iterations: int
 
+    def normal_equations(self, rows: Array | slice = slice(None)) -> tuple[Array, Array]:
+        """H (D, D) and descent g (D,) of some rows, in units of the noise."""
+        weights = self.weight[rows] / self.sigma**2
+        return normal_equations(self.slopes[rows], self.residual[rows], weights)
+
     @property
     def log_noise(self) -> float:
         """Logarithm of the product of the joints' noise: the less, the better explained."""
         return float(np.log(np.maximum(self.sigma, 1e-300)).sum())
 
 
-class _State(NamedTuple):
-    """A point of the iteration; cost is that under the weights of the round."""
-
-    estimate: Estimate
-    residual: Array
-    cost: float
-    damping: float
-
-
-def solve(
-    problem: TorqueProblem, estimate: Estimate, use: Array, settings: TorqueSettings
-) -> TorqueSolution:
+def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> TorqueSolution:
     """The free parameters that explain the torques best.
 
     use : (K,) true for the windows that may be used
     """
-    counts = use[:, None] & problem.balance.slides
-    residual = problem.residual(estimate)
-    iterations, converged = 0, False
+    counts, x, iterations = use[:, None] & problem.balance.slides, problem.x, 0
+    residual = problem.residual(x)[0]
     for _ in range(_ROUNDS):
-        sigma, weight = _weights(residual, counts, settings.huber)
-        state = _State(estimate, residual, _cost(problem, estimate, residual, weight, sigma), 1e-6)
-        for _ in range(settings.iterations):
-            state, converged = _next(problem, state, weight, sigma)
-            iterations += 1
-            if converged:
-                break
-        estimate, residual = state.estimate, state.residual
+        under = problem.conditions(*_weights(residual, counts, settings.huber))
+        end = minimum(problem, x, under, settings.iterations, still=_STILL)
+        x, residual, iterations = end.x, end.residual[0], iterations + end.iterations
+    estimate, free = problem.at(x), ((x > under.low) & (x < under.high))[0]
     sigma, weight = _weights(residual, counts, settings.huber)
-    values, (low, high) = values_of(estimate, problem.blocks), _bounds(problem)
-    free = (values > low) & (values < high)
-    slopes = problem.slopes(estimate)
+    slopes, converged = problem.slopes(estimate), bool(end.converged[0])
     return TorqueSolution(estimate, residual, weight, sigma, slopes, free, converged, iterations)
 
 
@@ -210,55 +229,17 @@ def _weights(residual: Array, counts: Array, clip: float) -> tuple[Array, Array]
     size = np.where(counts, np.abs(residual), np.nan)
     known = counts.any(axis=0)
     sigma = np.ones(residual.shape[1])
-    sigma[known] = _MAD * np.nanmedian(size[:, known], axis=0)
+    sigma[known] = MAD * np.nanmedian(size[:, known], axis=0)
     sigma = np.maximum(sigma, 1e-12 * max(float(np.nanmax(size, initial=0.0)), 1e-300))
     ratio = np.abs(residual) / (clip * sigma)
     return sigma, np.where(counts, 1.0 / np.maximum(ratio, 1.0), 0.0)
 
 
-def _bounds(problem: TorqueProblem) -> tuple[Array, Array]:
-    p = problem.parameters
-    return np.array([one.low for one in p]), np.array([one.high for one in p])
+def normal_equations(slopes: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
+    """H (D, D) and descent g (D,) of unexplained torques (K, n) under weights (K, n) [1/(N m)^2].
 
-
-def _cost(
-    problem: TorqueProblem, estimate: Estimate, residual: Array, weight: Array, sigma: Array
-) -> float:
-    off = values_of(estimate, problem.blocks) - problem.prior_mean
-    fit = float((weight * (residual / sigma) ** 2).sum())
-    return fit + float(problem.prior_precision @ off**2)
-
-
-def normal_equations(
-    slopes: Array, residual: Array, weight: Array, sigma: Array
-) -> tuple[Array, Array]:
-    """H (D, D) and descent g (D,) of the unexplained torques, in units of their noise."""
-    J = slopes / sigma[:, None]
-    weighted = (weight[..., None] * J).reshape(-1, J.shape[-1])
-    flat = J.reshape(-1, J.shape[-1])
-    return weighted.T @ flat, -(weighted.T @ (residual / sigma).ravel())
-
-
-def _next(
-    problem: TorqueProblem, state: _State, weight: Array, sigma: Array
-) -> tuple[_State, bool]:
-    """The state after a damped step where that lowers the cost, and whether it has converged."""
-    H, g = normal_equations(problem.slopes(state.estimate), state.residual, weight, sigma)
-    values, (low, high) = values_of(state.estimate, problem.blocks), _bounds(problem)
-    H = H + np.diag(problem.prior_precision)
-    g = g + problem.prior_precision * (problem.prior_mean - values)
-    scale = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
-    A = H / np.outer(scale, scale)
-    while True:
-        damped = A + state.damping * np.eye(len(A))
-        ends = ((low - values) * scale)[None], ((high - values) * scale)[None]
-        step = bounded(damped[None], (g / scale)[None], *ends)[0] / scale
-        small = float(np.abs(step * scale).max(initial=0.0)) < _TOLERANCE
-        after = with_values(state.estimate, problem.blocks, np.clip(values + step, low, high))
-        residual = problem.residual(after)
-        cost = _cost(problem, after, residual, weight, sigma)
-        if cost < state.cost:
-            return _State(after, residual, cost, max(state.damping * 0.1, _DAMPING[0])), small
-        if small or state.damping >= _DAMPING[1]:
-            return state, small
-        state = state._replace(damping=state.damping * 10.0)
+    slopes : (K, n, D), derivatives of the torques in the parameters
+    """
+    D = slopes.shape[-1]
+    weighted = (weights[..., None] * slopes).reshape(-1, D)
+    return weighted.T @ slopes.reshape(-1, D), -(weighted.T @ residual.ravel())

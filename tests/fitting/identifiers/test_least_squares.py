@@ -17,7 +17,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
-from frictionid.fitting.box_qp import bounded
+from frictionid.fitting.gauss_newton import bounded
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights

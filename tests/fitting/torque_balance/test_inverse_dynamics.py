@@ -158,13 +158,13 @@ def test_slopes_are_those_of_the_residual(clean):
     )
     estimate = Estimate(Friction(Stribeck(width=1e-7), theta), calibration, mechanism)
     blocks = free_blocks((*BOTH, GainBlock()), estimate)
-    problem = TorqueProblem(balance, blocks)
+    problem = TorqueProblem(balance, blocks, estimate)
     slopes, values = problem.slopes(estimate), values_of(estimate, blocks)
     for k, parameter in enumerate(problem.parameters):
         step = np.zeros(len(values))
         step[k] = 1e-5 * max(1.0, abs(values[k])) if parameter.block != "delay" else 1e-6
         up, down = (
-            problem.residual(with_values(estimate, blocks, values + s * step)) for s in (1, -1)
+            problem.unexplained(with_values(estimate, blocks, values + s * step)) for s in (1, -1)
         )
         difference = (up - down) / (2 * step[k])
         size = np.abs(difference).max()
