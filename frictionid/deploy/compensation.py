@@ -15,9 +15,8 @@ from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
-from frictionid.friction.law import WrappedLaw
-from frictionid.friction.laws import LinearOutside
 from frictionid.friction.temperature import refuse_temperature
+from frictionid.friction.wrapped import LinearOutside, WrappedLaw
 
 
 def given_friction(given: Any) -> Friction:

@@ -10,4 +10,4 @@ bam_files     parameter files of BAM as frictions
 
 from frictionid.friction.constraints import Constraints, Groups, SpeedRange, constraints_of
 from frictionid.friction.friction import Friction, Nodes, along, along_own, memory_along, units_of
-from frictionid.friction.law import Inputs, Law, Memory, at_rest, joined
+from frictionid.friction.law import Inputs, Law, LawParameter, Memory, at_rest, joined

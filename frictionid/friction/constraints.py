@@ -102,9 +102,9 @@ def constraints_of(
             raise InputError(f"{law} has no parameter {name!r}; {nearest(name, law.names)}")
     shape = (*speeds.slowest.shape, len(law.names))
     low, high, mean, deviation = (np.zeros(shape) for _ in range(4))
-    for i, (name, unit, own) in enumerate(zip(law.names, law.units, law.bounds, strict=True)):
-        low[..., i], high[..., i] = _checked(name, bounds.get(name, own), own)
-        if unit == "rad/s" and tuple(own) == _FREE and name not in bounds:
+    for i, (name, unit, limits) in enumerate(zip(law.names, law.units, law.bounds, strict=True)):
+        low[..., i], high[..., i] = _checked(name, bounds.get(name, limits), limits)
+        if unit == "rad/s" and tuple(limits) == _FREE and name not in bounds:
             low[..., i] = speeds.slowest
             high[..., i] = _BEYOND * np.maximum(speeds.fastest, speeds.slowest)
         mean[..., i], deviation[..., i] = _prior(name, prior.get(name))

@@ -4,23 +4,40 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.arrays import Array, namespace
+from frictionid.arrays import Array
 from frictionid.config import check_settings
 from frictionid.errors import InputError
-from frictionid.friction.smooth_sign import check_smoothing, smooth_sign
+from frictionid.friction.smooth_sign import check_smoothing
 
 Memory = tuple[Array, ...]
 
 NUMERICAL_WIDTH = 0.02  # [rad/s]: narrower smoothing of sgn(w) is no part of friction
 SHARP_WIDTH = 1e-7  # [rad/s], smoothing of a law that is made sharp
+
+
+class LawParameter(NamedTuple):
+    """A parameter of a law: its name, its unit on a joint that turns, and its bounds.
+
+    initial : values to start fits from; (): zero, or the bound nearest to it
+    stepwise : whether friction at samples changes by steps in it: a derivative does not show where
+        the next step is, so that fits try other values of it
+    """
+
+    name: str
+    unit: str
+    low: float = 0.0
+    high: float = float("inf")
+    initial: tuple[float, ...] = ()
+    stepwise: bool = False
 
 
 class Inputs(NamedTuple):
@@ -43,17 +60,12 @@ class Inputs(NamedTuple):
         array([1.])
         """
         rows = zip(self, *others, strict=True)
-        made = [None if any(x is None for x in row) else change(*row) for row in rows]
-        return Inputs._make(made)
+        return Inputs._make(None if any(x is None for x in row) else change(*row) for row in rows)
 
 
 def joined(parts: Sequence[Inputs]) -> Inputs:
     """Inputs (S, n) of several recordings, one after the other."""
-
-    def one(*arrays: Array) -> Array:
-        return np.concatenate(arrays)
-
-    return parts[0].each(one, *parts[1:])
+    return parts[0].each(lambda *arrays: np.concatenate(arrays), *parts[1:])
 
 
 def at_rest(w: Array) -> Inputs:
@@ -69,10 +81,11 @@ def at_rest(w: Array) -> Inputs:
 class Law(ABC):
     """The form of a friction torque Tf; its numbers are the parameters theta (..., n, P).
 
-    A law is a frozen dataclass: its fields are its settings. It says the names of its P parameters,
-    their units and bounds, its torque and its break-away level. All else has a default, that of a
-    static law whose derivatives are found by differences. The batch axes of theta and of the inputs
-    broadcast against each other; laws compute alike with NumPy and, for networks, with torch.
+    A law is a frozen dataclass: its fields are its settings. It declares its P `parameters`, or as
+    columns their `names`, `units` and `bounds`, its torque and its break-away level. All else has a
+    default, that of a static law whose derivatives are found by differences. The batch axes of
+    theta and of the inputs broadcast against each other; laws compute alike with NumPy and, for
+    networks, with torch.
 
     Parameters mean the same in all laws. `coulomb` is the level of sliding friction at all speeds.
     `peak` is what break-away takes beyond the Coulomb level. `stribeck_velocity` is the speed at
@@ -106,9 +119,6 @@ class Law(ABC):
         in those combinations that the motion shows.
     reads_window : bool
         Whether the memory holds samples of the motion, whatever theta is.
-    stepwise : tuple of str
-        Parameters in which friction at samples changes by steps: a derivative does not show where
-        the next step is, so that fits try other values of them.
     kind : str
         Name in suites, commands and model files: that of the class in snake case; "": it has none.
     left_out_of_files : tuple of str
@@ -142,7 +152,6 @@ class Law(ABC):
     is_sparse: bool = False
     is_network: bool = False
     reads_window: bool = False
-    stepwise: tuple[str, ...] = ()
     kind: ClassVar[str] = ""
     left_out_of_files: tuple[str, ...] = ()
     cannot_be_saved: str = ""
@@ -154,25 +163,34 @@ class Law(ABC):
             words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__)
             cls.kind = words.lower()
 
-    @property
-    @abstractmethod
+    @cached_property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        """The P parameters of one joint."""
+        if type(self).names is Law.names:
+            raise NotImplementedError(f"{type(self).__name__} must declare its parameters")
+        rows = zip(self.names, self.units, self.bounds, strict=True)
+        return tuple(LawParameter(name, unit, *bounds) for name, unit, bounds in rows)
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the P parameters of one joint."""
+        return tuple(parameter.name for parameter in self.parameters)
 
-    @property
-    @abstractmethod
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Their units, for joints that turn."""
+        return tuple(parameter.unit for parameter in self.parameters)
 
-    @property
-    @abstractmethod
+    @cached_property
     def bounds(self) -> tuple[tuple[float, float], ...]:
         """Lower and upper bound of each."""
+        return tuple((parameter.low, parameter.high) for parameter in self.parameters)
 
-    @property
+    @cached_property
     def initial(self) -> tuple[tuple[float, ...], ...]:
-        """Values to start a fit from, a tuple of P for each start; by default zero, or a bound."""
-        return (tuple(min(max(0.0, low), high) for low, high in self.bounds),)
+        """Values to start a fit from, P for each combination of the parameters' starts."""
+        columns = (p.initial or (min(max(0.0, p.low), p.high),) for p in reversed(self.parameters))
+        return tuple(start[::-1] for start in product(*columns))
 
     def __post_init__(self) -> None:
         """Validates the settings by their annotated types, and the smoothing."""
@@ -191,8 +209,8 @@ class Law(ABC):
     @property
     def has_gradient(self) -> bool:
         """Whether the law knows its derivatives: by `gradient`, or `slopes` if it has memory."""
-        own = type(self)
-        return own.gradient is not Law.gradient or own.slopes is not Law.slopes
+        form = type(self)
+        return form.gradient is not Law.gradient or form.slopes is not Law.slopes
 
     @abstractmethod
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -282,95 +300,3 @@ class Law(ABC):
         it is finite; without `position_units` of the joints all are "rad".
         """
         return []
-
-
-class LinearLaw(Law):
-    """Tf = (sum_i theta_i level_i) sgn(w) + sum_j theta_j drag_j, break-away at the first sum.
-
-    `levels` and `drags` give level_i and drag_j at inputs, by the places i and j in theta.
-    """
-
-    is_linear = True
-
-    @abstractmethod
-    def levels(self, x: Inputs) -> Mapping[int, Array | float]:
-        """Factor (..., n) of each parameter in the level."""
-
-    @abstractmethod
-    def drags(self, x: Inputs) -> Mapping[int, Array | float]:
-        """Factor (..., n) of each parameter beside the level."""
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = self.limit(theta, x, memory) * smooth_sign(x.w, self.width, self.shape)
-        return sum((theta[..., i] * factor for i, factor in self.drags(x).items()), start=level)
-
-    def gradient(self, theta: Array, x: Inputs) -> Array:
-        zero = 0.0 * (theta[..., 0] + x.w)
-        sign = smooth_sign(x.w, self.width, self.shape) + zero
-        columns = {i: factor * sign for i, factor in self.levels(x).items()}
-        columns |= {i: factor + zero for i, factor in self.drags(x).items()}
-        return namespace(zero).stack([columns[i] for i in range(len(columns))], axis=-1)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        level = sum(theta[..., i] * factor for i, factor in self.levels(x).items())
-        return level + 0.0 * x.w
-
-
-@dataclass(frozen=True)
-class WrappedLaw(Law):
-    """A law around another, `law`, whose parameters and memory are the other's."""
-
-    law: Law
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self.law.names)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return tuple(self.law.units)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return tuple(self.law.bounds)
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return tuple(self.law.initial)
-
-    @property
-    def sample_time(self) -> float | None:  # type: ignore[override]
-        """That of the other law."""
-        return self.law.sample_time
-
-    @property
-    def longest_substep(self) -> float:  # type: ignore[override]
-        """That of the other law."""
-        return self.law.longest_substep
-
-    @property
-    def uses_load(self) -> bool:  # type: ignore[override]
-        """Whether the other law does."""
-        return self.law.uses_load
-
-    @property
-    def reads_window(self) -> bool:  # type: ignore[override]
-        """Whether the other law does."""
-        return self.law.reads_window
-
-    @property
-    def uses_temperature(self) -> bool:  # type: ignore[override]
-        """Whether the other law does."""
-        return self.law.uses_temperature
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.law.start(theta, x)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.law.advance(theta, x, memory, dt)
-
-    def relaxation(self, theta: Array, x: Inputs, dt: Array) -> tuple[Array, Array] | None:
-        return self.law.relaxation(theta, x, dt)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.law.limit(theta, x, memory)

@@ -100,7 +100,10 @@ def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
     for field in fields(law):
         if field.name not in law.left_out_of_files:
             value = getattr(law, field.name)
-            table[field.name] = _law_table(value, laws) if isinstance(value, Law) else value
+            laws_inside = isinstance(value, tuple) and any(isinstance(v, Law) for v in value)
+            entries = value if laws_inside else (value,)
+            plain = [_law_table(v, laws) if isinstance(v, Law) else v for v in entries]
+            table[field.name] = plain if laws_inside else plain[0]
     return table
 
 

@@ -6,8 +6,8 @@ import pytest
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.held import held
 from frictionid.friction.laws import LSTM, LuGre, WindowMLP
+from frictionid.friction.wrapped import held
 from frictionid.mechanics import Plant, pendulum
 
 PLAIN = {"dissipative": False, "monotone_tail": False}

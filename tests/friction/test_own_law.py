@@ -25,7 +25,7 @@ from own_friction import Quadratic as Own
 
 @dataclass(frozen=True)
 class OwnWithGradient(Own):
-    levels, drags, gradient = BuiltIn.levels, BuiltIn.drags, BuiltIn.gradient
+    level, terms, gradient = BuiltIn.level, BuiltIn.terms, BuiltIn.gradient
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
-from frictionid.friction.laws import LinearOutside
 from frictionid.friction.temperature import refuse_temperature
+from frictionid.friction.wrapped import LinearOutside
 from frictionid.programs.program import Program, Value
 from frictionid.programs.trace import chained, traced
 

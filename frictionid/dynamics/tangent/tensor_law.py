@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.law import WrappedLaw
+from frictionid.friction.wrapped import WrappedLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False)

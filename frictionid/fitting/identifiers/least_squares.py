@@ -90,7 +90,7 @@ class LeastSquares(Identifier):
             under = law.conditions(reduced, variance)
         first = _better(law, theta, stepped, under)
         theta = minimum(law, first, under, self.iterations, self.tolerance).x
-        for spread in _SPREADS if law.law.stepwise else ():
+        for spread in _SPREADS if any(p.stepwise for p in law.law.parameters) else ():
             first = _better(law, theta, _scanned(law, theta, under, spread), under)
             theta = minimum(law, first, under, self.iterations, self.tolerance).x
         return theta
@@ -122,7 +122,7 @@ def _scanned(law: Linearised, theta: Array, under: Conditions, spread: float) ->
     Values are tried from theta / spread to theta spread, within the bounds. Between two steps of
     the cost its slope is that of the other samples alone, or zero.
     """
-    stepwise = np.array([name in law.law.stepwise for name in law.law.names])
+    stepwise = np.array([p.stepwise for p in law.law.parameters])
     stepwise = np.broadcast_to(stepwise, (1, law.joints, len(stepwise)))
     theta = theta.copy()
     for column in np.flatnonzero(law.once(stepwise)[0]):

@@ -25,8 +25,8 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
 from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.friction.laws.sklearn_law import Predicted, features
-from frictionid.friction.laws.table import Table
+from frictionid.friction.laws.curves import Table
+from frictionid.friction.laws.external import Predicted, features
 
 _FIRST, _PER_DECADE = 0.01, 12  # [rad/s], speeds of a table
 _WIDTH = 0.02  # [rad/s]

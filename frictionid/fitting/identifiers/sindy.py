@@ -143,7 +143,7 @@ class SINDy(Identifier):
         constraints = Constraints(
             joint=np.repeat(np.arange(n), len(candidates)),
             conflict=np.kron(np.eye(n), self.library.conflicts) > 0,
-            positive=np.tile([c.bounds[0] >= 0 for c in candidates], n),
+            positive=np.tile([c.parameter.low >= 0 for c in candidates], n),
             usable=np.ones(n * len(candidates), dtype=bool),
         )
         for f, G in enumerate(grams(A, normalised(weights, problem), clusters(problem))):

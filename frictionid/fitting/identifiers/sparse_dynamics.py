@@ -22,7 +22,7 @@ from frictionid.fitting.one_step.grams import clusters, grams
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
 from frictionid.friction import Friction
-from frictionid.friction.laws.state_library import StateLibrary
+from frictionid.friction.laws.state_laws import StateLibrary
 
 _NO_COLUMN = 1e-9  # of the longest column
 

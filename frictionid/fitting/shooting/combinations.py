@@ -12,7 +12,7 @@ from frictionid.data.calibration import Calibration, calibrated_plant
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.tangent.tensor_law import SmoothedLaw
 from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
-from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction import Friction, Inputs, LawParameter, Memory
 from frictionid.mechanics import Mechanism
 
 
@@ -27,16 +27,9 @@ class CombinationLaw(SmoothedLaw):
     directions: Array
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(f"combination {k + 1}" for k in range(self.directions.shape[-1]))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return ("1",) * self.directions.shape[-1]
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return ((-float("inf"), float("inf")),) * self.directions.shape[-1]
+    def parameters(self) -> tuple[LawParameter, ...]:
+        names = (f"combination {k + 1}" for k in range(self.directions.shape[-1]))
+        return tuple(LawParameter(name, "1", -float("inf")) for name in names)
 
     @property
     def initial(self) -> tuple[tuple[float, ...], ...]:

@@ -31,7 +31,7 @@ from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, 
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.servo_signals import damping, torque_signals
 from frictionid.fitting.shooting.settings import Settings
-from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction import Inputs, Law, LawParameter, Memory
 from frictionid.friction.coordinates import refuse_coupled
 from frictionid.friction.law import NUMERICAL_WIDTH
 
@@ -48,16 +48,8 @@ class BackEMF(SmoothedLaw):
     """
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return (*self.law.names, "back_emf")
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return (*self.law.units, "N m s/rad")
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (*self.law.bounds, (0.0, float("inf")))
+    def parameters(self) -> tuple[LawParameter, ...]:
+        return (*self.law.parameters, LawParameter("back_emf", "N m s/rad"))
 
     @property
     def initial(self) -> tuple[tuple[float, ...], ...]:

@@ -23,7 +23,7 @@ from frictionid.fitting.shooting.windows import (
 )
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places
-from frictionid.friction.held import held
+from frictionid.friction.wrapped import held
 from frictionid.mechanics import Plant
 
 _ROUNDS = 6

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.friction import Friction, Inputs, Law, LawParameter, Memory
 from frictionid.friction.laws.mlp import MLP
 
 
@@ -27,19 +27,12 @@ class Ensemble(Law):
     shape: str = "tanh"
     is_network = True
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(f"{name}.{k}" for k in range(self.members) for name in self.base.names)
+    @cached_property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        each = ((k, p) for k in range(self.members) for p in self.base.parameters)
+        return tuple(p._replace(name=f"{p.name}.{k}") for k, p in each)
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        return tuple(self.base.units) * self.members
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return tuple(self.base.bounds) * self.members
-
-    @property
+    @cached_property
     def initial(self) -> tuple[tuple[float, ...], ...]:
         return tuple(tuple(start) * self.members for start in self.base.initial)
 
@@ -54,39 +47,38 @@ class Ensemble(Law):
         return self.base.uses_load
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        parts = self._parts(theta)
+        parts = _split(theta, self.members)
         return tuple(entry for part in parts for entry in self.base.start(part, x))
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        law = self._law
-        parts = zip(self._parts(theta), self._shares(memory), strict=True)
-        total: Any = sum(law.torque(part, x, own) for part, own in parts)
+        total: Any = sum(self.member.torque(part, x, z) for part, z in self._each(theta, memory))
         return total / self.members
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        parts = zip(self._parts(theta), self._shares(memory), strict=True)
-        return tuple(e for part, own in parts for e in self.base.advance(part, x, own, dt))
+        parts = self._each(theta, memory)
+        return tuple(entry for part, z in parts for entry in self.base.advance(part, x, z, dt))
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        law = self._law
-        parts = zip(self._parts(theta), self._shares(memory), strict=True)
-        total: Any = sum(law.limit(part, x, own) for part, own in parts)
+        total: Any = sum(self.member.limit(part, x, z) for part, z in self._each(theta, memory))
         return total / self.members
 
     @cached_property
-    def _law(self) -> Law:
-        own = {f.name for f in fields(self.base)} & {"width", "shape"}
-        return replace(self.base, **{name: getattr(self, name) for name in own})
+    def member(self) -> Law:
+        """The law of each member, smoothed alike."""
+        names = {f.name for f in fields(self.base)} & {"width", "shape"}
+        return replace(self.base, **{name: getattr(self, name) for name in names})
 
-    def _parts(self, theta: Array) -> Iterator[Array]:
-        size = theta.shape[-1] // self.members
-        for k in range(self.members):
-            yield theta[..., k * size : (k + 1) * size]
-
-    def _shares(self, memory: Memory) -> Iterator[Memory]:
+    def _each(self, theta: Array, memory: Memory) -> Iterator[tuple[Array, Memory]]:
+        """Parameters and memory of each member."""
         size = len(memory) // self.members
-        for k in range(self.members):
-            yield memory[k * size : (k + 1) * size]
+        for k, part in enumerate(_split(theta, self.members)):
+            yield part, memory[k * size : (k + 1) * size]
+
+
+def _split(theta: Array, members: int) -> list[Array]:
+    """Parameters of each member."""
+    size = theta.shape[-1] // members
+    return [theta[..., k * size : (k + 1) * size] for k in range(members)]
 
 
 def together(law: Any, thetas: Sequence[Array]) -> Friction:
@@ -110,7 +102,5 @@ def members_of(friction: Friction) -> Friction:
     law, theta = friction.law, friction.theta
     if not isinstance(law, Ensemble):
         return replace(friction, theta=theta[None], constraints=None)
-    size = theta.shape[-1] // law.members
-    xp = namespace(theta)
-    parts = [theta[..., k * size : (k + 1) * size] for k in range(law.members)]
-    return replace(friction, law=law._law, theta=xp.stack(parts, axis=0), constraints=None)
+    members = namespace(theta).stack(_split(theta, law.members), axis=0)
+    return replace(friction, law=law.member, theta=members, constraints=None)

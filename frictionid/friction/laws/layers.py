@@ -2,24 +2,26 @@
 
 A network has `sizes`, the numbers of its inputs, of the tanh units of each hidden layer, and of its
 linear outputs. Its weights (..., n, P), P = `count(sizes)`, are those of layer after layer, each
-first from inputs to units, then the units' offsets.
+first from inputs to units, then the units' offsets. Recurrent cells stand before them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count
+from frictionid.friction import Memory
 
 Hidden = Annotated[tuple[Count, ...], Field(min_length=1)]  # units of each hidden layer
 _STEEP = (1.0, 4.0)  # slopes of the first units, which turn anywhere in their inputs' range
 _SMALL = 0.3
+_KEEP = 1.0  # offset of the gates that keep what cells hold [Gers2000]
 
 
 def count(sizes: Sequence[int]) -> int:
@@ -118,3 +120,44 @@ def laid(weights: Array, z: Array) -> tuple[Array, Array, bool]:
 def unlaid(value: Array, many: bool) -> Array:
     """Values (..., n, rows, b) as (..., n, b), the other way round than `laid`."""
     return namespace(value).swapaxes(value, -3, -2) if many else value[..., 0, :]
+
+
+def drawn_gates(sizes: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Weights to learn from of gates with these numbers of inputs and outputs."""
+    cells = sizes[1] // 4
+    gates = rng.uniform(-1.0, 1.0, sizes) / np.sqrt(cells)
+    offsets = np.zeros(sizes[1])
+    offsets[cells : 2 * cells] = _KEEP
+    return np.concatenate([gates.ravel(), offsets])
+
+
+def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
+    """Outputs h and contents c (..., n, H) of cells after a sample z (..., n, a).
+
+    c' = keep c + take tanh(new),   h' = give tanh(c')
+
+    of the gates take, keep, give and new, linear in z and h; `memory` holds h and then c.
+    """
+    xp, H = namespace(weights, z), len(memory) // 2
+    h, c = stacked(memory[:H]), stacked(memory[H:])
+    whole = 0.0 * (z[..., :1] + h[..., :1])
+    both = xp.concat([z + whole, h + whole], axis=-1)
+    gates = outputs(weights, both, (both.shape[-1], 4 * H))
+    take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
+    c = keep * c + take * xp.tanh(gates[..., 3 * H :])
+    return give * xp.tanh(c), c
+
+
+def rise(y: Array) -> Array:
+    """Slope of `softplus`: between zero and one.
+
+    >>> rise(np.array([-1e3, 0.0, 1e3]))
+    array([0. , 0.5, 1. ])
+    """
+    return 0.5 + 0.5 * namespace(y).tanh(0.5 * y)
+
+
+def stacked(features: Sequence[Array]) -> Array:
+    """Features (..., n, a) of arrays whose batch axes broadcast."""
+    whole: Any = sum(0.0 * feature for feature in features)
+    return namespace(whole).stack([feature + whole for feature in features], axis=-1)

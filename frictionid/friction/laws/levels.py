@@ -1,4 +1,4 @@
-"""The level of sliding friction that laws share: Coulomb, and a peak that falls off with speed.
+"""What laws share: parameters of the same meaning, and levels that differ by direction.
 
 A law has one level, or one for each direction (`SIDES`): `_positive` ones hold for w > 0,
 `_negative` ones elsewhere; both are positive numbers.
@@ -14,80 +14,91 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.errors import InputError
+from frictionid.friction import LawParameter
 
-Range = tuple[float, float]
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
-LEVEL: Range = (0.0, float("inf"))
-# fits bound velocities by what the data resolve, see `friction.constraints`
-VELOCITY: Range = (0.0, float("inf"))
 # a factor of 1.5 apart: the best of them lies in the valley of the best fit
 VELOCITIES = tuple(float(f"{0.4 * 1.5**k:.2g}") for k in range(-17, 14))
 # a factor of 2.5 apart, for laws with a second parameter that is not linear
 COARSE_VELOCITIES = tuple(float(f"{0.5 * 2.5**k:.2g}") for k in range(-7, 6))
 SIDES = ("_positive", "_negative")
 
+COULOMB = LawParameter("coulomb", "N m")
+PEAK = LawParameter("peak", "N m")
+VISCOUS = LawParameter("viscous", "N m s/rad")
+DRAG = LawParameter("drag", "N m s^2/rad^2")
+LOSS = LawParameter("loss", "1", high=1.0)
 
-class StribeckLevel(NamedTuple):
-    """Level coulomb + peak exp(-(s/stribeck_velocity)^2) at a speed s, for some `sides`.
 
-    Its parameters come first in theta: coulomb of each side, peak of each side, stribeck_velocity.
+def by_direction(symmetric: bool, *parameters: LawParameter) -> tuple[LawParameter, ...]:
+    """Parameters of both directions together, or each of them for one direction after the other.
 
-    >>> StribeckLevel(SIDES).names[:2]
-    ('coulomb_positive', 'coulomb_negative')
+    >>> [p.name for p in by_direction(False, COULOMB)]
+    ['coulomb_positive', 'coulomb_negative']
+    """
+    sides = ("",) if symmetric else SIDES
+    return tuple(p._replace(name=f"{p.name}{side}") for p in parameters for side in sides)
+
+
+class Level(NamedTuple):
+    """Level coulomb + peak exp(-(s/stribeck_velocity)^2) [N m] at a speed s.
+
+    Its parameters come first in theta: coulomb and peak of each direction, stribeck_velocity.
+
+    symmetric : whether it is the same in both directions
+    peaked : whether there is a peak at all
+    velocities : [rad/s], where fits of stribeck_velocity start
     """
 
-    sides: tuple[str, ...] = ("",)
+    symmetric: bool = True
+    peaked: bool = True
+    velocities: tuple[float, ...] = VELOCITIES
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of its parameters."""
-        levels = (f"{name}{side}" for name in ("coulomb", "peak") for side in self.sides)
-        return (*levels, "stribeck_velocity")
+    def sides(self) -> int:
+        """Number of levels."""
+        return 1 if self.symmetric else 2
 
     @property
-    def units(self) -> tuple[str, ...]:
-        """Their units."""
-        return ("N m",) * (2 * len(self.sides)) + ("rad/s",)
-
-    @property
-    def bounds(self) -> tuple[Range, ...]:
-        """Their bounds."""
-        return (LEVEL,) * (2 * len(self.sides)) + (VELOCITY,)
-
-    def start(self, velocity: float) -> tuple[float, ...]:
-        """Values to start a fit from: there its first step is linear least squares."""
-        return (0.0,) * (2 * len(self.sides)) + (velocity,)
+    def parameters(self) -> tuple[LawParameter, ...]:
+        """Its parameters; fits start without friction, so that a first step is linear."""
+        if not self.peaked:
+            return by_direction(self.symmetric, COULOMB)
+        # fits bound velocities by what the data resolve, see `friction.constraints`
+        velocity = LawParameter("stribeck_velocity", "rad/s", initial=self.velocities)
+        return (*by_direction(self.symmetric, COULOMB, PEAK), velocity)
 
     def at(self, theta: Array, speed: Array, w: Array) -> Array:
         """Level (..., n) [N m] at a speed, in the direction of w."""
-        n, left = len(self.sides), stribeck_factor(speed, theta[..., 2 * len(self.sides)])
+        n = self.sides
+        if not self.peaked:
+            return on_side(w, *(theta[..., i] for i in range(n)))
+        left = stribeck_factor(speed, theta[..., 2 * n])
         return on_side(w, *(theta[..., i] + theta[..., n + i] * left for i in range(n)))
 
     def at_rest(self, theta: Array, w: Array) -> Array:
         """Break-away level (..., n) [N m] in the direction of w."""
-        n = len(self.sides)
-        return on_side(w, *(theta[..., i] + theta[..., n + i] for i in range(n))) + 0.0 * w
+        n, rest = self.sides, 0.0 * w
+        if not self.peaked:
+            return self.at(theta, w, w) + rest
+        return on_side(w, *(theta[..., i] + theta[..., n + i] for i in range(n))) + rest
 
     def mean_at_rest(self, theta: Array) -> Array:
         """Mean break-away level (..., n) [N m] of the sides."""
-        n = len(self.sides)
+        n = self.sides
         total: Any = sum(theta[..., i] for i in range(2 * n))
         return total / n
 
     def gradient(self, theta: Array, w: Array, sign: Array) -> list[Array]:
         """Derivatives (..., n) of level(|w|) sign in its parameters."""
-        n, ws = len(self.sides), theta[..., 2 * len(self.sides)]
-        left, signs = stribeck_factor(w, ws), by_side(w, sign, n)
+        n, signs = self.sides, by_side(w, sign, self.sides)
+        if not self.peaked:
+            return signs
+        ws = theta[..., 2 * n]
+        left = stribeck_factor(w, ws)
         peaks = sum(theta[..., n + i] * side for i, side in enumerate(signs))
-        by_velocity = peaks * left * (2.0 * w**2 / ws**3)
-        zero = 0.0 * by_velocity
-        return [*(side + zero for side in signs), *(side * left for side in signs), by_velocity]
-
-
-def stribeck_level(symmetric: bool) -> StribeckLevel:
-    """One level for both directions, or one for each."""
-    return StribeckLevel() if symmetric else StribeckLevel(SIDES)
+        return [*signs, *(side * left for side in signs), peaks * left * (2.0 * w**2 / ws**3)]
 
 
 def stribeck_factor(speed: Array, velocity: Any) -> Array:
@@ -132,12 +143,7 @@ def by_side(w: Array, values: Array, sides: int = 2) -> list[Array]:
 
 
 def check_increasing(name: str, speeds: tuple[float, ...]) -> None:
-    """Refuse speeds that do not increase.
-
-    Raises
-    ------
-    InputError
-        Naming the law, its setting and the values.
+    """Raise InputError, with the name of a law's setting, for speeds that do not increase.
 
     >>> check_increasing("Spline: knots", (2.0, 1.0))
     Traceback (most recent call last):

@@ -19,9 +19,19 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Law, Memory, units_of
-from frictionid.friction.laws.levels import LEVEL, above_zero, on_side, stribeck_factor
+from frictionid.friction import Inputs, Law, LawParameter, Memory, units_of
+from frictionid.friction.laws.levels import above_zero, on_side, stribeck_factor
 from frictionid.friction.smooth_sign import smooth_sign
+
+
+def written_sums(
+    head: str, theta: Array, half: Array | None, terms: Sequence[Sequence[str]]
+) -> list[str]:
+    """A line for each joint: a head with its number, and the `written_sum` of its terms."""
+    rows = np.asarray(theta)
+    halves = [None] * len(rows) if half is None else half
+    lines = (written_sum(*line) for line in zip(rows, halves, terms, strict=True))
+    return [head.format(j) + line for j, line in enumerate(lines, start=1)]
 
 
 def written_sum(coefficients: Array, half: Array | None, terms: Sequence[str]) -> str:
@@ -46,7 +56,6 @@ def _number(value: float, half: float) -> str:
     return f"({value:.4g} +- {half:.2g})" if np.isfinite(half) else f"{value:.4g}"
 
 
-_FREE = (-math.inf, math.inf)
 _FALLEN = 1.5  # times its velocity: there a tenth of a peak is left
 
 
@@ -57,11 +66,9 @@ class Candidate(NamedTuple):
     the direction of x.w; None where that is nothing. It shows at speeds of `fast` [rad/s] and more.
     """
 
-    name: str
-    unit: str
+    parameter: LawParameter
     family: str
     formula: str
-    bounds: tuple[float, float]
     value: Callable[[Inputs], Array]
     level: Callable[[Inputs], Array] | None = None
     fast: float = 0.0
@@ -128,16 +135,8 @@ class Library(Law):
         return (kind[:, None] == kind) | both | both.T
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(c.name for c in self.candidates)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return tuple(c.unit for c in self.candidates)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return tuple(c.bounds for c in self.candidates)
+    def parameters(self) -> tuple[LawParameter, ...]:
+        return tuple(c.parameter for c in self.candidates)
 
     @property
     def uses_load(self) -> bool:  # type: ignore[override]
@@ -161,18 +160,11 @@ class Library(Law):
     def equation(
         self, theta: Array, half: Array | None = None, position_units: Sequence[str] = ()
     ) -> list[str]:
-        rows = np.asarray(theta)
-        halves = [None] * len(rows) if half is None else half
-        units = position_units or ("rad",) * len(rows)
-        sums = [
-            written_sum(row, own, self._terms(unit))
-            for row, own, unit in zip(rows, halves, units, strict=True)
-        ]
-        return [f"Tf{j} = {text}" for j, text in enumerate(sums, start=1)]
-
-    def _terms(self, position_unit: str) -> list[str]:
-        units = units_of(self, position_unit)
-        return [f"{unit} {c.formula}" for unit, c in zip(units, self.candidates, strict=True)]
+        formulas = [candidate.formula for candidate in self.candidates]
+        positions = position_units or ("rad",) * len(theta)
+        each = (units_of(self, position) for position in positions)
+        terms = [[" ".join(pair) for pair in zip(u, formulas, strict=True)] for u in each]
+        return written_sums("Tf{} = ", theta, half, terms)
 
 
 @lru_cache(maxsize=64)  # each step of a rollout asks for them
@@ -201,20 +193,25 @@ def _some(values: Array) -> bool:
         return True
 
 
+def _free(name: str, unit: str) -> LawParameter:
+    return LawParameter(name, unit, -math.inf)
+
+
 def _signs(law: Library) -> list[Candidate]:
-    def one(width: float, name: str, formula: str) -> Candidate:
+    def sign(width: float, name: str, formula: str) -> Candidate:
+        # only the sharpest is a level at rest, the others pass through zero
+        level = _unity if name == "sign" else None
+
         def value(x: Inputs) -> Array:
             return smooth_sign(x.w, width, law.shape)
 
-        # only the sharpest is a level at rest, the others pass through zero
-        level = _one if name == "sign" else None
-        return Candidate(name, "N m", "sign", formula, LEVEL, value, level)
+        return Candidate(LawParameter(name, "N m"), "sign", formula, value, level)
 
-    more = [one(w, f"sign_{w:g}", f"s(w; {w:g})") for w in law.widths]
-    return [one(law.width, "sign", "s(w)"), *more]
+    wider = [sign(w, f"sign_{w:g}", f"s(w; {w:g})") for w in law.widths]
+    return [sign(law.width, "sign", "s(w)"), *wider]
 
 
-def _one(x: Inputs) -> Array:
+def _unity(x: Inputs) -> Array:
     return 1.0 + 0.0 * x.w
 
 
@@ -222,53 +219,60 @@ _POWERS = {1: "viscous", 2: "drag", 3: "cubic"}
 
 
 def _powers(law: Library) -> list[Candidate]:
-    def one(k: int) -> Candidate:
+    def power(k: int) -> Candidate:
         def value(x: Inputs) -> Array:
             return x.w * namespace(x.w).abs(x.w) ** (k - 1)
 
-        power = "" if k == 1 else f"^{k}"
-        unit = f"N m s{power}/rad{power}"
+        exponent = "" if k == 1 else f"^{k}"
         name = _POWERS.get(k, f"power_{k}")
+        parameter = LawParameter(name, f"N m s{exponent}/rad{exponent}")
         formula = {1: "w", 2: "w |w|"}.get(k, f"w^{k}" if k % 2 else f"w |w|^{k - 1}")
-        return Candidate(name, unit, name, formula, LEVEL, value)
+        return Candidate(parameter, name, formula, value)
 
-    return [one(k) for k in law.powers]
+    return [power(k) for k in law.powers]
+
+
+def _rubbing(
+    law: Library,
+    parameter: LawParameter,
+    family: str,
+    factor: str,
+    level: Callable[[Inputs], Array],
+) -> Candidate:
+    """A candidate level(x) s(w)."""
+
+    def value(x: Inputs) -> Array:
+        return level(x) * smooth_sign(x.w, law.width, law.shape)
+
+    return Candidate(parameter, family, f"{factor} s(w)", value, level)
 
 
 def _peaks(law: Library) -> list[Candidate]:
-    def one(ws: float) -> Candidate:
-        def value(x: Inputs) -> Array:
-            return stribeck_factor(x.w, ws) * smooth_sign(x.w, law.width, law.shape)
+    def peak(ws: float) -> Candidate:
+        def left(x: Inputs) -> Array:
+            return stribeck_factor(x.w, ws)
 
-        formula = f"exp(-(w/{ws:g})^2) s(w)"
-        name = f"peak_{ws:g}"
-        return Candidate(name, "N m", "peak", formula, LEVEL, value, _one, _FALLEN * ws)
+        parameter, factor = LawParameter(f"peak_{ws:g}", "N m"), f"exp(-(w/{ws:g})^2)"
+        falling = _rubbing(law, parameter, "peak", factor, left)
+        return falling._replace(level=_unity, fast=_FALLEN * ws)
 
-    return [one(ws) for ws in law.velocities]
+    return [peak(ws) for ws in law.velocities]
 
 
 def _ripples(law: Library) -> list[Candidate]:
-    def one(k: int, wave: str) -> Candidate:
+    def ripple(k: int, wave: str) -> Candidate:
         def level(x: Inputs) -> Array:
             return getattr(namespace(x.q), wave)(k * law.gear * x.q)
 
-        def value(x: Inputs) -> Array:
-            return level(x) * smooth_sign(x.w, law.width, law.shape)
+        name, factor = f"{wave}_{k}", f"{wave}({k * law.gear:g} q)"
+        return _rubbing(law, _free(name, "N m"), name, factor, level)
 
-        formula = f"{wave}({k * law.gear:g} q) s(w)"
-        return Candidate(f"{wave}_{k}", "N m", f"{wave}_{k}", formula, _FREE, value, level)
-
-    return [one(k, wave) for k in law.harmonics for wave in ("cos", "sin")]
+    return [ripple(k, wave) for k in law.harmonics for wave in ("cos", "sin")]
 
 
 def _loads(law: Library) -> list[Candidate]:
-    def level(x: Inputs) -> Array:
-        return 1.0 * x.load
-
-    def value(x: Inputs) -> Array:
-        return x.load * smooth_sign(x.w, law.width, law.shape)
-
-    candidate = Candidate("load", "N m/N", "load", "load s(w)", LEVEL, value, level)
+    parameter = LawParameter("load", "N m/N")
+    candidate = _rubbing(law, parameter, "load", "load", lambda x: 1.0 * x.load)
     return [candidate] if law.load else []
 
 
@@ -276,26 +280,28 @@ def _offsets(law: Library) -> list[Candidate]:
     """The even twin of each level, of each peak and of w: what both directions differ by."""
 
     def direction(x: Inputs) -> Array:
-        return on_side(x.w, _one(x), -_one(x))
+        return on_side(x.w, _unity(x), -_unity(x))
 
-    def one(twin: Candidate) -> Candidate:
-        def value(x: Inputs) -> Array:
-            return direction(x) * twin.value(x)
+    def even(twin: Candidate) -> Candidate:
+        return Candidate(
+            _free(f"offset_{twin.parameter.name}", twin.parameter.unit),
+            f"offset_{twin.family}",
+            f"sgn(w) {twin.formula}",
+            lambda x: direction(x) * twin.value(x),
+            None if twin.level is None else direction,
+            twin.fast,
+        )
 
-        formula = f"sgn(w) {twin.formula}"
-        level = None if twin.level is None else direction
-        name, family = f"offset_{twin.name}", f"offset_{twin.family}"
-        return Candidate(name, twin.unit, family, formula, _FREE, value, level, twin.fast)
-
-    twins = [_signs(law)[0], *(c for c in _powers(law) if c.name == "viscous"), *_peaks(law)]
-    return [one(twin) for twin in twins] if law.direction else []
+    viscous = [c for c in _powers(law) if c.family == "viscous"]
+    twins = [_signs(law)[0], *viscous, *_peaks(law)]
+    return [even(twin) for twin in twins] if law.direction else []
 
 
 def _others(law: Library) -> list[Candidate]:
     def value(x: Inputs) -> Array:
         return namespace(x.w).sum(x.w, axis=-1, keepdims=True) - x.w
 
-    candidate = Candidate("other", "N m s/rad", "other", "w of the others", _FREE, value)
+    candidate = Candidate(_free("other", "N m s/rad"), "other", "w of the others", value)
     return [candidate] if law.other else []
 
 

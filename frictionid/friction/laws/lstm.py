@@ -9,33 +9,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import Hidden, count, drawn, input_slopes, outputs
+from frictionid.friction.laws.layers import Hidden, cells_after, count, input_slopes, stacked
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.network_law import (
-    Features,
-    NetworkLaw,
-    fine,
-    level_of,
-    level_slopes,
-    rise,
-    side_of,
-    stacked,
-    within,
-)
+from frictionid.friction.laws.network_law import Features, LevelNetwork, fine, side_of, within
 from frictionid.friction.smooth_sign import smooth_sign
-
-_KEEP = 1.0  # offset of the gates that keep what cells hold [Gers2000]
 
 
 @dataclass(frozen=True)
-class LSTM(NetworkLaw):
+class LSTM(LevelNetwork):
     """Tf = level sgn(w), the level a network of w and of `cells` that read a sample each time.
 
     sample_time : [s] between the samples; cells begin empty
@@ -78,9 +64,6 @@ class LSTM(NetworkLaw):
         beside = 0 if self.free else 1 + (not self.odd)
         return (beside + self.cells, *self.hidden, 1)
 
-    def drawn(self, rng: np.random.Generator) -> Array:
-        return np.concatenate([drawn_gates(self.gate_sizes, rng), drawn(self.sizes, rng)])
-
     def start(self, theta: Array, x: Inputs) -> Memory:
         return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells * (1 + self.odd))
 
@@ -102,26 +85,23 @@ class LSTM(NetworkLaw):
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
         share = namespace(x.w).abs(x.w) / theta[..., 1]
-        own = self._own(share, side_of(x.w))
-        z = stacked(own) if own else share[..., None][..., :0]
+        now = self._now(share, side_of(x.w))
+        z = stacked(now) if now else share[..., None][..., :0]
         return Features(z, share * float(not self.free), self._sign(x.w), self._read(theta, x.w))
-
-    def level(self, theta: Array, z: Array, share: Array) -> Array:
-        y = outputs(self._layer_weights(theta), z, self.sizes)[..., 0]
-        return level_of(theta, y, share, self.dissipative, self.monotone_tail)
 
     def memory_slopes(self, theta: Array, x: Inputs, memory: Memory) -> Memory:
         """The level depends on what the cells give, not on what they hold."""
         share = namespace(x.w).abs(x.w) / theta[..., 1]
-        own = self._own(share, side_of(x.w))
+        now = self._now(share, side_of(x.w))
         share = share * float(not self.free)
         sign = self._sign(x.w) / (1 + self.odd)
         out = []
         for k in range(1 + self.odd):
             h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
-            y, by_z = input_slopes(self._layer_weights(theta), stacked([*own, *h]), self.sizes)
-            of = level_slopes(theta, y, share, self.dissipative, self.monotone_tail)
-            out += [of.by_y * sign * by_z[..., len(own) + i] for i in range(self.cells)]
+            z = stacked([*now, *h])
+            y, by_z = input_slopes(self.layer_weights(theta), z, self.sizes)
+            by_y = self.level_slopes(theta, y, share).by_y
+            out += [by_y * sign * by_z[..., len(now) + i] for i in range(self.cells)]
             out += [0.0 * y] * self.cells
         return tuple(out)
 
@@ -130,7 +110,7 @@ class LSTM(NetworkLaw):
         if self.free or self.odd:
             return None
         xp, h = namespace(theta, memory[0]), stacked(memory[: self.cells])
-        row, units = self._layer_weights(theta), self.hidden[0]
+        row, units = self.layer_weights(theta), self.hidden[0]
         first = [self.sizes[0] * units, (self.sizes[0] - self.cells) * units]
         W = xp.reshape(row[..., first[1] : first[0]], (*row.shape[:-1], self.cells, units))
         shift = xp.matmul(h[..., None, :], W)[..., 0, :]
@@ -146,24 +126,21 @@ class LSTM(NetworkLaw):
         )
         return law, xp.concat(whole, axis=-1)
 
-    def _layer_weights(self, theta: Array) -> Array:
-        return theta[..., 3 + count(self.gate_sizes) :]
-
     def _level(self, theta: Array, speed: Array, side: Array, memory: Memory) -> Array:
         share = speed / theta[..., 1]
-        own = self._own(share, side)
+        now = self._now(share, side)
         parts = []
         for k in range(1 + self.odd):
             h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
             # the mirrored cells read -w: so each side of the motion meets both alike
-            parts.append(self.level(theta, stacked([*own, *h]), share * float(not self.free)))
+            parts.append(self.level(theta, stacked([*now, *h]), share * float(not self.free)))
         total: Any = sum(parts)
         return total / len(parts)
 
     def _sign(self, w: Array) -> Array:
         return 1.0 + 0.0 * w if self.free else smooth_sign(w, self.width, self.shape)
 
-    def _own(self, share: Array, side: Array) -> list[Array]:
+    def _now(self, share: Array, side: Array) -> list[Array]:
         if self.free:
             return []
         return [fine(share)] + ([] if self.odd else [side])
@@ -176,29 +153,3 @@ class LSTM(NetworkLaw):
 
     def _cells(self, theta: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
         return cells_after(theta[..., 3 : 3 + count(self.gate_sizes)], z, memory)
-
-
-def drawn_gates(sizes: tuple[int, int], rng: np.random.Generator) -> Array:
-    """Weights to learn from of gates with these numbers of inputs and outputs."""
-    cells = sizes[1] // 4
-    gates = rng.uniform(-1.0, 1.0, sizes) / np.sqrt(cells)
-    offsets = np.zeros(sizes[1])
-    offsets[cells : 2 * cells] = _KEEP
-    return np.concatenate([gates.ravel(), offsets])
-
-
-def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
-    """Outputs h and contents c (..., n, H) of cells after a sample z (..., n, a).
-
-    c' = keep c + take tanh(new),   h' = give tanh(c')
-
-    of the gates take, keep, give and new, linear in z and h; `memory` holds h and then c.
-    """
-    xp, H = namespace(weights, z), len(memory) // 2
-    h, c = stacked(memory[:H]), stacked(memory[H:])
-    whole = 0.0 * (z[..., :1] + h[..., :1])
-    both = xp.concat([z + whole, h + whole], axis=-1)
-    gates = outputs(weights, both, (both.shape[-1], 4 * H))
-    take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
-    c = keep * c + take * xp.tanh(gates[..., 3 * H :])
-    return give * xp.tanh(c), c

@@ -1,6 +1,8 @@
-"""A network of the velocity: a friction curve of any shape, whose physics hold by construction.
+"""Networks of the velocity, and of its past: curves of any shape, physics held by construction.
 
-The study learns friction by networks behind a physics step [DeMeester2020].
+The study learns friction by networks behind a physics step [DeMeester2020]. A window of the past,
+samples of the velocity, makes friction that remembers; or of the way since these samples: bristles
+bend by less than a joint moves from one to the next, but its angle is known at any time.
 
 The form of the level, and what its options promise, are those of `network_law`.
 """
@@ -15,27 +17,24 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Memory
-from frictionid.friction.laws.layers import Hidden, outputs, slopes
+from frictionid.config import Count, NotNegative, Positive
+from frictionid.friction import Inputs, LawParameter, Memory
+from frictionid.friction.laws.layers import Hidden, slopes, stacked
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
     HEAD,
-    Features,
-    NetworkLaw,
-    Scale,
+    REACH,
+    LevelNetwork,
     fine,
     fine_slope,
-    level_of,
-    level_slopes,
     side_of,
-    stacked,
     within,
 )
 from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)
-class MLP(NetworkLaw):
+class MLP(LevelNetwork):
     """Tf = level sgn(w), the level a network of speed and direction with `hidden` tanh units.
 
     odd : the same level in both directions; else the direction is an input of the network
@@ -59,9 +58,8 @@ class MLP(NetworkLaw):
     shape: str = "tanh"
 
     @property
-    def scales(self) -> tuple[Scale, ...]:
-        reach = HEAD[1]
-        return HEAD + tuple(reach._replace(name=f"reach_{i + 1}") for i in range(self.others))
+    def scales(self) -> tuple[LawParameter, ...]:
+        return HEAD + tuple(REACH._replace(name=f"reach_{i + 1}") for i in range(self.others))
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -76,43 +74,33 @@ class MLP(NetworkLaw):
     def gradient(self, theta: Array, x: Inputs) -> Array:
         w, xp, reach = x.w, namespace(theta, x.w), theta[..., 1]
         side, share = side_of(w), xp.abs(w) / reach
-        z = self._inputs(theta, xp.abs(w), side, w)
-        y, by_weights, by_z = slopes(self._weights(theta), z, self.sizes)
-        of = level_slopes(theta, y, share, self.dissipative, self.monotone_tail)
-        by_share = by_z[..., 0] * fine_slope(share) + of.tail
-        columns = [of.by_torque, of.by_y * (-by_share * share / reach), of.by_tail]
+        z = self.inputs(theta, x, xp.abs(w), ())
+        y, by_weights, by_z = slopes(self.layer_weights(theta), z, self.sizes)
+        level = self.level_slopes(theta, y, share)
+        by_share = by_z[..., 0] * fine_slope(share) + level.tail
+        columns = [level.by_torque, level.by_y * (-by_share * share / reach), level.by_tail]
         for i, other in enumerate(self._others(w)):
             part = other / theta[..., 3 + i]
             inside = xp.where(xp.abs(part) < 1.0, part, 0.0 * part)
             sign = side if self.odd else 1.0
             by_part = -by_z[..., i - self.others] * sign * inside
-            columns.append(of.by_y * (by_part / theta[..., 3 + i]))
+            columns.append(level.by_y * (by_part / theta[..., 3 + i]))
         head = xp.stack([column + 0.0 * y for column in columns], axis=-1)
-        whole = xp.concat([head, of.by_y[..., None] * by_weights], axis=-1)
+        whole = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
         return whole * smooth_sign(w, self.width, self.shape)[..., None]
+
+    def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+        return self._inputs(theta, speed, side_of(x.w), x.w)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         still = 0.0 * x.w
-        z = self._inputs(theta, still, side_of(x.w), still)
-        return above_zero(self.level(theta, z, still))
-
-    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
-        speed = namespace(x.w).abs(x.w)
-        z = self._inputs(theta, speed, side_of(x.w), x.w)
-        return Features(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
-
-    def level(self, theta: Array, z: Array, share: Array) -> Array:
-        y = outputs(self._weights(theta), z, self.sizes)[..., 0]
-        return level_of(theta, y, share, self.dissipative, self.monotone_tail)
-
-    def _weights(self, theta: Array) -> Array:
-        return theta[..., 3 + self.others :]
+        return above_zero(self.level(theta, self._inputs(theta, still, side_of(x.w), still), still))
 
     def _inputs(self, theta: Array, speed: Array, side: Array, w: Array) -> Array:
-        """Inputs of the network (..., n, a)."""
-        own = [fine(speed / theta[..., 1])] + ([] if self.odd else [side])
+        """Inputs (..., n, a) of the layers at a speed and direction, by the velocities w of all."""
+        joint = [fine(speed / theta[..., 1])] + ([] if self.odd else [side])
         others = [within(o / theta[..., 3 + i]) for i, o in enumerate(self._others(w))]
-        return stacked([*own, *(side * o if self.odd else o for o in others)])
+        return stacked([*joint, *(side * o if self.odd else o for o in others)])
 
     def _others(self, w: Array) -> Iterator[Array]:
         """Velocities (..., n) of the next joint, of the one after it, and so on; 0 if none."""
@@ -120,3 +108,90 @@ class MLP(NetworkLaw):
         for i in range(1, self.others + 1):
             order = [(j + i) % n for j in range(n)]
             yield w[..., order] if i < n else 0.0 * w
+
+
+@dataclass(frozen=True)
+class WindowMLP(LevelNetwork):
+    """Tf = level sgn(w), the level a network of w and of the newest `samples` of the velocity.
+
+    sample_time : [s] between those samples; the memory begins as if the velocity had been constant
+    hidden, odd, dissipative, monotone_tail, width, shape : as in `MLP`
+    presliding : [rad], where positive the network reads instead how far the joint has moved since
+        each of those samples, finely where that is no more than this, and the newest velocity
+    """
+
+    samples: Count = 9
+    sample_time: Positive = 1 / 60
+    hidden: Hidden = (16, 16)
+    odd: bool = False
+    dissipative: bool = True
+    monotone_tail: bool = True
+    width: float = 0.02
+    shape: str = "tanh"
+    presliding: NotNegative = 0.0
+    reads_window = True
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        return (1 + (not self.odd) + self.samples + (self.presliding > 0), *self.hidden, 1)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        w = x.w + 0.0 * theta[..., 0]
+        if not self.presliding:
+            return (w,) * self.samples
+        return (w, *(x.q - k * self.sample_time * w for k in range(self.samples)))
+
+    def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory]:
+        xp, reach = namespace(theta, x.w), theta[..., 1]
+        share = xp.abs(x.w) / reach
+        z = self.inputs(theta, x, xp.abs(x.w), memory)
+        y, by_weights, by_z = slopes(self.layer_weights(theta), z, self.sizes)
+        level = self.level_slopes(theta, y, share)
+        by_entry, by_reach = self._by_memory(x, memory, reach, by_z)
+        by_reach = by_reach - (by_z[..., 0] * fine_slope(share) + level.tail) * share / reach
+        head = xp.stack([level.by_torque, level.by_y * by_reach, level.by_tail], axis=-1)
+        by_theta = xp.concat([head, level.by_y[..., None] * by_weights], axis=-1)
+        sign = smooth_sign(x.w, self.width, self.shape)
+        return by_theta * sign[..., None], tuple(level.by_y * sign * entry for entry in by_entry)
+
+    def _by_memory(
+        self, x: Inputs, memory: Memory, reach: Array, by_z: Array
+    ) -> tuple[list[Array], Array]:
+        """Derivatives (..., n) of the network's output in each entry, and in reach through them."""
+        xp, side = namespace(x.w), side_of(x.w)
+        by_entry, by_reach = [], 0.0 * reach
+        for i, entry in enumerate(memory):
+            by_input = by_z[..., i + 1 + (not self.odd)]
+            if i and self.presliding:
+                way = 1.0 + xp.abs(x.q - entry) / self.presliding
+                by_entry.append(-by_input * side / (self.presliding * way * way))
+                continue
+            part = entry / reach
+            rate = by_input * self._rate(part, side) / reach
+            by_entry.append(rate)
+            by_reach = by_reach - rate * part
+        return by_entry, by_reach
+
+    def _rate(self, part: Array, side: Array) -> Array:
+        """Derivative of the input that a velocity over reach makes."""
+        xp, one = namespace(part), 1.0 + 0.0 * part
+        if self.presliding:
+            return side * fine_slope(xp.abs(part))
+        return xp.where(xp.abs(part) < 1.0, one, 0.0 * part) * (side if self.odd else one)
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        newest = x.w + 0.0 * memory[0]
+        if not self.presliding:
+            return (newest, *memory[:-1])
+        return (newest, x.q + 0.0 * newest, *memory[1:-1])
+
+    def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+        reach, side = theta[..., 1], side_of(x.w)
+        now = [fine(speed / reach)] + ([] if self.odd else [side])
+        if not self.presliding:
+            past = [within(w / reach) for w in memory]
+            return stacked([*now, *(side * w if self.odd else w for w in past)])
+        # in the direction of the motion: bristles still bent the other way drive it
+        newest = side * side_of(memory[0]) * fine(namespace(x.w).abs(memory[0]) / reach)
+        ways = [side * (x.q - q) / self.presliding for q in memory[1:]]
+        return stacked([*now, newest, *(way / (1.0 + namespace(way).abs(way)) for way in ways)])

@@ -11,35 +11,26 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
-from functools import cache
-from typing import Any, NamedTuple
+from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.layers import count, drawn
-from frictionid.friction.laws.levels import LEVEL, Range, on_side
+from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.laws.layers import count, drawn, drawn_gates, outputs, rise
+from frictionid.friction.laws.levels import above_zero, on_side
+from frictionid.friction.smooth_sign import smooth_sign
 
-FREE: Range = (-float("inf"), float("inf"))
-SPEED: Range = (1e-3, float("inf"))
 _FINE = 30.0  # how much finer slow speeds are resolved than fast ones: friction peaks there
 
 
-class Scale(NamedTuple):
-    """A parameter before the weights: its name, unit and bounds, and a value to start from."""
-
-    name: str
-    unit: str
-    bounds: Range
-    start: float
-
-
+# parameters before the weights, each with a value to start from
+REACH = LawParameter("reach", "rad/s", 1e-3, initial=(10.0,))
 HEAD = (
-    Scale("torque", "N m", LEVEL, 0.1),
-    Scale("reach", "rad/s", SPEED, 10.0),
-    Scale("tail", "1", FREE, -2.0),
+    LawParameter("torque", "N m", initial=(0.1,)),
+    REACH,
+    LawParameter("tail", "1", -math.inf, initial=(-2.0,)),
 )
 
 
@@ -86,7 +77,7 @@ class NetworkLaw(Law):
     others: int = 0
 
     @property
-    def scales(self) -> tuple[Scale, ...]:
+    def scales(self) -> tuple[LawParameter, ...]:
         """Parameters before the weights."""
         return HEAD
 
@@ -109,8 +100,8 @@ class NetworkLaw(Law):
         """Level (..., n) [N m] of inputs z of the layers, the cells' outputs last."""
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        of = self.features(theta, x, memory)
-        return self.level(theta, of.z, of.share) * of.sign
+        features = self.features(theta, x, memory)
+        return self.level(theta, features.z, features.share) * features.sign
 
     @property
     def weights(self) -> int:
@@ -119,28 +110,25 @@ class NetworkLaw(Law):
 
     def drawn(self, rng: np.random.Generator) -> Array:
         """Weights (weights,) of one joint to learn from."""
-        return drawn(self.sizes, rng)
+        layers = (drawn_gates(self.gate_sizes, rng),) if self.cells else ()
+        return np.concatenate([*layers, drawn(self.sizes, rng)])
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(scale.name for scale in self.scales) + weight_names(self.weights)
+    def layer_weights(self, theta: Array) -> Array:
+        """Weights of the layers, which stand last in theta."""
+        return theta[..., len(self.scales) + count(self.gate_sizes) :]
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        return tuple(scale.unit for scale in self.scales) + ("1",) * self.weights
+    @cached_property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        return self.scales + _weights(self.weights)
 
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return tuple(scale.bounds for scale in self.scales) + (FREE,) * self.weights
-
-    @property
+    @cached_property
     def initial(self) -> tuple[tuple[float, ...], ...]:
-        starts = tuple(scale.start for scale in self.scales)
+        starts = (scale.initial[0] for scale in self.scales)
         return ((*starts, *self.drawn(np.random.default_rng(0)).tolist()),)
 
     def initial_parameters(self, sizes: Array, rng: np.random.Generator) -> Array:
         """Parameters (..., n, P) to learn from; `sizes` (..., n, k) are the first k scales."""
-        others = [scale.start for scale in self.scales[sizes.shape[-1] :]]
+        others = [scale.initial[0] for scale in self.scales[sizes.shape[-1] :]]
         weights = np.stack([self.drawn(rng) for _ in range(sizes.shape[-2])])
         rest = np.concatenate([np.broadcast_to(others, (len(weights), len(others))), weights], -1)
         shape = (*sizes.shape[:-1], rest.shape[-1])
@@ -153,9 +141,9 @@ def is_learned(law: Law) -> Array:
 
 
 @cache
-def weight_names(count: int) -> tuple[str, ...]:
-    """Names of a network's weights."""
-    return tuple(f"w{i}" for i in range(count))
+def _weights(count: int) -> tuple[LawParameter, ...]:
+    """A network's weights as parameters."""
+    return tuple(LawParameter(f"w{i}", "1", -math.inf) for i in range(count))
 
 
 def softplus(y: Array) -> Array:
@@ -165,15 +153,6 @@ def softplus(y: Array) -> Array:
     array([0.   , 0.693, 9.   ])
     """
     return namespace(y).logaddexp(y, 0.0 * y)
-
-
-def rise(y: Array) -> Array:
-    """Slope of `softplus`: between zero and one.
-
-    >>> rise(np.array([-1e3, 0.0, 1e3]))
-    array([0. , 0.5, 1. ])
-    """
-    return 0.5 + 0.5 * namespace(y).tanh(0.5 * y)
 
 
 def side_of(w: Array) -> Array:
@@ -212,12 +191,6 @@ def within(share: Array) -> Array:
     return xp.minimum(xp.maximum(share, -one), one)
 
 
-def stacked(features: Sequence[Array]) -> Array:
-    """Features (..., n, a) of arrays whose batch axes broadcast."""
-    whole: Any = sum(0.0 * feature for feature in features)
-    return namespace(whole).stack([feature + whole for feature in features], axis=-1)
-
-
 class LevelSlopes(NamedTuple):
     """Derivatives (..., n) of a level: in the scale `torque`, in a network's outputs y, in `tail`.
 
@@ -230,19 +203,42 @@ class LevelSlopes(NamedTuple):
     tail: Array
 
 
-def level_slopes(
-    theta: Array, y: Array, share: Array, dissipative: bool, monotone: bool
-) -> LevelSlopes:
-    """Derivatives of `level_of`."""
-    tail = softplus(theta[..., 2]) if monotone else theta[..., 2]
-    y = y + tail * share
-    by_y = theta[..., 0] * (rise(y) if dissipative else 1.0 + 0.0 * y)
-    by_tail = by_y * (share * (rise(theta[..., 2]) if monotone else 1.0))
-    return LevelSlopes(softplus(y) if dissipative else y, by_y, by_tail, tail)
+class LevelNetwork(NetworkLaw):
+    """A network whose outputs y make a level, torque f(y + tail share).
 
+    dissipative : the level is positive, f(y) = log(1 + e^y); otherwise f(y) = y
+    monotone_tail : beyond the measured speeds the level does not fall
+    """
 
-def level_of(theta: Array, y: Array, share: Array, dissipative: bool, monotone: bool) -> Array:
-    """Level (..., n) [N m] of a network's outputs y at speeds over reach."""
-    tail = theta[..., 2]
-    y = y + (softplus(tail) if monotone else tail) * share
-    return theta[..., 0] * (softplus(y) if dissipative else y)
+    dissipative: bool
+    monotone_tail: bool
+
+    def network(self, theta: Array, z: Array) -> Array:
+        """Outputs (..., n) of the layers."""
+        return outputs(self.layer_weights(theta), z, self.sizes)[..., 0]
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        tail, y = theta[..., 2], self.network(theta, z)
+        y = y + (softplus(tail) if self.monotone_tail else tail) * share
+        return theta[..., 0] * (softplus(y) if self.dissipative else y)
+
+    def level_slopes(self, theta: Array, y: Array, share: Array) -> LevelSlopes:
+        """Derivatives of the level where the layers' outputs are y."""
+        tail = softplus(theta[..., 2]) if self.monotone_tail else theta[..., 2]
+        y = y + tail * share
+        by_y = theta[..., 0] * (rise(y) if self.dissipative else 1.0 + 0.0 * y)
+        by_tail = by_y * (share * (rise(theta[..., 2]) if self.monotone_tail else 1.0))
+        return LevelSlopes(softplus(y) if self.dissipative else y, by_y, by_tail, tail)
+
+    def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+        """Inputs (..., n, a) of the layers at another speed in the direction of x.w."""
+        raise NotImplementedError
+
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
+        speed = namespace(x.w).abs(x.w)
+        z = self.inputs(theta, x, speed, memory)
+        return Features(z, speed / theta[..., 1], smooth_sign(x.w, self.width, self.shape))
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        still = 0.0 * x.w
+        return above_zero(self.level(theta, self.inputs(theta, x, still, memory), still))

@@ -16,23 +16,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.per_joint import PARTS, Name, smoothed_part
+from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.laws.combined import CombinedLaw
 
-_GAP = (1e-4, 1.0)  # [rad]
-_GAPS = (0.002, 0.006, 0.02, 0.06)
+_GAP = LawParameter("gap", "rad", 1e-4, 1.0, (0.002, 0.006, 0.02, 0.06), stepwise=True)
 _SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed
 
 
 @dataclass(frozen=True)
-class Play(Law):
+class Play(CombinedLaw):
     """Tf = share(z, gap) law(w) + joint(w), share = 1 at the side it moves to, 0 within the gap.
 
-    law : name of the static law behind the play, whose parameters keep their names
+    law : name of the static law behind the play, whose parameters keep their names; one with
+        settings is a table such as { kind = "stribeck", symmetric = false }
     joint : name of one that acts all the time, its parameters begin with "joint_"
     closing : [s] within which contact closes
 
@@ -44,51 +45,30 @@ class Play(Law):
     ('coulomb', 'viscous', 'gap')
     """
 
-    law: Name = "coulomb_viscous"
-    joint: Name = "none"
+    law: Any = "coulomb_viscous"
+    joint: Any = "none"
     closing: Positive = 0.01
     width: float = 0.02
     shape: str = "tanh"
-    stepwise = ("gap",)
+    made_of = ("law", "joint")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in (self.law, self.joint):
-            if PARTS[name].has_memory:
-                raise InputError(f"play: {name!r} has a memory: play is of a law without")
-        if self.law == "none":
+        for law in self.parts:
+            if law.has_memory:
+                raise InputError(f"play: {law.kind!r} has a memory: play is of a law without")
+        if not self.law.names:
             raise InputError("play: law = 'none' is no friction behind the play: name another law")
 
     @cached_property
-    def parts(self) -> tuple[Law, Law]:
-        """The laws behind the play and of the joint, smoothed over `width`."""
-        behind, joint = (
-            smoothed_part(name, self.width, self.shape) for name in (self.law, self.joint)
-        )
-        return behind, joint
+    def parameters(self) -> tuple[LawParameter, ...]:
+        behind, joint = (law.parameters for law in self.parts)
+        return (*behind, _GAP, *(p._replace(name=f"joint_{p.name}") for p in joint))
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        behind, joint = self.parts
-        return (*behind.names, "gap", *(f"joint_{name}" for name in joint.names))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        behind, joint = self.parts
-        return (*behind.units, "rad", *joint.units)
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        behind, joint = self.parts
-        return (*behind.bounds, _GAP, *joint.bounds)
-
-    @property
+    @cached_property
     def initial(self) -> tuple[tuple[float, ...], ...]:
-        behind, joint = self.parts
-        return tuple(
-            (*behind.initial[k % len(behind.initial)], gap, *joint.initial[k % len(joint.initial)])
-            for gap, k in product(_GAPS, range(max(len(law.initial) for law in self.parts)))
-        )
+        pairs = product(_GAP.initial, self.starts_together())
+        return tuple((*behind, gap, *joint) for gap, (behind, joint) in pairs)
 
     @property
     def longest_substep(self) -> float:  # type: ignore[override]
@@ -99,11 +79,6 @@ class Play(Law):
         """With contact that closes in half the time: the bias of the gap is half as large."""
         return replace(self, closing=self.closing / 2)
 
-    @property
-    def uses_load(self) -> bool:  # type: ignore[override]
-        """Whether one of the laws depends on the load."""
-        return any(law.uses_load for law in self.parts)
-
     def start(self, theta: Array, x: Inputs) -> Memory:
         xp, reach = namespace(theta, x.w), self._reach(theta, x.w)
         return (xp.where(xp.abs(x.w) > _SLOW, xp.sign(x.w) * reach, 0.0 * reach),)
@@ -113,14 +88,14 @@ class Play(Law):
         return (xp.minimum(xp.maximum(memory[0] + x.w * dt, -reach), reach),)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        (behind, joint), (own, rest) = self.parts, self._split(theta)
+        (behind, joint), (of_law, of_joint) = self.parts, self._split(theta)
         share = self._share(theta, x, memory, self._half(x.w))
-        return share * behind.torque(own, x, ()) + joint.torque(rest, x, ())
+        return share * behind.torque(of_law, x, ()) + joint.torque(of_joint, x, ())
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        (behind, joint), (own, rest) = self.parts, self._split(theta)
+        (behind, joint), (of_law, of_joint) = self.parts, self._split(theta)
         share = self._share(theta, x, memory, self._half(0.0 * x.w))
-        return share * behind.limit(own, x, ()) + joint.limit(rest, x, ())
+        return share * behind.limit(of_law, x, ()) + joint.limit(of_joint, x, ())
 
     def _split(self, theta: Array) -> tuple[Array, Array]:
         """Parameters of the laws behind the play and of the joint."""

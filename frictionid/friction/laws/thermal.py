@@ -10,24 +10,27 @@ part of viscous friction is constant beside it, and of the level the peak alone 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.per_joint import PARTS, Name, smoothed_part
+from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.laws.combined import CombinedLaw
 
 _LEVEL = "N m"  # units of parameters that are levels of friction, and of viscous terms
 _VISCOUS = ("N m s/rad", "N m s^2/rad^2")
-_SLOPES = (-0.05, 0.05)  # [1/K]
-_DECAYS = (-0.05, 0.2)
+_WARMING = (
+    LawParameter("coulomb_slope", "1/K", -0.05, 0.05),
+    LawParameter("viscous_decay", "1/K", -0.05, 0.2),
+)
 
 
 @dataclass(frozen=True)
-class Thermal(Law):
+class Thermal(CombinedLaw):
     """Tf = Fc (1 + a (T - T0)) sgn(w) + Fv exp(-b (T - T0)) w: friction of a joint that warms up.
 
-    law : name of a static law, whose parameters keep their names, and are those at T0
+    law : name of a static law, whose parameters keep their names, and are those at T0; one with
+        settings is a table such as { kind = "stribeck", symmetric = false }
     reference : T0 [degC]
 
     Of any law, `coulomb_slope` a [1/K] belongs to all parameters that are torques,
@@ -39,7 +42,7 @@ class Thermal(Law):
     ('coulomb', 'viscous', 'coulomb_slope', 'viscous_decay')
     """
 
-    law: Name = "coulomb_viscous"
+    law: Any = "coulomb_viscous"
     reference: float = 25.0
     width: float = 0.02
     shape: str = "tanh"
@@ -47,77 +50,57 @@ class Thermal(Law):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.law == "none" or PARTS[self.law].has_memory:
-            why = "is no friction" if self.law == "none" else "has a memory"
-            raise InputError(f"thermal: law = {self.law!r} {why}: name a static law")
+        if self.inner.has_memory or not self.inner.names:
+            why = "has a memory" if self.inner.has_memory else "is no friction"
+            raise InputError(f"thermal: law = {self.inner.kind!r} {why}: name a static law")
 
-    @cached_property
+    @property
     def inner(self) -> Law:
-        """The law at one temperature, smoothed over `width`."""
-        return smoothed_part(self.law, self.width, self.shape)
+        """The law at one temperature."""
+        return self.parts[0]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return (*self.inner.names, "coulomb_slope", "viscous_decay")
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return (*self.inner.units, "1/K", "1/K")
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (*self.inner.bounds, _SLOPES, _DECAYS)
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return tuple((*start, 0.0, 0.0) for start in self.inner.initial)
-
-    @property
-    def uses_load(self) -> bool:  # type: ignore[override]
-        """Whether the law does."""
-        return self.inner.uses_load
+    def parameters(self) -> tuple[LawParameter, ...]:
+        return (*self.inner.parameters, *_WARMING)
 
     def at_temperature(self, theta: Array, temperature: Array) -> tuple[Law, Array]:
         level, viscous = self._factors(theta, temperature)
-        own = [
+        columns = [
             theta[..., i] * (level if unit == _LEVEL else viscous if unit in _VISCOUS else 1.0)
             for i, unit in enumerate(self.inner.units)
         ]
         xp = namespace(theta, temperature)
-        return self.inner, xp.stack(xp.broadcast_arrays(*own), axis=-1)
+        return self.inner, xp.stack(xp.broadcast_arrays(*columns), axis=-1)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.torque(self._own(theta, x), x, ())
+        return self.inner.torque(self._warm(theta, x), x, ())
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return self.inner.limit(self._own(theta, x), x, ())
+        return self.inner.limit(self._warm(theta, x), x, ())
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
-        slopes = self.inner.gradient(self._own(theta, x), x)
+        slopes = self.inner.gradient(self._warm(theta, x), x)
         zero = 0.0 * slopes[..., 0]
         warmer = zero if x.temperature is None else x.temperature - self.reference + zero
         level, viscous = self._factors(theta, x.temperature)
         rising = namespace(zero).where(level > 0.0, warmer, zero)
         columns, by_slope, by_decay = [], zero, zero
         for i, unit in enumerate(self.inner.units):
-            own = slopes[..., i]
+            column = slopes[..., i]
             if unit == _LEVEL:
-                columns.append(own * level)
-                by_slope = by_slope + own * theta[..., i] * rising
+                columns.append(column * level)
+                by_slope = by_slope + column * theta[..., i] * rising
             elif unit in _VISCOUS:
-                columns.append(own * viscous)
-                by_decay = by_decay - own * theta[..., i] * viscous * warmer
+                columns.append(column * viscous)
+                by_decay = by_decay - column * theta[..., i] * viscous * warmer
             else:
-                columns.append(own)
+                columns.append(column)
         return namespace(zero).stack([*columns, by_slope, by_decay], axis=-1)
 
-    def _own(self, theta: Array, x: Inputs) -> Array:
+    def _warm(self, theta: Array, x: Inputs) -> Array:
         """Parameters of the law at the temperature of inputs."""
-        return (
-            theta[..., :-2]
-            if x.temperature is None
-            else self.at_temperature(theta, x.temperature)[1]
-        )
+        warm = x.temperature
+        return theta[..., :-2] if warm is None else self.at_temperature(theta, warm)[1]
 
     def _factors(self, theta: Array, temperature: Array | None) -> tuple[Array, Array]:
         """Factors (..., n) of levels and of viscous terms."""

@@ -9,7 +9,7 @@ from frictionid.deploy.export.exported import exported
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction import laws as known
-from frictionid.friction.laws import LinearOutside
+from frictionid.friction.wrapped import LinearOutside
 from frictionid.programs.program import Program
 
 LAWS = {

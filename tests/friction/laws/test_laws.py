@@ -34,8 +34,8 @@ LAWS = [
     LoadDependent(shape="arctan"),
     *(LoadDependent(stribeck=True), CoulombViscous(symmetric=False), Quadratic(), LoadDependent()),
     *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), Spline(symmetric=False)),
-    *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple("stribeck_asymmetric", (2,))),
-    *(Sum(), Sum(("motor_load_quadratic", "quadratic"), shape="arctan")),
+    *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple(Stribeck(symmetric=False), (2,))),
+    *(Sum(), Sum((MotorLoad(squared=True), "quadratic"), shape="arctan")),
 ]
 REMEMBERING = [FilmLag(), FilmLag(symmetric=False), Dahl(), Dahl(motor_load=True), LuGre()]
 REMEMBERING += [LuGre(symmetric=False)]

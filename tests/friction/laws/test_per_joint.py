@@ -15,7 +15,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import CoulombViscous, PerJoint, Stribeck
-from frictionid.friction.laws.per_joint import PARTS
+from frictionid.friction.laws.combined import PARTS, part_of
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
@@ -35,7 +35,7 @@ def test_it_is_the_laws_side_by_side(first, second):
     has = law.has_parameters(2)
     theta[has] = rng.uniform(0.1, 1.0, has.sum())
     memory = law.advance(theta, x, law.start(theta, x), dt)
-    for j, alone in enumerate(PARTS[name] for name in (first, second)):
+    for j, alone in enumerate(part_of(name, "per_joint") for name in (first, second)):
         one = x.each(lambda entry, j=j: entry[..., j : j + 1])
         places = [law.names.index(name) for name in alone.names]
         own = theta[j : j + 1][:, places]

@@ -33,7 +33,8 @@ def along(law, w, dt=DT):
 
 
 @pytest.mark.parametrize(
-    "law", [Play(), Play("stribeck", "coulomb_viscous"), Play("motor_load_quadratic")]
+    "law",
+    [Play(), Play("stribeck", "coulomb_viscous"), Play({"kind": "motor_load", "squared": True})],
 )
 def test_it_keeps_to_the_contract(law):
     check_law(law)

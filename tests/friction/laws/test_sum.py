@@ -32,7 +32,7 @@ def test_a_sum_is_the_sum_of_its_laws_with_each_term_once():
 
 
 def test_levels_by_direction_stand_for_a_level_of_both():
-    law = Sum(("stribeck_asymmetric", "motor_load"))
+    law = Sum((Stribeck(symmetric=False), "motor_load"))
     assert "coulomb" not in law.names and law.names[-1] == "loss"
     both = torque(law, 0.1, 0.2, 0.05, 0.03, 1.5, 0.02, 0.3)
     own = torque(Stribeck(symmetric=False), 0.1, 0.2, 0.05, 0.03, 1.5, 0.02)
@@ -41,8 +41,8 @@ def test_levels_by_direction_stand_for_a_level_of_both():
 
 def test_of_laws_that_hold_each_other_the_larger_one_is_the_sum():
     for laws, whole in (
-        (("stribeck", "load_dependent_stribeck"), LoadDependent(stribeck=True)),
-        (("motor_load", "motor_load_quadratic"), MotorLoad(squared=True)),
+        (("stribeck", LoadDependent(stribeck=True)), LoadDependent(stribeck=True)),
+        (("motor_load", MotorLoad(squared=True)), MotorLoad(squared=True)),
         (("coulomb_viscous", "quadratic"), Quadratic()),
     ):
         law = Sum(laws)

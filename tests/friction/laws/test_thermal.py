@@ -41,7 +41,7 @@ def median_error(fit, data):
     return float(scores[row & (scores.joint == "all")].value.iloc[0])
 
 
-@pytest.mark.parametrize("law", ["coulomb_viscous", "stribeck_asymmetric", "quadratic"])
+@pytest.mark.parametrize("law", ["coulomb_viscous", Stribeck(symmetric=False), "quadratic"])
 def test_it_keeps_to_the_contract(law):
     check_law(Thermal(law))
 

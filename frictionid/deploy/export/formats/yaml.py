@@ -11,7 +11,8 @@ from frictionid.arrays import Array
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.errors import needs
 from frictionid.friction import Friction
-from frictionid.friction.laws import LinearOutside, Table
+from frictionid.friction.laws import Table
+from frictionid.friction.wrapped import LinearOutside
 
 with needs("export"):
     import yaml

@@ -1,4 +1,7 @@
-"""A friction curve of any shape: a spline of the speed, linear in its parameters.
+"""Friction curves of any shape, linear in their parameters: a table of levels, and a spline.
+
+A table is straight between levels at speeds, for each direction: compensation by such tables is as
+old as that by laws [Armstrong1994]. The spline is one of the speed:
 
 Tf = level(|w|) sgn(w),   level(s) = level + sum_i rise_i S_i(s)
 
@@ -10,16 +13,16 @@ there, the break-away level is anything (zero instead of 0.083 N m on `acrobot_c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any
 
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction import Inputs, Law, LawParameter, Memory
 from frictionid.friction.laws.levels import (
-    LEVEL,
     SIDES,
     Speeds,
     above_zero,
@@ -29,8 +32,72 @@ from frictionid.friction.laws.levels import (
 )
 from frictionid.friction.smooth_sign import smooth_sign
 
+
+@dataclass(frozen=True)
+class Table(Law):
+    """Tf = level(|w|) sgn(w), the level interpolated between its values at `speeds` [rad/s].
+
+    `up` values hold for w > 0, `down` ones for w < 0. Below the first speed and beyond the last one
+    the level stays as it is there. Levels are not negative: friction does not drive.
+
+    >>> import numpy as np
+    >>> from frictionid.friction import Friction
+    >>> law = Table((1.0, 3.0))
+    >>> law.names
+    ('up_1', 'up_3', 'down_1', 'down_3')
+    >>> tf = Friction(law, np.array([[0.1, 0.2, 0.3, 0.4]]))
+    >>> tf.curve(np.array([-9.0, -2.0, 0.5, 2.0]))[:, 0]
+    array([-0.4 , -0.35,  0.1 ,  0.15])
+    """
+
+    speeds: Speeds = (0.3, 1.0, 3.0, 10.0)
+    width: float = 0.02
+    shape: str = "tanh"
+    is_linear = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_increasing("Table: speeds", self.speeds)
+
+    @property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        names = (f"{side}_{v:g}" for side in ("up", "down") for v in self.speeds)
+        return tuple(LawParameter(name, "N m") for name in names)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = before = self._value(theta, x, 0)
+        # speed by speed: all of them at once, for all folds along all nodes, are gigabytes
+        for i, climbed in enumerate(self._climbed(x), 1):
+            value = self._value(theta, x, i)
+            level = level + (value - before) * climbed
+            before = value
+        return level * smooth_sign(x.w, self.width, self.shape)
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        xp = namespace(theta, x.w)
+        sign = smooth_sign(x.w, self.width, self.shape)
+        edges = [1.0 + 0.0 * x.w, *self._climbed(x), 0.0 * x.w]
+        shares = [(a - b) * sign for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        up, down = zip(*(by_side(x.w, share) for share in shares), strict=True)
+        zero = 0.0 * (theta[..., 0] + x.w)
+        return xp.stack([part + zero for part in (*up, *down)], axis=-1)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self._value(theta, x, 0)
+
+    def _value(self, theta: Array, x: Inputs, i: int) -> Array:
+        return on_side(x.w, theta[..., i], theta[..., len(self.speeds) + i])
+
+    def _climbed(self, x: Inputs) -> Iterator[Array]:
+        """Part (..., n) of each step between speeds that lies below |w|."""
+        xp = namespace(x.w)
+        speed = xp.abs(x.w)
+        for low, high in pairwise(self.speeds):
+            share = (speed - low) / (high - low)
+            yield xp.minimum(xp.maximum(share, 0.0 * share), 1.0 + 0.0 * share)
+
+
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
-_RISE = (-float("inf"), float("inf"))
 
 
 @dataclass(frozen=True)
@@ -57,27 +124,20 @@ class Spline(Law):
         check_increasing("Spline: knots", self.knots)
 
     @property
-    def sides(self) -> tuple[str, ...]:
-        """Endings of the names of each level."""
-        return ("",) if self.symmetric else SIDES
-
-    @property
     def _size(self) -> int:
         """Number of parameters of a side."""
         return len(self.knots) + self.degree - 1
 
     @property
-    def names(self) -> tuple[str, ...]:
-        own = ("level", *(f"rise_{i}" for i in range(1, self._size)))
-        return tuple(f"{name}{side}" for side in self.sides for name in own)
+    def _sides(self) -> tuple[str, ...]:
+        """Endings of the names of each level."""
+        return ("",) if self.symmetric else SIDES
 
     @property
-    def units(self) -> tuple[str, ...]:
-        return ("N m",) * (self._size * len(self.sides))
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (LEVEL, *((_RISE,) * (self._size - 1))) * len(self.sides)
+    def parameters(self) -> tuple[LawParameter, ...]:
+        rises = (LawParameter(f"rise_{i}", "N m", -float("inf")) for i in range(1, self._size))
+        rows = (LawParameter("level", "N m"), *rises)
+        return tuple(p._replace(name=f"{p.name}{side}") for side in self._sides for p in rows)
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
@@ -88,8 +148,9 @@ class Spline(Law):
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         sign = smooth_sign(x.w, self.width, self.shape)
         columns = []
-        for part, own in zip(self._parts(theta), by_side(x.w, sign, len(self.sides)), strict=True):
-            counts = (_sum(part, steps) >= 0) * own
+        signs = by_side(x.w, sign, len(self._sides))
+        for part, side in zip(self._parts(theta), signs, strict=True):
+            counts = (_sum(part, steps) >= 0) * side
             columns += [counts * step for step in steps]
         return namespace(theta, x.w).stack(columns, axis=-1)
 
@@ -99,7 +160,7 @@ class Spline(Law):
     def _parts(self, theta: Array) -> list[Array]:
         """Parameters of each side."""
         n = self._size
-        return [theta[..., i * n : (i + 1) * n] for i in range(len(self.sides))]
+        return [theta[..., i * n : (i + 1) * n] for i in range(len(self._sides))]
 
 
 def _steps(speed: Array, knots: tuple[float, ...], degree: int) -> list[Array]:

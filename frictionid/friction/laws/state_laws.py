@@ -1,9 +1,10 @@
-"""Acceleration as a sum of monomials of all that is measured: sparse dynamics without physics.
+"""Acceleration without physics, of all that is measured: sparse sums of monomials, and networks.
 
 Tf_j = -sum_i theta_ji f_i(q, w, u of all joints)
 
 after SINDy with inputs [Brunton2016]. The variables of each joint are sin q and cos q (q itself
 where it slides), w, a smooth sign of w, and u, in which the sum is linear, as machines are.
+Recurrent networks read them sample by sample [Hochreiter1997].
 """
 
 from __future__ import annotations
@@ -11,22 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations_with_replacement
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any, ClassVar, NamedTuple
 
 from frictionid.arrays import Array, namespace
-from frictionid.config import Count
+from frictionid.config import Count, Positive
 from frictionid.errors import InputError
-from frictionid.friction import Inputs, Law, Memory
-from frictionid.friction.laws.levels import Range
-from frictionid.friction.laws.library import written_sum
-from frictionid.friction.laws.network_law import Scale
+from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.laws.layers import Hidden, cells_after, count, outputs, stacked
+from frictionid.friction.laws.library import written_sums
+from frictionid.friction.laws.network_law import Features, NetworkLaw
 from frictionid.friction.smooth_sign import smooth_sign
 
-_FREE = (-math.inf, math.inf)
 _LARGEST = 2000
 
 
@@ -78,17 +76,10 @@ class StateLibrary(Law):
                 f"{_LARGEST} candidates: lower it"
             )
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(_name(self, m) for m in _monomials(self))
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return tuple(_unit(self, m) for m in _monomials(self))
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], ...]:
-        return (_FREE,) * len(_monomials(self))
+    @cached_property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        rows = ((_name(self, m), _unit(self, m)) for m in _monomials(self))
+        return tuple(LawParameter(name, unit, -math.inf) for name, unit in rows)
 
     def features(self, x: Inputs) -> Array:
         """Values (..., P) of all monomials, the same for every joint."""
@@ -116,20 +107,17 @@ class StateLibrary(Law):
     ) -> list[str]:
         """One line for each joint: its acceleration in SI units."""
         terms = ["" if name == "1" else name for name in self.names]
-        rows = np.asarray(theta)
-        halves = [None] * len(rows) if half is None else half
-        sums = [written_sum(row, own, terms) for row, own in zip(rows, halves, strict=True)]
-        return [f"dw{j}/dt = {text}" for j, text in enumerate(sums, start=1)]
+        return written_sums("dw{}/dt = ", theta, half, [terms] * len(theta))
 
 
 @lru_cache(maxsize=16)
 def _variables(law: StateLibrary) -> tuple[Variable, ...]:
-    found = []
+    variables = []
     for j in range(law.joints):
         place = [("sin", "", False), ("cos", "", True)] if law.turning else [("q", "/rad", False)]
         rest = [("w", "s/rad", False), ("s", "", True), ("u", "/(N m)", True)]
-        found += [Variable(what, j, unit, once) for what, unit, once in (*place, *rest)]
-    return tuple(found)
+        variables += [Variable(what, j, unit, once) for what, unit, once in (*place, *rest)]
+    return tuple(variables)
 
 
 @lru_cache(maxsize=16)
@@ -163,12 +151,11 @@ def _values(law: StateLibrary, x: Inputs) -> list[Array]:
             out.append(zero)
             continue
         q, w, u = (part[..., v.joint] for part in (x.q, x.w, x.u))
-        known: dict[str, Any] = {"q": q, "w": w, "u": u}
         if v.what in ("sin", "cos"):
-            known[v.what] = getattr(xp, v.what)(q)
-        elif v.what == "s":
-            known["s"] = smooth_sign(w, law.width, "tanh")
-        out.append(known[v.what] + zero)
+            value = getattr(xp, v.what)(q)
+        else:
+            value = smooth_sign(w, law.width) if v.what == "s" else {"q": q, "w": w, "u": u}[v.what]
+        out.append(value + zero)
     return out
 
 
@@ -183,38 +170,106 @@ def _unit(law: StateLibrary, m: tuple[int, ...]) -> str:
     return " ".join(["rad/s^2", *(v[i].unit for i in m if v[i].unit)])
 
 
-_ABOVE: Range = (1e-9, float("inf"))
-SCALES = (
-    Scale("acceleration", "rad/s^2", _ABOVE, 10.0),
-    Scale("speed", "rad/s", _ABOVE, 5.0),
-    Scale("torque", "N m", _ABOVE, 1.0),
+_SCALES = (
+    LawParameter("acceleration", "rad/s^2", 1e-9, initial=(10.0,)),
+    LawParameter("speed", "rad/s", 1e-9, initial=(5.0,)),
+    LawParameter("torque", "N m", 1e-9, initial=(1.0,)),
 )
 
 
-def width_of(joints: int, turning: bool) -> int:
-    """Number of features.
+class StateNetworkLaw(NetworkLaw):
+    """Tf = -acceleration f(q, w, u of all joints, cells), f a network with `hidden` tanh units.
 
-    >>> width_of(2, True), width_of(1, False)
-    (10, 4)
+    Its inputs are the place, w, a smooth sign of w, and u of each of `joints`. Place is sin q and
+    cos q, or q where the joints slide. Joints beyond `joints` are left out, those that there are
+    not are zero.
     """
-    return joints * (4 + turning)
+
+    joints: int
+    hidden: tuple[int, ...]
+    turning: bool
+    scales: ClassVar = _SCALES
+
+    @property
+    def measured(self) -> int:
+        """Number of inputs that are measured."""
+        return self.joints * (4 + self.turning)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        return (self.measured + self.cells, *self.hidden, 1)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * (theta[..., 0] + x.w)
+
+    def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
+        xp, n = namespace(theta, x.w), x.w.shape[-1]
+        speed, torque = theta[..., 1], theta[..., 2]
+        zero = 0.0 * (x.w + x.q + x.u + speed)
+        inputs = []
+        for j in range(self.joints):
+            if j >= n:
+                inputs += [zero] * (4 + self.turning)
+                continue
+            q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
+            inputs += [xp.sin(q), xp.cos(q)] if self.turning else [q]
+            inputs += [w / speed, smooth_sign(w, self.width), u / torque]
+        z = xp.stack([value + zero for value in inputs], axis=-1)
+        none = 0.0 * z[..., 0]
+        return Features(z, none, none - 1.0, z if self.cells else None)
+
+    def level(self, theta: Array, z: Array, share: Array) -> Array:
+        """Acceleration (..., n) [rad/s^2]."""
+        return theta[..., 0] * outputs(self.layer_weights(theta), z, self.sizes)[..., 0]
 
 
-def state_features(theta: Array, x: Inputs, joints: int, turning: bool, width: float) -> Array:
-    """Features (..., n, a), alike for all n joints: place, w, its smooth sign, and u of each.
+@dataclass(frozen=True)
+class StateMLP(StateNetworkLaw):
+    """Tf = -acceleration f(q, w, u of all joints), f a network with `hidden` tanh units.
 
-    Place is sin q and cos q, or q where the joints slide. Joints beyond `joints` are left out,
-    those that there are not are zero.
+    joints : whose state it sees
+    turning : whether the joints turn, or slide
+    width : of the smooth sign of w that is one of its inputs [rad/s]
     """
-    xp, n = namespace(theta, x.w), x.w.shape[-1]
-    speed, torque = theta[..., 1], theta[..., 2]
-    zero = 0.0 * (x.w + x.q + x.u + speed)
-    out = []
-    for j in range(joints):
-        if j >= n:
-            out += [zero] * (4 + turning)
-            continue
-        q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
-        out += [xp.sin(q), xp.cos(q)] if turning else [q]
-        out += [w / speed, smooth_sign(w, width, "tanh"), u / torque]
-    return xp.stack([f + zero for f in out], axis=-1)
+
+    joints: Count = 2
+    hidden: Hidden = (32, 32)
+    turning: bool = True
+    width: float = 0.1
+    shape = ""  # of an input, not of friction
+
+
+@dataclass(frozen=True)
+class StateLSTM(StateNetworkLaw):
+    """Tf = -acceleration f(q, w, u of all joints, cells), the cells reading a sample each time.
+
+    cells : that read samples `sample_time` [s] apart; they begin empty
+    hidden : tanh units between what is measured, the cells, and the acceleration
+    joints, turning, width : as in `StateMLP`
+    """
+
+    joints: Count = 2
+    cells: Count = 8
+    sample_time: Positive = 1 / 60
+    hidden: Hidden = (32,)
+    turning: bool = True
+    width: float = 0.1
+    shape = ""
+
+    @property
+    def gate_sizes(self) -> tuple[int, int]:
+        return (self.measured + self.cells, 4 * self.cells)
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells)
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        features = self.features(theta, x)
+        seen = [features.z[..., i] for i in range(features.z.shape[-1])]
+        z = stacked([*seen, *memory[: self.cells]])
+        return self.level(theta, z, features.share) * features.sign
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        z = self.features(theta, x).z
+        new = cells_after(theta[..., 3 : 3 + count(self.gate_sizes)], z, memory)
+        return tuple(part[..., i] for part in new for i in range(self.cells))
