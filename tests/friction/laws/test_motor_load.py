@@ -36,15 +36,6 @@ def test_it_never_drives_and_breaks_away_at_its_level():
     np.testing.assert_allclose(law.limit(THETA, x, ()), 0.01 + 0.3 * np.abs(x.u))
 
 
-def test_the_gradient_is_that_of_the_torque():
-    law, x = MotorLoad(), inputs(np.random.default_rng(2))
-    for i in range(3):
-        step = np.zeros((1, 3))
-        step[0, i] = 1e-6
-        slope = (law.torque(THETA + step, x, ()) - law.torque(THETA - step, x, ())) / 2e-6
-        np.testing.assert_allclose(law.gradient(THETA, x)[..., i], slope, atol=1e-8)
-
-
 def test_a_fit_finds_the_truth_and_plain_coulomb_friction_is_biased():
     rng = np.random.default_rng(3)
     x = inputs(rng)
