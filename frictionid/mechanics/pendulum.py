@@ -41,8 +41,6 @@ def pendulum(
     ------
     ValueError
         Unless `driven` and `motor` are true or false.
-    InputError
-        For a parameter that is no finite number.
 
     >>> pendulum(mass=0.4, length=0.25).base_names
     ('inertia', 'gravity')

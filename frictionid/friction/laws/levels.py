@@ -6,15 +6,19 @@ A law has one level, or one for each direction (`SIDES`): `_positive` ones hold 
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.errors import InputError
-from frictionid.friction import LawParameter
+from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.smooth_sign import smooth_sign
 
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=2)]  # [rad/s], see `check_increasing`
 
@@ -99,6 +103,82 @@ class Level(NamedTuple):
         left = stribeck_factor(w, ws)
         peaks = sum(theta[..., n + i] * side for i, side in enumerate(signs))
         return [*signs, *(side * left for side in signs), peaks * left * (2.0 * w**2 / ws**3)]
+
+
+class Term(NamedTuple):
+    """A parameter and its factor, which is in the level where the term is `rubbing`."""
+
+    parameter: LawParameter
+    factor: Callable[[Inputs], Array]
+    rubbing: bool = False
+
+
+VISCOUS_TERM = Term(VISCOUS, lambda x: x.w)
+DRAG_TERM = Term(DRAG, lambda x: x.w * namespace(x.w).abs(x.w))
+
+
+class LevelLaw(Law):
+    """Tf = (level(|w|) + sum_i theta_i f_i) sgn(w) + sum_j theta_j f_j, break-away at the level.
+
+    i are the rubbing terms, j all others. Of theta the parameters of the level come first.
+    """
+
+    @property
+    @abstractmethod
+    def level(self) -> Level:
+        """The level without its terms."""
+
+    @property
+    @abstractmethod
+    def terms(self) -> tuple[Term, ...]:
+        """All terms, in the order of theta."""
+
+    @property
+    def parameters(self) -> tuple[LawParameter, ...]:
+        return (*self.level.parameters, *(term.parameter for term in self.terms))
+
+    @property
+    def is_linear(self) -> bool:  # type: ignore[override]
+        """Whether there is no peak, whose velocity is not linear."""
+        return not self.level.peaked
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        level = self._with_terms(self.level.at(theta, x.w, x.w), theta, x, rubbing=True)
+        torque = level * smooth_sign(x.w, self.width, self.shape)
+        return self._with_terms(torque, theta, x, rubbing=False)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self._with_terms(self.level.at_rest(theta, x.w), theta, x, rubbing=True)
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        zero = 0.0 * (theta[..., 0] + x.w)
+        sign = smooth_sign(x.w, self.width, self.shape) + zero
+        columns = self.level.gradient(theta, x.w, sign)
+        columns += [t.factor(x) * sign if t.rubbing else t.factor(x) + zero for t in self.terms]
+        return namespace(zero).stack(columns, axis=-1)
+
+    def _with_terms(self, value: Array, theta: Array, x: Inputs, rubbing: bool) -> Array:
+        for place, term in enumerate(self.terms, -len(self.terms)):
+            if term.rubbing is rubbing:
+                value = value + theta[..., place] * term.factor(x)
+        return value
+
+
+@dataclass(frozen=True)
+class NoFriction(Law):
+    """Tf = 0. It has no parameters: theta has shape (..., n, 0)."""
+
+    kind = "none"
+    parameters: ClassVar = ()
+
+    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return 0.0 * x.w + theta.sum(-1)  # the empty sum is zero and carries theta's batch axes
+
+    def gradient(self, theta: Array, x: Inputs) -> Array:
+        return (0.0 * x.w)[..., None] + theta
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return self.torque(theta, x, ())
 
 
 def stribeck_factor(speed: Array, velocity: Any) -> Array:

@@ -18,8 +18,17 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.laws.levels import COARSE_VELOCITIES, COULOMB, LOSS, PEAK, VISCOUS, Level
-from frictionid.friction.laws.stribeck import VISCOUS_TERM, LevelLaw, Term
+from frictionid.friction.laws.levels import (
+    COARSE_VELOCITIES,
+    COULOMB,
+    LOSS,
+    PEAK,
+    VISCOUS,
+    VISCOUS_TERM,
+    Level,
+    LevelLaw,
+    Term,
+)
 from frictionid.friction.smooth_sign import smooth_sign
 
 
