@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,29 +66,28 @@ def checks_of(model: Model, data: SummaryData, control: Control | None = None) -
     curves = model.curves
     if model.role == "none" or not np.isfinite(curves).all() or not np.any(curves):
         return ()
-    velocity = data.description.velocity
-    return (
-        _dissipation("dissipation", "", velocity, curves, data),
-        _extrapolation(model, data),
-        _cycles(model),
-        _hysteresis(model, data, control),
-        _break_away(model, data),
-        _energy(model, data),
-        _symmetry(velocity, curves, data),
-        _tail(velocity, curves, data),
-    )
+    velocity, joints = data.description.velocity, data.description.joints
+    answers: Mapping[str, _Answer] = {
+        "dissipation": _dissipation("", velocity, curves, joints),
+        "extrapolation": _extrapolation(model, joints),
+        "cycle_work": _cycles(model),
+        "hysteresis": _hysteresis(model, joints, control),
+        "break_away": _break_away(model, joints),
+        "energy": _energy(model, data),
+        "symmetry": _symmetry(velocity, curves, joints),
+        "tail": _tail(velocity, curves, joints),
+    }
+    return tuple(Check(name, *answer) for name, answer in answers.items())
 
 
-def failed(checks: tuple[Check, ...]) -> tuple[str, ...]:
-    """Names of the checks that a model fails."""
-    return tuple(check.name for check in checks if check.outcome == FAILED)
+# --- One check each: outcome, statement, and value with its interval ------------------------------
 
-
-# --- One check each -------------------------------------------------------------------------------
+_Answer = tuple[str, str] | tuple[str, str, float] | tuple[str, str, float, float, float]
+_Joints = tuple[str, ...]
 
 
 class _Worst(NamedTuple):
-    """The value at the worst joint with its interval over the folds; joint is its name."""
+    """The value at the worst joint with its interval over the folds, and both with its name."""
 
     value: float
     low: float
@@ -97,13 +96,8 @@ class _Worst(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The value with its interval, in per cent."""
-        if np.isnan(self.low):
-            return f"{_percent(self.value)} at {self.joint}"
-        return (
-            f"{_percent(self.value)} at {self.joint} "
-            f"(95 %: {_percent(self.low)} to {_percent(self.high)})"
-        )
+        """The value at the joint with its interval, in per cent."""
+        return f"{_percent(self.value)} at {self.joint}{_span(self.low, self.high)}"
 
 
 def _percent(share: float) -> str:
@@ -111,11 +105,14 @@ def _percent(share: float) -> str:
     return f"{MINUS if share < 0 and size else ''}{size:.3g} %"
 
 
-def _worst(values: Array, names: tuple[str, ...], largest: Callable[[Array], int]) -> _Worst:
+def _span(low: float, high: float) -> str:
+    return "" if np.isnan(low) else f" (95 %: {_percent(low)} to {_percent(high)})"
+
+
+def _worst(values: Array, joints: _Joints, largest: Callable[[Array], Any]) -> _Worst:
     """Of values (F + 1, n), the last of all data, those of the joint that is worst."""
-    joint = largest(values[-1])
-    low, high = _interval(values[:-1, joint])
-    return _Worst(float(values[-1, joint]), low, high, names[joint])
+    joint = int(largest(values[-1]))
+    return _Worst(float(values[-1, joint]), *_interval(values[:-1, joint]), joints[joint])
 
 
 def _interval(values: Array) -> tuple[float, float]:
@@ -126,14 +123,6 @@ def _interval(values: Array) -> tuple[float, float]:
     return test.low, test.high
 
 
-def _lowest(values: Array) -> int:
-    return int(np.argmin(values))
-
-
-def _largest(values: Array) -> int:
-    return int(np.argmax(np.abs(values)))
-
-
 def _outcome(beyond: bool, excluded: bool, worst: str) -> str:
     """Worst where a value is beyond its limit and its interval excludes it; else "noted" if so."""
     if not beyond:
@@ -141,117 +130,102 @@ def _outcome(beyond: bool, excluded: bool, worst: str) -> str:
     return worst if excluded else NOTED
 
 
-def _dissipation(name: str, where: str, velocity: Array, curves: Array, data: SummaryData) -> Check:
+def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """The torque of each joint opposes its motion at every velocity."""
-    found = _worst(lowest_dissipation(velocity, curves), data.description.joints, _lowest)
-    drives = found.value < DRIVES
-    outcome = _outcome(drives, not found.high >= 0, FAILED)
+    worst = _worst(lowest_dissipation(velocity, curves), joints, np.argmin)
+    drives = worst.value < DRIVES
     verb = "drives the motion" if drives else "opposes the motion"
-    return Check(name, outcome, f"{verb}{where}: lowest {found.text}", *found[:3])
+    outcome = _outcome(drives, not worst.high >= 0, FAILED)
+    return outcome, f"{verb}{where}: lowest {worst.text}", *worst[:3]
 
 
-def _extrapolation(model: Model, data: SummaryData) -> Check:
+def _extrapolation(model: Model, joints: _Joints) -> _Answer:
     """The same half as fast again as the curves reach, where most laws have seen nothing."""
     if not model.beyond:
-        return Check("extrapolation", NOT_EVALUATED, "the folder has no extrapolated curves")
-    velocity = np.asarray(model.beyond["velocity"], dtype=float)
-    curves = np.asarray(model.beyond["curves"], dtype=float)
+        return NOT_EVALUATED, "the folder has no extrapolated curves"
+    velocity, curves = (
+        np.asarray(model.beyond[key], dtype=float) for key in ("velocity", "curves")
+    )
     if not np.isfinite(curves).all():
-        return Check("extrapolation", FAILED, "is not finite at 1.5 times the measured speeds")
-    return _dissipation("extrapolation", " at 1.5 times the speeds", velocity, curves, data)
+        return FAILED, "is not finite at 1.5 times the measured speeds"
+    return _dissipation(" at 1.5 times the speeds", velocity, curves, joints)
 
 
-def _cycles(model: Model) -> Check:
+def _cycles(model: Model) -> _Answer:
     """Over closed cycles of the velocity friction that remembers must not give energy either."""
     if not model.loops:
-        return Check("cycle_work", NOT_EVALUATED, "no cycles were computed: it has no memory")
-    work = np.stack(
-        [
-            cycle_work(np.asarray(d["velocity"], float), np.asarray(d["torque"], float))
-            for d in model.loops
-        ],
-        axis=-1,
-    )
-    place = _lowest(work[-1])
-    value, (low, high) = float(work[-1, place]), _interval(work[:-1, place])
-    outcome = _outcome(value < DRIVES, not high >= 0, FAILED)
-    verb = "gives energy" if value < DRIVES else "takes energy"
-    return Check("cycle_work", outcome, f"{verb} over closed cycles", value, low, high)
-
-
-def _hysteresis(model: Model, data: SummaryData, control: Control | None) -> Check:
-    """Open loops count where the best model without memory is practically worse."""
-    loops = [
-        middle(own)
-        for joint in range(len(data.description.joints))
-        if (own := loops_of(model, joint, "offset"))
+        return NOT_EVALUATED, "no cycles were computed: it has no memory"
+    pairs = [
+        (np.asarray(d["velocity"], float), np.asarray(d["torque"], float)) for d in model.loops
     ]
-    open_loops = [loop for loop in loops if loop.verdict in ("open", "late", "early")]
+    work = np.stack([cycle_work(*pair) for pair in pairs], axis=-1)
+    value, low, high, _ = _worst(work, len(pairs) * ("",), np.argmin)
+    verb = "gives energy" if value < DRIVES else "takes energy"
+    outcome = _outcome(value < DRIVES, not high >= 0, FAILED)
+    return outcome, f"{verb} over closed cycles", value, low, high
+
+
+def _hysteresis(model: Model, joints: _Joints, control: Control | None) -> _Answer:
+    """Open loops count where the best model without memory is practically worse."""
+    loops = [middle(offset) for j in range(len(joints)) if (offset := loops_of(model, j, "offset"))]
     if not loops:
-        return Check("hysteresis", NOT_EVALUATED, "no loops were computed: it has no memory")
-    widest = max(loops, key=lambda loop: loop.share)
-    if not open_loops:
-        return Check("hysteresis", PASSED, "shows no hysteresis beyond its folds", widest.share)
-    words = (
-        f"shows hysteresis of {_percent(widest.share)} of its torque on {KINDS['offset']} motion"
-    )
+        return NOT_EVALUATED, "no loops were computed: it has no memory"
+    verdicts = {loop.verdict for loop in loops} & {"open", "late", "early"}
+    widest = max(loop.share for loop in loops)
+    if not verdicts:
+        return PASSED, "shows no hysteresis beyond its folds", widest
+    words = f"shows hysteresis of {_percent(widest)} of its torque on {KINDS['offset']} motion"
     if control is None:
-        return Check("hysteresis", NOT_EVALUATED, f"{words}; no control without memory")
-    test, lags = control.test, {loop.verdict for loop in open_loops} <= {"late", "early"}
-    if test.above >= CERTAIN and lags:
+        return NOT_EVALUATED, f"{words}; no control without memory"
+    above = control.test.above
+    if above >= CERTAIN and "open" not in verdicts:
         outcome, reason = NOTED, "a lag closes it, as a torque clock that is off would"
-    elif test.above >= CERTAIN:
+    elif above >= CERTAIN:
         outcome, reason = PASSED, f"{control.name}, without memory, is practically worse"
-    elif test.above <= 1 - CERTAIN:
+    elif above <= 1 - CERTAIN:
         outcome, reason = FAILED, f"{control.name} predicts as well without memory"
     else:
         outcome, reason = NOTED, f"{control.name} may predict as well without memory"
-    return Check("hysteresis", outcome, f"{words}; {reason}", widest.share)
+    return outcome, f"{words}; {reason}", widest
 
 
-def _break_away(model: Model, data: SummaryData) -> Check:
+def _break_away(model: Model, joints: _Joints) -> _Answer:
     """What holds a joint at rest opposes the impending motion, and is no less than sliding."""
     if not model.beyond:
-        return Check("break_away", NOT_EVALUATED, "the folder has no break-away levels")
+        return NOT_EVALUATED, "the folder has no break-away levels"
     levels = np.asarray(model.beyond["break_away"], dtype=float).min(axis=1)
     size = np.sqrt(np.mean(np.square(model.curves), axis=1))
-    found = _worst(levels / np.where(size > 0, size, np.inf), data.description.joints, _lowest)
-    if found.value < DRIVES:
-        return Check("break_away", FAILED, f"drives a joint at rest: {found.text}", *found[:3])
-    if found.value < WEAK and not model.loops:
-        words = f"holds no joint at rest at {found.joint}: it creeps"
-        return Check("break_away", NOTED, words, *found[:3])
-    return Check("break_away", PASSED, f"holds joints at rest: {found.text}", *found[:3])
+    worst = _worst(levels / np.where(size > 0, size, np.inf), joints, np.argmin)
+    if worst.value < DRIVES:
+        return FAILED, f"drives a joint at rest: {worst.text}", *worst[:3]
+    if worst.value < WEAK and not model.loops:
+        return NOTED, f"holds no joint at rest at {worst.joint}: it creeps", *worst[:3]
+    return PASSED, f"holds joints at rest: {worst.text}", *worst[:3]
 
 
-def _energy(model: Model, data: SummaryData) -> Check:
+def _energy(model: Model, data: SummaryData) -> _Answer:
     """Over held-out motion friction takes the energy that the momentum balance is short of."""
-    whole, folds = data.value(model, ENERGY), data.of_folds(model, ENERGY)
-    if not np.isfinite(whole):
-        return Check("energy", NOT_EVALUATED, "the energy that friction takes is not known")
-    low, high = (v - 1.0 for v in _interval(folds))
-    value = whole - 1.0
-    excluded = not low <= 0 <= high
-    outcome = _outcome(abs(value) > UNBALANCED, excluded, FAILED)
-    span = "" if np.isnan(low) else f" (95 %: {_percent(low)} to {_percent(high)})"
-    verb = "more" if value > 0 else "less"
-    words = f"takes {_percent(abs(value))} {verb} energy than the motion implies{span}"
-    return Check("energy", outcome, words, value, low, high)
+    value = data.value(model, ENERGY) - 1.0
+    if not np.isfinite(value):
+        return NOT_EVALUATED, "the energy that friction takes is not known"
+    low, high = (v - 1.0 for v in _interval(data.of_folds(model, ENERGY)))
+    outcome = _outcome(abs(value) > UNBALANCED, not low <= 0 <= high, FAILED)
+    amount = f"{_percent(abs(value))} {'more' if value > 0 else 'less'}"
+    words = f"takes {amount} energy than the motion implies{_span(low, high)}"
+    return outcome, words, value, low, high
 
 
-def _symmetry(velocity: Array, curves: Array, data: SummaryData) -> Check:
+def _symmetry(velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """Friction that differs by direction is possible, and worth a look."""
-    found = _worst(asymmetry(velocity, curves), data.description.joints, _largest)
-    beyond = abs(found.value) > ASYMMETRIC
-    excluded = not found.low <= 0 <= found.high
-    outcome = NOTED if beyond and excluded else PASSED
-    return Check("symmetry", outcome, f"asymmetric by {found.text}", *found[:3])
+    worst = _worst(asymmetry(velocity, curves), joints, lambda v: np.argmax(np.abs(v)))
+    differs = abs(worst.value) > ASYMMETRIC and not worst.low <= 0 <= worst.high
+    return NOTED if differs else PASSED, f"asymmetric by {worst.text}", *worst[:3]
 
 
-def _tail(velocity: Array, curves: Array, data: SummaryData) -> Check:
+def _tail(velocity: Array, curves: Array, joints: _Joints) -> _Answer:
     """Friction that falls at the fastest speeds is possible, and seldom true."""
-    found = _worst(tail_drop(velocity, curves), data.description.joints, lambda v: int(v.argmax()))
-    falls = found.value > FALLING
-    outcome = NOTED if falls and not found.low <= 0 else PASSED
+    worst = _worst(tail_drop(velocity, curves), joints, np.argmax)
+    falls = worst.value > FALLING
+    outcome = NOTED if falls and not worst.low <= 0 else PASSED
     words = "falls" if outcome == NOTED else "does not clearly fall" if falls else "does not fall"
-    return Check("tail", outcome, f"{words} at the fastest speeds: {found.text}", *found[:3])
+    return outcome, f"{words} at the fastest speeds: {worst.text}", *worst[:3]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.report.candidates import Candidate, Contrast, contrast, family
+from frictionid.report.candidates import Candidate, contrast, family
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import MINUS, factor, percent, short
-from frictionid.report.sections import EULER, Section
+from frictionid.report.sections import EULER, Model, Section
 
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
@@ -45,19 +45,23 @@ class Asked:
     recommended: Candidate
     column: str
 
-    @property
-    def unit(self) -> str:
-        """Unit of errors."""
-        return self.section.description.angle_unit
+    def group(self, traits: set[str]) -> list[Candidate]:
+        """Candidates with all of these traits."""
+        return [c for c in self.candidates if traits <= traits_of(c.model)]
 
-    def of_family(self, *names: str) -> list[Candidate]:
-        """Candidates of some families, see `frictionid.report.candidates.FAMILIES`."""
-        return [c for c in self.candidates if family(c.model) in names]
 
-    def with_friction(self) -> list[Candidate]:
-        """Candidates with physics and friction."""
-        own = self.of_family("physics", "hybrid")
-        return [c for c in own if c.model.role != "none"]
+def traits_of(model: Model) -> set[str]:
+    """What groups of candidates are made of: role, family, and what its friction is like.
+
+    "mechanics" : textbook or learned friction within physics; "friction" : the same, if it has any
+    "levels" : Coulomb and viscous friction alone, else "beyond"; "memory" or "no memory"
+    """
+    name, law = family(model), model.document.get("law", {}).get("kind")
+    traits = {model.role, name, "memory" if has_memory(model) else "no memory"}
+    traits.add("levels" if law in LEVELS_ONLY else "beyond")
+    if name in ("physics", "hybrid"):
+        traits |= {"mechanics"} if model.role == "none" else {"mechanics", "friction"}
+    return traits
 
 
 Answer = tuple[str, str, Mapping[str, float]]
@@ -81,21 +85,34 @@ def _nothing(reason: str) -> Answer:
     return NOT_EVALUATED, reason, {}
 
 
-def _by(found: Contrast | None, unit: str, missing: str) -> Answer:
-    """Answer by a contrast: whether its second model is practically better than its first."""
-    if found is None:
+def _contrast(
+    asked: Asked, first: Sequence[Candidate], second: Sequence[Candidate], missing: str
+) -> Answer:
+    """Whether the best of the second group is practically better than the best of the first."""
+    contrasted = contrast(first, second)
+    if contrasted is None:
         return _nothing(missing)
-    a, b, test = found.first, found.second, found.test
+    a, b, test = contrasted.first, contrasted.second, contrasted.test
     worse, better = (a, b) if a.error >= b.error else (b, a)
     ends = (test.low, test.high) if worse is a else (-test.high, -test.low)
     low, high = (factor(max(1 + end / better.error, 0.0)) for end in ends)
+    unit = asked.section.description.angle_unit
     reason = (
         f"{worse.name} is {short(worse.error)} {unit} off, {better.name} {short(better.error)} "
         f"{unit}: {factor(worse.error / better.error)} times as far (95 %: {low} to {high})."
     )
-    evidence = {"effect": found.effect, "low": test.low / b.error, "high": test.high / b.error}
+    effects = {"effect": contrasted.effect, "low": test.low / b.error, "high": test.high / b.error}
     chances = {"worse": test.above, "equivalent": test.inside, "better": test.below}
-    return found.answer, reason, evidence | chances | {"folds": float(test.folds)}
+    return contrasted.answer, reason, effects | chances | {"folds": float(test.folds)}
+
+
+def _between(first: set[str], second: set[str], missing: str) -> Callable[[Asked], Answer]:
+    """The answer of the contrast of two groups, by their traits."""
+    return lambda asked: _contrast(asked, asked.group(first), asked.group(second), missing)
+
+
+def _turned(answer: Answer) -> Answer:
+    return {"yes": "no", "no": "yes"}.get(answer[0], answer[0]), *answer[1:]
 
 
 def percent_of(share: float) -> str:
@@ -105,94 +122,52 @@ def percent_of(share: float) -> str:
     ('12 %', '−1.2 %', '450 %')
     """
     size = 100 * abs(share)
-    return (
-        f"{MINUS if share < 0 else ''}{size:.1f} %"
-        if size < 10
-        else (f"{MINUS if share < 0 else ''}{size:.0f} %")
-    )
+    return f"{MINUS if share < 0 else ''}{size:.{int(size < 10)}f} %"
 
 
-# --- The questions --------------------------------------------------------------------------------
-
-
-def _friction(asked: Asked) -> Answer:
-    none = [c for c in asked.candidates if c.model.role == "none"]
-    found = contrast(none, asked.with_friction())
-    return _by(found, asked.unit, "no model without friction was compared, or none with it.")
-
-
-def _beyond(asked: Asked) -> Answer:
-    own = [c for c in asked.with_friction() if not has_memory(c.model)]
-    plain = [c for c in own if c.model.document.get("law", {}).get("kind") in LEVELS_ONLY]
-    found = contrast(plain, [c for c in own if c not in plain])
-    return _by(found, asked.unit, "needs Coulomb and viscous friction, and a law beyond it.")
-
-
-def _memory(asked: Asked) -> Answer:
-    own = asked.with_friction()
-    dynamic = [c for c in own if has_memory(c.model)]
-    found = contrast([c for c in own if c not in dynamic], dynamic)
-    return _by(found, asked.unit, "needs a model with memory and one without.")
-
-
-def _hybrids(asked: Asked) -> Answer:
-    found = contrast(asked.of_family("physics"), asked.of_family("hybrid"))
-    return _by(found, asked.unit, "needs textbook friction and learned friction.")
-
-
-def _physics(asked: Asked) -> Answer:
-    found = contrast(asked.of_family("black box"), asked.of_family("physics", "hybrid"))
-    return _by(found, asked.unit, "no model without physics was compared.")
-
-
-def _published(asked: Asked) -> Answer:
-    given = [c for c in asked.candidates if c.model.role == "given"]
-    fitted = [c for c in asked.candidates if c.model.role == "fitted"]
-    return _by(contrast(given, fitted), asked.unit, "no published model was compared.")
+# --- More than a contrast of two groups -----------------------------------------------------------
 
 
 def _loss(asked: Asked) -> Answer:
-    data, own = asked.section.fitted, asked.section.fitted.of_role("fitted")
-    lowest = data.best(own, EULER)
-    fitted = [c for c in asked.candidates if c.model.role == "fitted"]
+    data, fitted = asked.section.fitted, asked.group({"fitted"})
+    lowest = data.best(data.of_role("fitted"), EULER)
     first = [c for c in fitted if c.model is lowest]
     if len(fitted) < 2:
         return _nothing("needs two fitted models.")
-    answer, reason, evidence = _by(contrast(first, fitted), asked.unit, "no loss is finite.")
-    turned = {"yes": "no", "no": "yes"}.get(answer, answer)
-    return turned, f"Of the lowest one-step loss is {first[0].name}. {reason}", evidence
+    answer, reason, evidence = _turned(_contrast(asked, first, fitted, "no loss is finite."))
+    return answer, f"Of the lowest one-step loss is {first[0].name}. {reason}", evidence
 
 
 def _dissipative(asked: Asked) -> Answer:
     """Whether friction opposes motion at all speeds that were measured, and over closed cycles."""
-    own = asked.recommended
-    checks = [c for c in own.checks if c.name in DISSIPATION and c.outcome != NOT_EVALUATED]
+    model = asked.recommended
+    checks = [c for c in model.checks if c.name in DISSIPATION and c.outcome != NOT_EVALUATED]
     if not checks:
-        return _nothing(f"{own.name} has no friction torque.")
+        return _nothing(f"{model.name} has no friction torque.")
     evidence = {check.name: check.value for check in checks}
     worst = min(checks, key=lambda check: (check.outcome != "failed", check.outcome != "noted"))
     answer = {"failed": "no", "noted": "undecided"}.get(worst.outcome, "yes")
-    return answer, f"{own.name} {worst.statement}.", evidence
+    return answer, f"{model.name} {worst.statement}.", evidence
 
 
 def _hysteresis(asked: Asked) -> Answer:
     """Whether models with memory show hysteresis that a control without memory does not explain."""
-    own = {
+    judged = {
         c.name: check
         for c in asked.candidates
         for check in c.checks
         if check.name == "hysteresis" and check.outcome != NOT_EVALUATED
     }
-    if not own:
+    if not judged:
         return _nothing("needs a model with memory, and one without as its control.")
-    evidence = {name: check.value for name, check in own.items()}
-    open_ones = [name for name, check in own.items() if "shows hysteresis of" in check.statement]
+    evidence = {name: check.value for name, check in judged.items()}
+    open_ones = [name for name, check in judged.items() if "shows hysteresis of" in check.statement]
     if not open_ones:
         return "no", "no model with memory shows hysteresis beyond its folds.", evidence
-    shown = [name for name in open_ones if own[name].outcome == "passed"]
+    shown = [name for name in open_ones if judged[name].outcome == "passed"]
     name = (shown or open_ones)[0]
-    answer = "yes" if shown else "no" if own[name].outcome == "failed" else "undecided"
-    return answer, f"{name} {own[name].statement}.", evidence
+    answer = "yes" if shown else "no" if judged[name].outcome == "failed" else "undecided"
+    return answer, f"{name} {judged[name].statement}.", evidence
 
 
 def _curve(asked: Asked) -> Answer:
@@ -221,14 +196,11 @@ def _curve(asked: Asked) -> Answer:
 
 def _truth(asked: Asked) -> Answer:
     data = asked.section.fitted
-    truth = data.of_role("truth")
+    truth = [Candidate(m, data.of_folds(m, asked.column), 0.0) for m in data.of_role("truth")[:1]]
     if not truth:
         return _nothing("no truth is known.")
-    own = Candidate(truth[0], data.of_folds(truth[0], asked.column), 0.0)
-    answer, reason, evidence = _by(
-        contrast([asked.recommended], [own]), asked.unit, "the truth has no scores of its own."
-    )
-    return {"yes": "no", "no": "yes"}.get(answer, answer), reason, evidence
+    missing = "the truth has no scores of its own."
+    return _turned(_contrast(asked, [asked.recommended], truth, missing))
 
 
 def _unseen(asked: Asked) -> Answer:
@@ -262,16 +234,43 @@ def _recordings(asked: Asked) -> Answer:
 
 
 _QUESTIONS: Mapping[str, tuple[str, Callable[[Asked], Answer]]] = {
-    "friction": ("Does friction matter for these predictions?", _friction),
+    "friction": (
+        "Does friction matter for these predictions?",
+        _between(
+            {"none"},
+            {"friction"},
+            "no model without friction was compared, or none with it.",
+        ),
+    ),
     "beyond_coulomb_viscous": (
         "Does friction depend on velocity beyond Coulomb and viscous levels?",
-        _beyond,
+        _between(
+            {"friction", "no memory", "levels"},
+            {"friction", "no memory", "beyond"},
+            "needs Coulomb and viscous friction, and a law beyond it.",
+        ),
     ),
-    "memory": ("Does friction with memory predict better than friction without?", _memory),
+    "memory": (
+        "Does friction with memory predict better than friction without?",
+        _between(
+            {"friction", "no memory"},
+            {"friction", "memory"},
+            "needs a model with memory and one without.",
+        ),
+    ),
     "hysteresis": ("Is hysteresis in these data, beyond a control without memory?", _hysteresis),
-    "hybrids": ("Do hybrids, physics with learned friction, beat textbook friction?", _hybrids),
-    "physics": ("Do models with physics beat models without?", _physics),
-    "published": ("Do the fitted models beat the published ones?", _published),
+    "hybrids": (
+        "Do hybrids, physics with learned friction, beat textbook friction?",
+        _between({"physics"}, {"hybrid"}, "needs textbook friction and learned friction."),
+    ),
+    "physics": (
+        "Do models with physics beat models without?",
+        _between({"black box"}, {"mechanics"}, "no model without physics was compared."),
+    ),
+    "published": (
+        "Do the fitted models beat the published ones?",
+        _between({"given"}, {"fitted"}, "no published model was compared."),
+    ),
     "loss": ("Does the lowest one-step loss belong to a model that predicts well?", _loss),
     "dissipative": ("Does the recommended model only take energy?", _dissipative),
     "curve": ("Can the friction curve of the recommended model be trusted?", _curve),

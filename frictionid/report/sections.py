@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +40,6 @@ class DataDescription:
     density : (n, B), how often each velocity occurred, in bins over the grid
     measured : (2, n), lowest and highest velocity that occurred
     true_parameters : what a simulation knows of each block of parameters
-    mechanism, own_base : the nominal mechanism, and what recordings add to its base parameters
     velocities, speeds, check : (N, n) samples, their distribution, findings of `check`; or None
     hashes : of its files
     """
@@ -52,14 +51,12 @@ class DataDescription:
     samples: int
     seconds: float
     velocity: Array
-    truth: Array | None
     density: Array
     measured: Array
-    true_parameters: Mapping[str, Any]
-    mechanism: Mapping[str, Any] | None
-    own_base: Any
-    velocities: Array | None
-    speeds: Mapping[str, Any] | None
+    truth: Array | None = None
+    velocities: Array | None = None
+    true_parameters: Mapping[str, Any] = field(default_factory=dict)
+    speeds: Mapping[str, Any] | None = None
     check: Mapping[str, Any] | None = None
     hashes: frozenset[str] = frozenset()
 
@@ -84,27 +81,19 @@ class DataDescription:
         return tuple(str(j + 1) for j in range(len(self.joints)) if self.truth is not None)
 
 
-def description_of(document: Mapping[str, Any]) -> DataDescription:
-    """A data set's description."""
-    velocity = np.asarray(document["velocity"], dtype=float)
-    truth, velocities = document["truth"], document.get("velocities")
-    others: Any = {key: document.get(key) for key in ("mechanism", "speeds", "check")}
-    return DataDescription(
-        joints=tuple(map(str, document["joints"])),
-        torque_units=tuple(document["torque_units"]),
-        position_units=tuple(document["position_units"]),
-        recordings=int(document["recordings"]),
-        samples=int(document["samples"]),
-        seconds=float(document["seconds"]),
-        velocity=velocity,
-        truth=None if truth is None else np.asarray(truth, dtype=float),
-        density=np.asarray(document["density"], dtype=float),
-        measured=np.asarray(document["measured"], dtype=float),
-        true_parameters=document.get("true_parameters") or {},
-        own_base=document.get("own_base", 0.0),
-        velocities=None if velocities is None else np.asarray(velocities, dtype=float),
-        **others,
-    )
+def description_of(document: Mapping[str, Any], hashes: Iterable[object] = ()) -> DataDescription:
+    """A data set's description by its entry of datasets.json, and hashes of its files."""
+    arrays = ("velocity", "density", "measured", "truth", "velocities")
+    values: dict[str, Any] = {
+        key.name: np.asarray(document[key.name], dtype=float)
+        if key.name in arrays
+        else document[key.name]
+        for key in fields(DataDescription)
+        if document.get(key.name) is not None
+    }
+    for name in ("joints", "torque_units", "position_units"):
+        values[name] = tuple(map(str, values[name]))
+    return DataDescription(**values, hashes=frozenset(map(str, hashes)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +204,10 @@ class SummaryData:
         return models[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
 
     def of_folds(self, model: Model, column: str) -> Array:
-        """A model's score in each fold (F,)."""
-        values = self._by_fold(column)
+        """A model's score in each fold (F,); folds in which nothing was scored are left out."""
+        if column not in self.folds:
+            return np.empty(0)
+        values = self.folds[column].unstack("fold").dropna(axis=1, how="all").sort_index(axis=1)
         return values.loc[model.task].to_numpy() if model.task in values.index else np.empty(0)
 
     def paired(self, model: Model, other: Model, column: str) -> Pair:
@@ -226,12 +217,6 @@ class SummaryData:
     def curve_errors(self, model: Model) -> list[float]:
         """Curve error of each joint; empty where no true curve is known."""
         return [self.value(model, f"curve_error_joint{j}") for j in self.description.true_joints]
-
-    def _by_fold(self, column: str) -> pd.DataFrame:
-        """Scores, task x fold; folds in which nothing was scored are left out."""
-        if column not in self.folds:
-            return pd.DataFrame()
-        return self.folds[column].unstack("fold").dropna(axis=1, how="all").sort_index(axis=1)
 
 
 class Section(NamedTuple):
@@ -276,42 +261,35 @@ def sections_of(results: Results) -> tuple[Section, ...]:
 
 
 def _section(results: Results, dataset: str) -> Section:
-    numbers = [i for i, task in enumerate(results.tasks) if task["dataset"] == dataset]
-    tasks = {i: results.tasks[i] for i in numbers}
+    tasks = {i: task for i, task in enumerate(results.tasks) if task["dataset"] == dataset}
     recipes = tuple(dict.fromkeys(str(task["fit"]) for task in tasks.values()))
     models: list[Model] = []
     for number, task in tasks.items():
-        model = _model(number, task, tasks.values(), len(recipes) > 1)
+        model = _model(number, task, tasks.values(), several=len(recipes) > 1)
         if not any(_same(model, other) for other in models):
             models.append(model)
-    place = {recipe: i for i, recipe in enumerate((ANY, *recipes))}
-    models.sort(key=lambda model: (ROLES.index(model.role), place[model.recipe]))
+    models.sort(key=lambda model: (ROLES.index(model.role), (ANY, *recipes).index(model.recipe)))
     scored = dict.fromkeys([dataset, *(name for task in tasks.values() for name in task["rows"])])
+    scores = results.scores.loc[list(tasks)]
     horizons = tuple(sorted(results.scores["horizon_s"].dropna().unique()))
-    data = [
-        _summary_data(
-            results.scores.loc[numbers],
-            (name, dataset, _description(results, name)),
-            [m for m in models if name in tasks[m.task]["rows"]],
-            horizons,
-        )
-        for name in scored
-    ]
+    data = []
+    for name in scored:
+        rows = scores[scores["dataset"] == name].rename_axis("task").reset_index()
+        hashes = results.provenance.get("data", {}).get(name, {}).values()
+        description = description_of(results.datasets[name], hashes)
+        shown = tuple(model for model in models if name in tasks[model.task]["rows"])
+        data.append(SummaryData(name, dataset, description, shown, horizons, *score_tables(rows)))
     return Section(dataset, recipes, tuple(models), tuple(data))
 
 
-def _description(results: Results, dataset: str) -> DataDescription:
-    """A data set's description, with the hashes of its files."""
-    hashes = results.provenance.get("data", {}).get(dataset, {})
-    own = description_of(results.datasets[dataset])
-    return replace(own, hashes=frozenset(map(str, hashes.values())))
-
-
 def _model(
-    number: int, task: Mapping[str, Any], tasks: Iterable[Mapping[str, Any]], several: bool
+    number: int, task: Mapping[str, Any], tasks: Iterable[Mapping[str, Any]], *, several: bool
 ) -> Model:
-    theta = np.asarray(task["folds"]["theta"], dtype=float).reshape(task["folds"]["shape"])
-    overall = np.asarray(task["model"]["theta"], dtype=float).reshape(task["model"]["shape"])
+    """A task's model; `tasks` are all of its section, `several` whether recipes differ there."""
+    theta, overall = (
+        np.asarray(task[part]["theta"], dtype=float).reshape(task[part]["shape"])
+        for part in ("folds", "model")
+    )
     identifier, role = str(task["identifier"]), _role(task, theta, overall)
     twins = [t for t in tasks if t["identifier"] == identifier and t["fit"] == task["fit"]]
     differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
@@ -354,18 +332,6 @@ def _same(model: Model, other: Model) -> bool:
     return names and np.array_equal(model.theta, other.theta)
 
 
-def _summary_data(
-    scores: pd.DataFrame,
-    about: tuple[str, str, DataDescription],
-    models: Sequence[Model],
-    horizons: tuple[float, ...],
-) -> SummaryData:
-    """Scores of a section's tasks, rows as in scores.csv, those on one data set in columns."""
-    own = scores[scores["dataset"] == about[0]].rename_axis("task").reset_index()
-    folds, level = score_tables(own)
-    return SummaryData(*about, tuple(models), horizons, folds, level)
-
-
 def score_tables(scores: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Frames `folds` and `level` of `SummaryData`; `scores` has the column `task` besides."""
     scores = scores.assign(column=_columns(scores))
@@ -382,10 +348,10 @@ def over_folds(folds: pd.DataFrame, statistic: str) -> pd.DataFrame:
     """The "mean" or "std" over the folds of each task's scores; NaN with a single fold."""
 
     def reduced(values: pd.Series[float]) -> float:
-        own = values.to_numpy()
-        if len(own) < 2 or (statistic == "std" and not np.isfinite(own).all()):
+        scores = values.to_numpy()
+        if len(scores) < 2 or (statistic == "std" and not np.isfinite(scores).all()):
             return float("nan")
-        return float(own.mean() if statistic == "mean" else own.std(ddof=1))
+        return float(scores.mean() if statistic == "mean" else scores.std(ddof=1))
 
     return folds.groupby("task").agg(reduced)
 

@@ -162,7 +162,7 @@ def test_numbers_of_given_models_stand_beside(computed):
 
 def test_numbers_of_given_models_of_a_mechanism_that_is_code_stand_beside(computed):
     section, own = made.section(computed), {"joints": [{}], "parameters": HEAVIER}
-    model, data = section.models[0], replace(section.description, mechanism={"kind": "mine:arm"})
+    model, data = section.models[0], section.description
     given = replace(model, label="M1", document=own, base={"inertia": 0.123})
     table = interval_table(model, "pendulum", data, [given, replace(given, label="old", base={})])
     (beside,) = (line.cells[-1] for line in table.lines if line.cells[1].text == "inertia")
