@@ -16,8 +16,7 @@ from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
 from frictionid.quickstart.quick_report import quick_figure, show_quick
 from frictionid.report.console import printed, printed_html
-from frictionid.report.diagnostics import as_json, show_verdict
-from frictionid.report.figures.diagnostics import PICTURES
+from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.figures.style import drawn
 
 

@@ -20,10 +20,11 @@ from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import (
     described,
     design_document,
+    design_figure,
     trajectory_document,
+    trajectory_figure,
     trajectory_text,
 )
-from frictionid.report.figures.experiment_design import design_figure, trajectory_figure
 from frictionid.report.figures.style import drawn
 
 

@@ -35,7 +35,7 @@ def check(
 
     if out is not None:
         from frictionid.outputs import check_outputs
-        from frictionid.report.figures.diagnostics import picture_paths
+        from frictionid.report.diagnostics import picture_paths
 
         check_outputs(
             picture_paths(out), (*dataset_files(dataset, data), published), replace=replace
@@ -46,7 +46,7 @@ def check(
     else:
         show_verdict(verdict.details)
     if out:
-        from frictionid.report.figures.diagnostics import write_pictures
+        from frictionid.report.diagnostics import write_pictures
 
         for path in write_pictures(verdict.details, out):
             typer.echo(f"written to {path}", err=True)

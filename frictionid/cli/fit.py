@@ -68,7 +68,8 @@ def fit(
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.report.figures.fits import check_drawable, fit_picture
+    from frictionid.report.figures.fits import check_drawable, fit_figure
+    from frictionid.report.figures.style import png
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
@@ -84,7 +85,7 @@ def fit(
         made = common(seed=seed, equal=groups, bias=bias)
     made.save(out)
     if figure is not None:
-        write_bytes(figure, fit_picture(made.friction, loaded))
+        write_bytes(figure, png(lambda: fit_figure(made.friction, loaded)))
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return

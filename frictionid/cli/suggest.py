@@ -95,13 +95,18 @@ def suggest(
 
 def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
     from frictionid.files import json_text, write_bytes, write_text
-    from frictionid.report.experiment_design import command_csv, described, design_document
-    from frictionid.report.figures.experiment_design import picture
+    from frictionid.report.experiment_design import (
+        command_csv,
+        described,
+        design_document,
+        design_figure,
+    )
+    from frictionid.report.figures.style import png
 
     for number, path in enumerate(places):
         write_text(path, command_csv(design, number))
     if figure is not None:
-        write_bytes(figure, picture(design))
+        write_bytes(figure, png(lambda: design_figure(design)))
     if json:
         written = [*places, *([figure] if figure is not None else [])]
         print(json_text(design_document(design) | {"written": written}), end="")
@@ -126,9 +131,10 @@ def _suggest_trajectories(
     from frictionid.report.experiment_design import (
         trajectory_csv,
         trajectory_document,
+        trajectory_figure,
         trajectory_text,
     )
-    from frictionid.report.figures.experiment_design import trajectory_picture
+    from frictionid.report.figures.style import png
 
     recordings, length, effort, seed = size
     with counted(recordings, "searching") as done:
@@ -144,7 +150,7 @@ def _suggest_trajectories(
     for number, path in enumerate(places):
         write_text(path, trajectory_csv(design, number, rate))
     if figure is not None:
-        write_bytes(figure, trajectory_picture(design))
+        write_bytes(figure, png(lambda: trajectory_figure(design)))
     written = [*places, *([figure] if figure is not None else [])]
     if json:
         print(json_text(trajectory_document(design) | {"written": written}), end="")

@@ -1,24 +1,30 @@
-"""A verdict on data, for people in the terminal and for programs as JSON."""
+"""A verdict of `check`: for people in the terminal, as JSON for programs, and in pictures."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from frictionid.check import Verdict
-from frictionid.check.facts import ClockFacts
+from frictionid.check.motion import Motion
 from frictionid.check.questions import answer_of
-from frictionid.check.regression import Estimate
-from frictionid.files import plain
+from frictionid.check.regression import one_way
+from frictionid.data.recordings import Recording
+from frictionid.files import plain, write_bytes
+from frictionid.mechanics import Mechanism
 from frictionid.report.console import console
+from frictionid.report.figures import style
 from frictionid.report.numbers import NOTHING, either
-from frictionid.report.tables import Column, Line, Table, for_terminal, line, text_columns
+from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
+ANSWERS = {True: "green", False: "red", None: "yellow"}
 
 
 def show_verdict(verdict: Verdict) -> None:
@@ -39,57 +45,53 @@ def as_json(verdict: Verdict) -> str:
     return json.dumps(fields, indent=1, allow_nan=False)
 
 
-def _units(verdict: Verdict) -> tuple[str, str]:
-    mechanism = verdict.regression.measured.dataset.mechanism
-    return either(mechanism.position_units), either(mechanism.torque_units)
+def _mechanism(verdict: Verdict) -> Mechanism:
+    return verdict.regression.measured.dataset.mechanism
 
 
 def _headline(verdict: Verdict, console: Any) -> None:
     from rich.text import Text
 
     clock = verdict.clock
-    line = Text(verdict.dataset, style="bold").append(": ", "")
-    line.append(verdict.level, f"bold {COLOURS[verdict.level]}")
     plural = "recording" if clock.recordings == 1 else "recordings"
-    line.append(
-        f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {_rates(clock)} Hz, jitter "
-        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} gaps"
-    )
-    if clock.gaps:
-        line.append(f" (longest {clock.longest_gap:.2g} s)")
-    line.append(f", {verdict.passive:.0f} s of free decay")
-    console.print(line)
-
-
-def _rates(clock: ClockFacts) -> str:
-    """Sampling rate, or the range of the rates where they differ."""
+    rates = f"{clock.slowest:.4g} to {clock.fastest:.4g}"
     if clock.fastest < 1.2 * clock.slowest:
-        return f"{clock.rate:.4g}"
-    return f"{clock.slowest:.4g} to {clock.fastest:.4g}"
+        rates = f"{clock.rate:.4g}"
+    longest = f" (longest {clock.longest_gap:.2g} s)" if clock.gaps else ""
+    facts = (
+        f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {rates} Hz, jitter "
+        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} gaps{longest}"
+        f", {verdict.passive:.0f} s of free decay"
+    )
+    level = (verdict.level, f"bold {COLOURS[verdict.level]}")
+    console.print(Text.assemble((verdict.dataset, "bold"), ": ", level, facts))
 
 
 def _joints(verdict: Verdict, console: Any) -> None:
-    angle, torque = _units(verdict)
-    names = (f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns")
-    columns = [*text_columns("joint"), *map(Column, names)]
-    columns += [Column(f"u RMS [{torque}]"), Column("u top")]
-    columns += [Column(name, "noise") for name in ("q", "w", "u")]
-    columns += [Column(name, "step") for name in ("q", "u")]
-    lines = []
-    for j in verdict.joints:
-        ranges = [f"{value:.3g}" for value in (j.range, j.fast, j.top)]
-        shares = [f"{100 * share:.0f} %" for share in (j.forward, j.at_rest)]
-        torques = [f"{value:.2g}" for value in (j.torque, j.torque_top)]
-        noise = [f"{j.angle_noise:.2g}", f"{j.velocity_noise:.2g}", f"{j.torque_noise:.1g}"]
-        steps = [f"{step:.1g}" if step else NOTHING for step in (j.angle_step, j.torque_step)]
-        lines.append(
-            line([str(j.joint), *ranges, *shares, str(j.reversals), *torques, *noise, *steps])
-        )
+    angle, torque = (
+        either(u) for u in (_mechanism(verdict).position_units, _mechanism(verdict).torque_units)
+    )
+    columns = text_columns("joint")
+    columns += map(Column, (f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns"))
+    columns += map(Column, (f"u RMS [{torque}]", "u top"))
+    columns += [Column(name, "noise") for name in "qwu"] + [Column(name, "step") for name in "qu"]
+    lines = [
+        [
+            str(j.joint),
+            *(f"{value:.3g}" for value in (j.range, j.fast, j.top)),
+            *(f"{100 * share:.0f} %" for share in (j.forward, j.at_rest)),
+            str(j.reversals),
+            *(f"{v:.2g}" for v in (j.torque, j.torque_top, j.angle_noise, j.velocity_noise)),
+            f"{j.torque_noise:.1g}",
+            *(f"{step:.1g}" if step else NOTHING for step in (j.angle_step, j.torque_step)),
+        ]
+        for j in verdict.joints
+    ]
     _print(console, columns, lines)
 
 
-def _print(console: Any, columns: Sequence[Column], lines: Sequence[Line]) -> None:
-    for text in for_terminal(Table("", "", tuple(columns), tuple(lines))):
+def _print(console: Any, columns: Sequence[Column], lines: Sequence[Sequence[str]]) -> None:
+    for text in for_terminal(Table("", "", tuple(columns), tuple(map(line, lines)))):
         console.print(text, soft_wrap=True)
 
 
@@ -98,32 +100,24 @@ def _findings(verdict: Verdict, console: Any) -> None:
 
     for finding in verdict.findings:
         mark = "note" if finding.level == "good" else finding.level
-        line = Text(f"{mark}: ", style=COLOURS[finding.level]).append(finding.text, "")
-        if finding.remedy:
-            line.append(f" -> {finding.remedy}", "dim")
-        console.print(line)
+        remedy = (f" -> {finding.remedy}" if finding.remedy else "", "dim")
+        console.print(
+            Text.assemble((f"{mark}: ", COLOURS[finding.level]), (finding.text, ""), remedy)
+        )
     if verdict.findings:
         console.print()
 
 
 def _questions(verdict: Verdict, console: Any) -> None:
+    from rich.table import Table as Grid
     from rich.text import Text
 
-    colours = {True: "green", False: "red", None: "yellow"}
-    table = _plain_table()
-    for question in verdict.questions:
-        table.add_row(
-            Text(answer_of(question.passed), colours[question.passed]),
-            question.question,
-            question.words,
-        )
-    for entry in verdict.identifiable:
-        table.add_row(
-            Text(answer_of(entry.possible), colours[entry.possible]),
-            f"identifiable: {entry.what}",
-            entry.reason,
-        )
-    console.print(table)
+    grid = Grid(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    rows = [(q.passed, q.question, q.words) for q in verdict.questions]
+    rows += [(e.possible, f"identifiable: {e.what}", e.reason) for e in verdict.identifiable]
+    for passed, question, words in rows:
+        grid.add_row(Text(answer_of(passed), ANSWERS[passed]), question, words)
+    console.print(grid)
 
 
 def _published(verdict: Verdict) -> dict[str, float]:
@@ -135,40 +129,40 @@ def _published(verdict: Verdict) -> dict[str, float]:
 def _estimate(verdict: Verdict, console: Any) -> None:
     published = _published(verdict)
     columns = [*text_columns("least squares"), Column("estimate"), Column("nominal")]
-    columns += [Column("published")] if published else []
-    lines = []
-    for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False):
-        cells = [name, _with_error(verdict.estimate, name), f"{nominal:.4g}"]
-        lines.append(line([*cells, *([f"{published[name]:.4g}"] if published else [])]))
+    columns += [Column("published")] * bool(published)
+    lines = [
+        [
+            name,
+            _with_error(verdict, name),
+            f"{nominal:.4g}",
+            *([f"{published[name]:.4g}"] if published else []),
+        ]
+        for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False)
+    ]
     _print(console, columns, lines)
 
 
 def _friction(verdict: Verdict, console: Any) -> None:
-    mechanism, published = verdict.regression.measured.dataset.mechanism, _published(verdict)
+    mechanism, published = _mechanism(verdict), _published(verdict)
     torque = either(mechanism.torque_units)
     pairs = zip(mechanism.torque_units, mechanism.position_units, strict=True)
     viscous = either([f"{force} s/{position}" for force, position in pairs])
     units = {"coulomb": torque, "viscous": viscous, "offset": torque}
-    columns = [
-        *text_columns("joint"),
-        *(Column(f"{name} [{unit}]") for name, unit in units.items()),
-    ]
+    columns = text_columns("joint")
+    columns += [Column(f"{name} [{unit}]") for name, unit in units.items()]
     lines = []
-    parts = [name for name, _ in mechanism.coupled]
-    for part in [*(str(joint.joint) for joint in verdict.joints), *parts]:
-        cells = [part]
+    coupled = [name for name, _ in mechanism.coupled]
+    for part in [*(str(joint.joint) for joint in verdict.joints), *coupled]:
+        lines.append([part])
         for key in (f"{name}_{part}" for name in units):
-            if key not in verdict.estimate.names:
-                cells.append(NOTHING)  # a part that turns with several joints has no offset
-                continue
             also = f" (published {published[key]:.3g})" if key in published else ""
-            cells.append(_with_error(verdict.estimate, key) + also)
-        lines.append(line(cells))
+            has_one = key in verdict.estimate.names  # a part of several joints has no offset
+            lines[-1].append(_with_error(verdict, key) + also if has_one else NOTHING)
     _print(console, columns, lines)
 
 
-def _with_error(estimate: Estimate, name: str) -> str:
-    value, error = estimate.at(name)
+def _with_error(verdict: Verdict, name: str) -> str:
+    value, error = verdict.estimate.at(name)
     return f"{value:.4g} +- {error:.1g}" if np.isfinite(error) else "not identified"
 
 
@@ -176,13 +170,138 @@ def _next(verdict: Verdict, console: Any) -> None:
     from rich.text import Text
 
     for advice in verdict.next:
-        console.print(Text("next: ", "bold").append(advice, ""))
+        console.print(Text.assemble(("next: ", "bold"), (advice, "")))
 
 
-def _plain_table() -> Any:
-    from rich.table import Table
+# --- Pictures: where the joints have been, what moved them, friction before any fit ---------------
 
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
-    for _ in range(3):
-        table.add_column()
-    return table
+MOVING, RESTING = style.COLOURS[:2]
+RECORDINGS = 3  # shown over time
+ABREAST = 3  # joints side by side
+
+
+def picture_paths(folder: Path) -> list[Path]:
+    """Paths of the pictures: coverage, motion and residual torque (PNG)."""
+    return [folder / f"{name}.png" for name in PICTURES]
+
+
+def write_pictures(verdict: Verdict, folder: Path) -> list[Path]:
+    """Paths of the pictures written, see `picture_paths`."""
+    paths = picture_paths(folder)
+    for path, draw in zip(paths, PICTURES.values(), strict=True):
+        write_bytes(path, style.png(partial(draw, verdict)))
+    return paths
+
+
+def _coverage(verdict: Verdict) -> Any:
+    """The (q, w) plane of each joint, rest marked."""
+    units = _mechanism(verdict).position_units
+    picture, panels = style.panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
+    states = [m.states for m in verdict.regression.measured.motions]
+    q, w = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
+    size = float(np.clip(2e4 / len(q), 0.3, 4.0))
+    for j, axes in enumerate(panels):
+        fact = verdict.joints[j]
+        still = np.abs(w[:, j]) < fact.rest_speed
+        for which, colour in ((~still, MOVING), (still, RESTING)):
+            axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
+        axes.axhline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
+        axes.set_title(f"joint {j + 1}: {100 * fact.at_rest:.0f} % of the time at rest", loc="left")
+        axes.set_xlabel(f"q{j + 1} [{units[j]}]")
+        axes.set_ylabel(f"w{j + 1} [{units[j]}/s]")
+    style.key_above(
+        picture,
+        {"moving": style.marker(MOVING), "at rest, or too slow to tell": style.marker(RESTING)},
+    )
+    return picture
+
+
+def _motion(verdict: Verdict) -> Any:
+    """Angles, velocities and torques over time, of the recordings that move most."""
+    measured, mechanism = verdict.regression.measured, _mechanism(verdict)
+    slides = set(mechanism.position_units) == {"m"}
+    chosen, joints = _chosen(verdict), range(len(verdict.joints))
+    picture = style.figure(4.6)
+    rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
+    for column, i in zip(rows.T, chosen, strict=True):
+        _over_time(column, measured.dataset.recordings[i], measured.motions[i], joints)
+    labels = (
+        f"{'position' if slides else 'angle'} [{either(mechanism.position_units)}]",
+        f"velocity [{either(mechanism.velocity_units)}]",
+        f"{'force' if slides else 'torque'} [{either(mechanism.torque_units)}]",
+    )
+    for axes, label in zip(rows[:, 0], labels, strict=True):
+        axes.set_ylabel(label)
+    style.key_above(picture, {f"joint {j + 1}": rows[0][0].lines[j] for j in joints})
+    return picture
+
+
+def _over_time(column: Any, recording: Recording, motion: Motion, joints: range) -> None:
+    states, torque = motion.states, recording.torque
+    start = states.time[0]
+    held = "steps-post" if torque.hold == "previous" else "default"
+    for j in joints:
+        colour = style.COLOURS[j % len(style.COLOURS)]
+        column[0].plot(states.time - start, states.q[:, j], color=colour, lw=1.0)
+        column[1].plot(states.time - start, states.w[:, j], color=colour, lw=1.0)
+        drawn = {"color": colour, "drawstyle": held, "lw": 0.7}
+        column[2].plot(torque.time - start, torque.value[:, j], **drawn)
+    column[0].set_title(style.plain(recording.name.rsplit("/", 1)[-1]), fontsize=7, loc="left")
+    column[2].set_xlabel("time [s]")
+    column[2].set_xlim(0.0, states.time[-1] - start)
+
+
+def _chosen(verdict: Verdict) -> list[int]:
+    """Recordings to show: those in which the joints are fastest for them, in their own order."""
+    square = np.stack([np.mean(m.states.w**2, 0) for m in verdict.regression.measured.motions])
+    speed = np.mean(square / np.maximum(square.mean(0), 1e-300), axis=1)
+    return sorted(np.argsort(speed)[::-1][:RECORDINGS].tolist())
+
+
+def _residual(verdict: Verdict) -> Any:
+    """Torque that the nominal mechanism leaves to friction, against velocity, and least squares."""
+    rows = verdict.regression.rows
+    mechanism = _mechanism(verdict)
+    picture, panels = style.panel_grid(len(verdict.joints), ABREAST, 2.4, 0.35)
+    for j, axes in enumerate(panels):
+        axes.axhline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
+        axes.axvline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
+        axes.set_xlabel(f"w{j + 1} [{mechanism.velocity_units[j]}]")
+        axes.set_ylabel(f"residual torque [{mechanism.torque_units[j]}]")
+        axes.set_title(f"joint {j + 1}", loc="left")
+        if one_way(rows, j).any():
+            _least_squares(axes, verdict, j)
+        else:
+            axes.text(0.5, 0.5, "hardly moves", transform=axes.transAxes, ha="center")
+    style.key_above(
+        picture,
+        {
+            "nominal mechanism, before any fit": style.marker(MOVING),
+            "least squares": style.line(RESTING),
+        },
+    )
+    return picture
+
+
+def _least_squares(axes: Any, verdict: Verdict, j: int) -> None:
+    rows, torque = verdict.regression.rows, verdict.regression.torque
+    nb = len(verdict.nominal)
+    use = one_way(rows, j)
+    w = rows.w[use, j]
+    left = torque[use, j] - rows.regressor[use, j] @ verdict.nominal
+    size = float(np.clip(6e3 / len(w), 1.0, 4.0))
+    axes.scatter(w, left, s=size, color=MOVING, alpha=0.4, linewidths=0, rasterized=True)
+    low, high = np.quantile(left, [0.005, 0.995])
+    margin = 0.3 * (high - low) + 1e-9 * max(abs(low), abs(high), 1.0)
+    axes.set_ylim(low - margin, high + margin)
+    coulomb, viscous, offset = verdict.estimate.value[nb + 3 * j : nb + 3 * j + 3]
+    for side in (-1.0, 1.0):
+        ends = np.array([0.0, np.abs(w).max()]) * side
+        axes.plot(ends, coulomb * side + viscous * ends + offset, color=RESTING)
+
+
+PICTURES: Mapping[str, Callable[[Verdict], Any]] = {
+    "coverage": _coverage,
+    "motion": _motion,
+    "residual": _residual,
+}

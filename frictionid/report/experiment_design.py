@@ -1,9 +1,9 @@
-"""A designed experiment: as text, and as tables that a drive can play."""
+"""A designed experiment: as text, as tables that a drive can play, and in pictures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,7 +13,8 @@ from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
 from frictionid.excitation.signals import DECIMALS, MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
-from frictionid.report.numbers import NOTHING
+from frictionid.report.figures import style
+from frictionid.report.numbers import NOTHING, either
 from frictionid.report.tables import Column, Table, line, render, terminal_text, text_columns
 
 BINDING = 0.9  # of what the search allows
@@ -22,12 +23,15 @@ BINDING = 0.9  # of what the search allows
 def command_csv(design: Design, recording: int) -> str:
     """CSV text of one recording: time [s], a torque column per motor, each held to the next."""
     motors = design.space.motors
-    lines = ["time," + ",".join(f"u{j + 1}" for j in motors)]
-    for time, row in zip(
-        design.experiment.commands, design.torque[:, recording, motors], strict=True
-    ):
-        cells = (f"{v + 0.0:.{DECIMALS}f}" for v in row)
-        lines.append(f"{time:.9g}," + ",".join(cells))
+    names = [f"u{j + 1}" for j in motors]
+    return _csv(names, design.experiment.commands, design.torque[:, recording, motors], DECIMALS)
+
+
+def _csv(names: Sequence[str], time: Array, values: Array, decimals: int) -> str:
+    """A line for each time (T,) with the values (T, n) there; no zero has a sign."""
+    lines = [",".join(["time", *names])]
+    for t, row in zip(time, values, strict=True):
+        lines.append(",".join([f"{t:.9g}", *(f"{v + 0.0:.{decimals}f}" for v in row)]))
     return "\n".join(lines) + "\n"
 
 
@@ -59,29 +63,19 @@ def limit_table(design: Design) -> Table:
     """Largest torque, velocity and angle of each joint that has a limit."""
     e, m, d = design.experiment, design.motions, design.experiment.plant.mechanism
     rows = (
-        ("torque", d.torque_units, np.abs(design.torque).max((0, 1)), e.limits.torque, 1.0),
-        (
-            "velocity",
-            d.velocity_units,
-            np.abs(m.w).max((0, 1, 2)),
-            e.limits.velocity,
-            MARGIN,
-        ),
-        ("angle", d.position_units, np.abs(m.q).max((0, 1, 2)), e.limits.angle, MARGIN),
+        ("torque", d.torque_units, design.torque[None], e.limits.torque, 1.0),
+        ("velocity", d.velocity_units, m.w, e.limits.velocity, MARGIN),
+        ("angle", d.position_units, m.q, e.limits.angle, MARGIN),
     )
     lines = []
-    for name, units, most, limit, margin in rows:
+    for name, units, values, limit, margin in rows:
+        most = np.abs(values).max((0, 1, 2))
         for j in np.flatnonzero((limit > 0) & np.isfinite(limit)):
             binding = "binding" if most[j] >= BINDING * margin * limit[j] else ""
-            values = f"{most[j]:.4g}", f"{limit[j]:.4g}"
-            lines.append(line([name, f"joint {j + 1}", *values, units[j], binding]))
-    columns = [
-        *text_columns("limit", "joint"),
-        Column("largest"),
-        Column("allowed"),
-        *text_columns("unit", ""),
-    ]
-    return Table("", "limits", tuple(columns), tuple(lines))
+            sizes = f"{most[j]:.4g}", f"{limit[j]:.4g}"
+            lines.append(line([name, f"joint {j + 1}", *sizes, units[j], binding]))
+    columns = [*text_columns("limit", "joint"), Column("largest"), Column("allowed")]
+    return Table("", "limits", (*columns, *text_columns("unit", "")), tuple(lines))
 
 
 def error_table(design: Design) -> Table:
@@ -168,10 +162,7 @@ def trajectory_csv(design: TrajectoryDesign, number: int, rate: float) -> str:
     time = np.arange(round(design.task.length * rate) + 1) / rate
     columns = [part for reference in references for part in reference.motion(time)]
     heads = [f"{name}{j + 1}" for j in range(len(references)) for name in "qwa"]
-    lines = [",".join(["time", *heads])]
-    for t, row in zip(time, np.stack(columns, axis=-1), strict=True):
-        lines.append(f"{t:.9g}," + ",".join(f"{v + 0.0:.{_DECIMALS}f}" for v in row))
-    return "\n".join(lines) + "\n"
+    return _csv(heads, time, np.stack(columns, axis=-1), _DECIMALS)
 
 
 def trajectory_text(design: TrajectoryDesign) -> str:
@@ -232,3 +223,86 @@ def trajectory_document(design: TrajectoryDesign) -> dict[str, Any]:
             )
         ],
     }
+
+
+# --- Pictures -------------------------------------------------------------------------------------
+
+
+def design_figure(design: Design) -> Any:
+    """Torque, angles and velocities over time, one column for each recording."""
+    e = design.experiment
+    d = e.plant.mechanism
+    looks = _looks([f"joint {j + 1}" for j in range(e.plant.n)])
+    rows = (
+        ("torque", d.torque_units, e.commands, design.torque, e.limits.torque),
+        ("angle", d.position_units, e.images, design.motions.q[:, 0], e.limits.angle),
+        ("velocity", d.velocity_units, e.images, design.motions.w[:, 0], e.limits.velocity),
+    )
+
+    def draw(axis: Any, row: int, recording: int) -> None:
+        name, _, time, values, limit = rows[row]
+        for j, look in enumerate(looks.values()):
+            held = name == "torque"
+            if held and limit[j] == 0.0:
+                continue  # none is shown without a motor
+            drawstyle = "steps-post" if held else "default"
+            axis.plot(time, values[:, recording, j], **look, drawstyle=drawstyle)
+            for end in (-limit[j], limit[j]) if np.isfinite(limit[j]) else ():
+                axis.axhline(end, color=look["color"], linewidth=0.8, linestyle="--")
+
+    labels = [f"{name} [{either(units)}]" for name, units, *_ in rows]
+    titles = [f"recording {r + 1}" for r in range(e.recordings)]
+    return _over_time(labels, titles, looks, draw)
+
+
+def trajectory_figure(design: TrajectoryDesign) -> Any:
+    """Share of its limit that each joint uses, one column for each trajectory."""
+    task, looks = design.task, _looks(design.task.plant.mechanism.joints)
+    rows = (("position", "q", "angle"), ("velocity", "w", "velocity"), ("torque",) * 3)
+
+    def draw(axis: Any, row: int, number: int) -> None:
+        _, name, limit = rows[row]
+        values = getattr(design.trajectories[number], name) / getattr(task.limits, limit)
+        for j, look in enumerate(looks.values()):
+            axis.plot(task.time, values[:, j], **look)
+        for end in (-1.0, 1.0):
+            axis.axhline(end, color="0.3", linewidth=0.8, linestyle="--")
+        axis.set_yticks(np.linspace(-1.0, 1.0, 5))
+
+    titles = [f"trajectory {number + 1}" for number in range(len(design.trajectories))]
+    return _over_time([f"{label} / limit" for label, *_ in rows], titles, looks, draw)
+
+
+def _looks(joints: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Colour and kind of line of each joint."""
+    count = len(style.COLOURS)
+    return {
+        name: {
+            "color": style.COLOURS[j % count],
+            "linestyle": "-" if j < count else ":",
+            "linewidth": 1,
+        }
+        for j, name in enumerate(joints)
+    }
+
+
+def _over_time(
+    labels: Sequence[str],
+    titles: Sequence[str],
+    looks: Mapping[str, Mapping[str, Any]],
+    draw: Callable[[Any, int, int], None],
+) -> Any:
+    """A row for each quantity over time, a column for each recording, drawn one by one."""
+    shown = style.figure(6.5, 1.5 + 4.2 * len(titles))
+    axes = shown.subplots(len(labels), len(titles), sharex=True, sharey="row", squeeze=False)
+    for (row, column), axis in np.ndenumerate(axes):
+        draw(axis, row, column)
+        axis.grid(**style.GRID)
+    for axis, label in zip(axes[:, 0], labels, strict=True):
+        axis.set_ylabel(label)
+    for column, title in zip(axes.T, titles, strict=True):
+        column[0].set_title(title)
+        column[-1].set_xlabel("time [s]")
+    key = {name: style.line(look["color"], look["linestyle"]) for name, look in looks.items()}
+    style.key_above(shown, key)
+    return shown

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from frictionid.report.sections import (
     over_folds,
     rollout,
 )
-from frictionid.report.tables import Cell, Column, Line, Table
+from frictionid.report.tables import Cell, Column, Part, Table, by_columns
 
 ONE_STEP = {EULER: "euler mean", INTEGRAL: "integral rms"}
 DETAILS = FULL, MEDIANS, LAST, BRIEF = "full", "medians", "last", "brief"  # ever narrower
@@ -86,22 +86,31 @@ def summary_table(
     recipes : whether they have a column, else they head blocks of lines
     sd : whether the deviation over folds stands beside the one-step scores
     """
-    parts = [(Column("identifier", words=True), list(map(Cell, summary.frame["identifier"])))]
-    if recipes and (summary.frame["recipe"] != "").any():
-        own = [Cell(recipe or NOTHING) for recipe in summary.frame["recipe"]]
-        parts.append((Column("recipe", words=True), own))
+    frame = summary.frame
+    parts: list[Part] = [(Column("identifier", words=True), frame["identifier"])]
+    if recipes and (frame["recipe"] != "").any():
+        parts.append((Column("recipe", words=True), frame["recipe"].replace("", NOTHING)))
     for name in list(ONE_STEP)[: 1 if detail == BRIEF else 2]:
         parts.append(_one_step(summary, name, sd, detail == BRIEF))
     shown = summary.horizons[-2:] if detail in (LAST, BRIEF) else summary.horizons
     parts += [_rollout(summary, h, detail == FULL or h == shown[-1]) for h in shown]
     parts += [*_true_start(summary), *_free_run(summary), *_curves(summary)]
     if detail != BRIEF:
-        counts = [Cell(fixed(value, 0)) for value in summary.frame["n_parameters"]]
-        parts.append((Column("parameters"), counts))
-    parts += _implausible(summary)
-    columns, cells = zip(*parts, strict=True)
-    label = f"summary-{summary.dataset}"
-    return Table(caption, label, columns, _lines(summary, zip(*cells, strict=True)))
+        parts.append((Column("parameters"), [fixed(v, 0) for v in frame["n_parameters"]]))
+    if "implausible" in frame:
+        parts.append((Column("implausible", words=True), frame["implausible"].replace("", NOTHING)))
+    table = by_columns(caption, f"summary-{summary.dataset}", parts)
+    several = len(set(frame["recipe"]) - {""}) > 1
+    blocks = zip(table.lines, frame["role"], frame["recipe"], strict=True)
+    return table._replace(
+        lines=tuple(
+            line._replace(
+                block=f"{role} {recipe}",
+                title=f"{recipe} recipe" if several and recipe else "",
+            )
+            for line, role, recipe in blocks
+        )
+    )
 
 
 def caption_of(data: SummaryData, summary: Summary) -> str:
@@ -124,34 +133,28 @@ def caption_of(data: SummaryData, summary: Summary) -> str:
     return f"{'; '.join(parts)}. Best model in bold."
 
 
-Part = tuple[Column, list[Cell]]  # heading, and cell of every line
-
-
 def _one_step(summary: Summary, name: str, deviations: bool, brief: bool) -> Part:
     values, sd = summary.frame[name], summary.frame[f"{name}_sd"]
     places = decimals(values, 3)
-    texts = [
-        f"{fixed(v, places)} ± {fixed(d, places)}"
-        if deviations and np.isfinite(v) and np.isfinite(d)
-        else fixed(v, places)
+    details = [
+        f" ± {fixed(d, places)}" if deviations and np.isfinite(v) and np.isfinite(d) else ""
         for v, d in zip(values, sd, strict=True)
     ]
     heading = ONE_STEP[name].partition(" ")[0] if brief else ONE_STEP[name]
-    return _with_best(summary, Column(heading, "one step", f"{summary.unit}/s"), name, texts)
+    column = Column(heading, "one step", f"{summary.unit}/s")
+    return _with_best(summary, column, name, places, details)
 
 
 def _rollout(summary: Summary, horizon: float, full: bool) -> Part:
     names = [rollout(horizon, s) for s in ("median", "q90", "diverged")]
     median, q90, diverged = (summary.frame[name] for name in names)
-    places, shares = decimals(median), (diverged > 0).any()
-    texts = [
-        f"{fixed(m, places)} ({short(q)}{f', {percent(d)}' if shares else ''})"
-        if full and not np.isnan(m)
-        else fixed(m, places)
+    shares = (diverged > 0).any()
+    details = [
+        f" ({short(q)}{f', {percent(d)}' if shares else ''})" if full and not np.isnan(m) else ""
         for m, q, d in zip(median, q90, diverged, strict=True)
     ]
     column = Column(seconds(horizon), "rollout", summary.unit, ", median (90 %)")
-    return _with_best(summary, column, names[0], texts)
+    return _with_best(summary, column, names[0], decimals(median), details)
 
 
 def _true_start(summary: Summary) -> list[Part]:
@@ -162,66 +165,45 @@ def _true_start(summary: Summary) -> list[Part]:
     median, q90 = (summary.frame[name] for name in names)
     if median.isna().all():
         return []
-    places = decimals(median)
-    texts = [
-        NOTHING if np.isnan(m) else f"{fixed(m, places)} ({short(q)})"
-        for m, q in zip(median, q90, strict=True)
+    details = [
+        f" ({short(q)})" if not np.isnan(m) else "" for m, q in zip(median, q90, strict=True)
     ]
     heading = seconds(summary.horizons[-1])
     column = Column(heading, "from true states", summary.unit, ", median (90 %)")
-    return [_with_best(summary, column, names[0], texts)]
+    return [_with_best(summary, column, names[0], decimals(median), details)]
 
 
 def _free_run(summary: Summary) -> list[Part]:
-    values = summary.frame["free_run_mean"]
-    if values.isna().all():
-        return []
-    texts = [fixed(value, decimals(values)) for value in values]
-    column = Column("mean", "free run", summary.unit)
-    return [_with_best(summary, column, "free_run_mean", texts)]
+    name, column = "free_run_mean", Column("mean", "free run", summary.unit)
+    values = summary.frame[name]
+    return [] if values.isna().all() else [_with_best(summary, column, name, decimals(values))]
 
 
 def _curves(summary: Summary) -> list[Part]:
-    names = [f"curve_error_joint{joint}" for joint in summary.joints]
-    shares = 100 * summary.frame[names]
+    names = {f"joint {joint}": f"curve_error_joint{joint}" for joint in summary.joints}
+    shares = 100 * summary.frame[list(names.values())]
     # the truth's own error is its smoothing only
     places = min(decimals(shares.where(shares > 0.01).to_numpy().ravel()), 1)
     return [
-        _with_best(
-            summary,
-            Column(f"joint {joint}", "curve error", "%"),
-            name,
-            [fixed(value, places) for value in shares[name]],
-        )
-        for joint, name in zip(summary.joints, names, strict=True)
+        _with_best(summary, Column(joint, "curve error", "%"), name, places, scale=100)
+        for joint, name in names.items()
     ]
 
 
-def _implausible(summary: Summary) -> list[Part]:
-    """Physical checks that models fail; no column where none fails any."""
-    if "implausible" not in summary.frame:
-        return []
-    cells = [Cell(text or NOTHING) for text in summary.frame["implausible"]]
-    return [(Column("implausible", words=True), cells)]
-
-
-def _with_best(summary: Summary, column: Column, name: str, texts: Sequence[str]) -> Part:
-    """A column in which the best of several models stands out, and all that look like it."""
-    values = summary.frame[name].where(summary.frame["role"].isin(RIVALS), np.nan)
-    finite = values[np.isfinite(values)]
-    if len(finite) < 2:
-        return column, list(map(Cell, texts))
-    first = texts[int(finite.idxmin())].split(" ")[0]
+def _with_best(
+    summary: Summary,
+    column: Column,
+    name: str,
+    places: int,
+    details: Sequence[str] = (),
+    scale: float = 1,
+) -> Part:
+    """Scores with so many decimals and their details; the best and all that look like it bold."""
+    scores = summary.frame[name]
+    texts = [fixed(scale * value, places) for value in scores]
+    finite = scores[summary.frame["role"].isin(RIVALS) & np.isfinite(scores)]
+    best = texts[int(finite.idxmin())] if len(finite) > 1 else None
     return column, [
-        Cell(text, bool(text.split(" ")[0] == first and np.isfinite(value)))
-        for text, value in zip(texts, values, strict=True)
+        Cell(text + detail, i in finite.index and text == best)
+        for i, (text, detail) in enumerate(zip(texts, details or len(texts) * [""], strict=True))
     ]
-
-
-def _lines(summary: Summary, rows: Iterable[tuple[Cell, ...]]) -> tuple[Line, ...]:
-    roles, recipes = summary.frame["role"], summary.frame["recipe"]
-    several = len(set(recipes) - {""}) > 1
-    return tuple(
-        Line(cells, f"{role} {recipe}", f"{recipe} recipe" if several and recipe else "")
-        for cells, role, recipe in zip(rows, roles, recipes, strict=True)
-    )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -71,6 +70,12 @@ class Table(NamedTuple):
     columns: tuple[Column, ...]
     lines: tuple[Line, ...]
 
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+        yield from for_terminal(self)
+
+
+Part = tuple[Column, Iterable[str | Cell]]  # heading, and cell of every line
+
 
 def line(cells: Iterable[str | Cell], block: str = "", title: str = "") -> Line:
     """A line of cells, some of them plain text."""
@@ -80,6 +85,12 @@ def line(cells: Iterable[str | Cell], block: str = "", title: str = "") -> Line:
 def text_columns(*names: str) -> list[Column]:
     """Columns that hold words: they stand at the left of their cells."""
     return [Column(name, words=True) for name in names]
+
+
+def by_columns(caption: str, label: str, parts: Sequence[Part]) -> Table:
+    """A table of its columns with their cells."""
+    columns, cells = zip(*parts, strict=True)
+    return Table(caption, label, columns, tuple(map(line, zip(*cells, strict=True))))
 
 
 def blocks(table: Table) -> list[list[Line]]:
@@ -213,26 +224,7 @@ def html(table: Table) -> str:
     >>> html(Table("", "", (Column("a<b"),), (line(["1"]),)))[:7]
     '<table>'
     """
-    shifts = ["left" if column.words else "right" for column in table.columns]
-    names = [column.in_one_line for column in table.columns]
-    head = "".join(_html_cell("th", n, s) for n, s in zip(names, shifts, strict=True))
-    rows = [f"<thead><tr>{head}</tr></thead><tbody>"]
-    for own in blocks(table):
-        if own[0].title:
-            title = f'<td colspan="{len(shifts)}" style="text-align:left"><i>'
-            rows.append(f"<tr>{title}{escape(own[0].title)}</i></td></tr>")
-        for row in own:
-            cells = zip(row.cells, shifts, strict=True)
-            rows.append(
-                f"<tr>{''.join(_html_cell('td', c.text, s, best=c.best) for c, s in cells)}</tr>"
-            )
-    caption = f"<p><i>{escape(table.caption)}</i></p>" if table.caption else ""
-    return f"<table>{''.join(rows)}</tbody></table>{caption}"
-
-
-def _html_cell(tag: str, text: str, shift: str, *, best: bool = False) -> str:
-    shown = f"<b>{escape(text)}</b>" if best else escape(text)
-    return f'<{tag} style="text-align:{shift}">{shown}</{tag}>'
+    return render_page("table.html.j2", {"table": table, "blocks": blocks(table)})
 
 
 # --- Terminal ---------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import pandas as pd
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import Criteria, information_criteria
-from frictionid.evaluation.statistics import CERTAIN, REGION, Pair
+from frictionid.evaluation.statistics import CERTAIN, REGION
 from frictionid.files import plain
 from frictionid.report.candidates import Candidate
 from frictionid.report.numbers import (
@@ -28,7 +28,7 @@ from frictionid.report.numbers import (
 from frictionid.report.questions import QUESTIONS
 from frictionid.report.sections import RIVALS, Model, SummaryData, rollout
 from frictionid.report.summary_table import ONE_STEP, TRUE_START
-from frictionid.report.tables import Cell, Column, Table, line, text_columns
+from frictionid.report.tables import Cell, Column, Table, by_columns, line, text_columns
 from frictionid.report.verdict import KINDS, Verdict
 
 DAGGER = "†"
@@ -44,23 +44,24 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
     """
     reference = verdict.candidate(verdict.provisional)
     criteria = shooting_criteria(verdict.candidates)
-    rows = []
+    nothing, rows = float("nan"), []
     for candidate in verdict.candidates:
         test = candidate.against_provisional
-        scale = reference.error if reference is not None else float("nan")
-        tested = (test.mean, test.low, test.high) if test else 3 * (float("nan"),)
-        chances = (test.above, test.inside, test.below) if test else 3 * (float("nan"),)
-        own = criteria.get(candidate.model, Criteria(float("nan"), float("nan")))
+        tested = 6 * [nothing]
+        if test is not None and reference is not None:
+            sizes = np.divide((test.mean, test.low, test.high), reference.error)
+            tested = [*sizes, test.above, test.inside, test.below]
+        names = ("effect", "low", "high", "worse", "equivalent", "better")
+        aic, bic = criteria.get(candidate.model, Criteria(nothing, nothing))
         rows.append(
             {
                 "model": candidate.name,
                 "effective_parameters": candidate.complexity,
                 "error": candidate.error,
-                **dict(zip(("effect", "low", "high"), np.divide(tested, scale), strict=True)),
-                **dict(zip(("worse", "equivalent", "better"), chances, strict=True)),
+                **dict(zip(names, tested, strict=True)),
                 "standing": candidate.standing,
-                "aic": own.aic,
-                "bic": own.bic,
+                "aic": aic,
+                "bic": bic,
                 "implausible": "; ".join(verdict.failed.get(candidate.model, ())),
             }
         )
@@ -73,17 +74,19 @@ def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteri
     They compare likelihoods of the same data. Fits that leave out different windows, that found
     windows which they do not explain, or that fit torques, have none.
     """
-    known = {}
-    for candidate in candidates:
-        refined = candidate.model.refined or {}
-        if refined.get("residuals") and not refined.get("unexplained"):
-            known[candidate.model] = refined["residuals"], candidate.complexity
-    counts = [np.asarray(residuals["counts"], dtype=float) for residuals, _ in known.values()]
+    shot = {
+        candidate.model: (candidate.model.refined["residuals"], candidate.complexity)
+        for candidate in candidates
+        if candidate.model.refined
+        and candidate.model.refined.get("residuals")
+        and not candidate.model.refined.get("unexplained")
+    }
+    counts = [np.asarray(residuals["counts"], dtype=float) for residuals, _ in shot.values()]
     if len(counts) < 2 or np.ptp(counts, axis=0).max() > _SAME * np.max(counts):
         return {}
     return {
         model: information_criteria(residuals["squares"], residuals["counts"], parameters)
-        for model, (residuals, parameters) in known.items()
+        for model, (residuals, parameters) in shot.items()
     }
 
 
@@ -92,33 +95,30 @@ def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
     at = f"{seconds(verdict.horizon)} ahead"
     versus = f"against {verdict.provisional or 'none'}"
     errors, counts = (numbers[name] for name in ("error", "effective_parameters"))
-    parts: list[tuple[Column, list[str]]] = [
-        (Column("model", words=True), list(numbers["model"])),
+    parts: list[tuple[Column, Iterable[str]]] = [
+        (Column("model", words=True), numbers["model"]),
         (Column("effective parameters"), [fixed(v, int(abs(v - round(v)) > 0.05)) for v in counts]),
         (Column(at, "error", verdict.unit), [fixed(v, decimals(errors)) for v in errors]),
         (
             Column("times as far off [95 %]", versus),
             [_effect(row) for _, row in numbers.iterrows()],
         ),
-        (Column("worse", "probability"), [_chance(v) for v in numbers["worse"]]),
-        (Column("equivalent", "probability"), [_chance(v) for v in numbers["equivalent"]]),
-        (Column("better", "probability"), [_chance(v) for v in numbers["better"]]),
-        (Column("standing", words=True), list(numbers["standing"])),
+        *(
+            (Column(name, "probability"), [_chance(v) for v in numbers[name]])
+            for name in ("worse", "equivalent", "better")
+        ),
+        (Column("standing", words=True), numbers["standing"]),
     ]
-    if numbers["aic"].notna().any():
-        for name in ("aic", "bic"):
-            least = numbers[name].min()
-            cells = [NOTHING if np.isnan(v) else signed(v - least, 1) for v in numbers[name]]
-            parts.append((Column(name.upper(), "less the lowest"), cells))
+    for name in ("aic", "bic") if numbers["aic"].notna().any() else ():
+        differences = numbers[name] - numbers[name].min()
+        cells = [NOTHING if np.isnan(v) else signed(v, 1) for v in differences]
+        parts.append((Column(name.upper(), "less the lowest"), cells))
     if (numbers["implausible"] != "").any():
-        own = [text or NOTHING for text in numbers["implausible"]]
-        parts.append((Column("implausible", words=True), own))
-    columns, texts = zip(*parts, strict=True)
-    lines = [
-        line([Cell(text, row[0] == verdict.recommended) for text in row])
-        for row in zip(*texts, strict=True)
-    ]
-    return Table(_caption(verdict), f"verdict-{verdict.dataset}", columns, tuple(lines))
+        implausible = numbers["implausible"].replace("", NOTHING)
+        parts.append((Column("implausible", words=True), implausible))
+    best = [model == verdict.recommended for model in numbers["model"]]
+    shown = [(column, list(map(Cell, texts, best))) for column, texts in parts]
+    return by_columns(_caption(verdict), f"verdict-{verdict.dataset}", shown)
 
 
 def marked(table: Table, verdict: Verdict) -> Table:
@@ -126,17 +126,13 @@ def marked(table: Table, verdict: Verdict) -> Table:
     names = {model.name for model in verdict.failed}
     if not any(cell.text in names for row in table.lines for cell in row.cells):
         return table
-    lines = [
-        row._replace(
-            cells=tuple(
-                cell._replace(text=f"{cell.text} {DAGGER}") if cell.text in names else cell
-                for cell in row.cells
-            )
-        )
-        for row in table.lines
-    ]
+
+    def mark(cell: Cell) -> Cell:
+        return cell._replace(text=f"{cell.text} {DAGGER}") if cell.text in names else cell
+
+    lines = tuple(row._replace(cells=tuple(map(mark, row.cells))) for row in table.lines)
     caption = f"{table.caption} {DAGGER} Not plausible, see the summary."
-    return table._replace(lines=tuple(lines), caption=caption)
+    return table._replace(lines=lines, caption=caption)
 
 
 def _caption(verdict: Verdict) -> str:
@@ -173,18 +169,14 @@ def difference_table(data: SummaryData) -> Table | None:
     last = rollout(data.horizons[-1], score=TRUE_START) if data.horizons else ""
     if last in data.level:
         heads[last] = Column(f"{data.horizons[-1]:g} s", "from true states", unit, ", median")
-    lines = []
     best = {name: data.best(rivals, name) for name in heads}
-    for model in data.models:
-        cells = [
-            NOTHING
-            if first is None
-            else Cell("best", True)
-            if first is model
-            else _difference(data.paired(model, first, name))
-            for name, first in best.items()
-        ]
-        lines.append(line([model.name, *cells], model.role + model.recipe))
+    lines = [
+        line(
+            [model.name, *(_difference(data, model, first, name) for name, first in best.items())],
+            model.role + model.recipe,
+        )
+        for model in data.models
+    ]
     caption = (
         f"{data.dataset}: differences to the best model of each column, paired over the folds: "
         "mean ± standard error of the corrected t-test; ≈ where its 95 % interval holds zero. "
@@ -194,8 +186,11 @@ def difference_table(data: SummaryData) -> Table | None:
     return Table(caption, f"differences-{data.dataset}", columns, tuple(lines))
 
 
-def _difference(pair: Pair) -> str:
-    if pair.clear is None:
+def _difference(data: SummaryData, model: Model, best: Model | None, column: str) -> str | Cell:
+    if best is model:
+        return Cell("best", True)
+    pair = None if best is None else data.paired(model, best, column)
+    if pair is None or pair.clear is None:
         return NOTHING
     places = decimals([pair.error])
     sign = "+" if pair.mean >= 0 else MINUS
@@ -211,7 +206,14 @@ def verdict_document(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     document = {
         "format": FORMAT,
         "rule": {"region": REGION, "probability": CERTAIN},
-        "datasets": [_dataset(verdict) for verdict in verdicts],
+        "datasets": [
+            {
+                **vars(verdict),
+                "candidates": list(map(_candidate, verdict.candidates)),
+                "questions": list(map(vars, verdict.questions)),
+            }
+            for verdict in verdicts
+        ],
     }
     out: dict[str, Any] = plain(document, infinity=None)
     return out
@@ -222,21 +224,13 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
     return json.dumps(verdict_document(verdicts), indent=1, allow_nan=False, ensure_ascii=False)
 
 
-def _dataset(verdict: Verdict) -> dict[str, Any]:
-    fields = {name: value for name, value in vars(verdict).items()}
-    fields["candidates"] = [_candidate(candidate) for candidate in verdict.candidates]
-    fields["questions"] = [vars(question) for question in verdict.questions]
-    return fields
-
-
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
     del fields["model"]
     for name in ("against_best", "against_provisional"):
         fields[name] = fields[name] and fields[name]._asdict()
-    known = {"name": model.name, "identifier": model.identifier, "recipe": model.recipe}
-    wrong = {"error": candidate.error, "implausible": candidate.implausible}
-    return {**known, "role": model.role, **wrong, **fields}
+    names = {key: getattr(model, key) for key in ("name", "identifier", "recipe", "role")}
+    return {**names, "error": candidate.error, "implausible": candidate.implausible, **fields}
 
 
 # --- What scripts may require ---------------------------------------------------------------------

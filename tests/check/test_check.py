@@ -30,8 +30,7 @@ from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.report.diagnostics import as_json
-from frictionid.report.figures.diagnostics import write_pictures
+from frictionid.report.diagnostics import as_json, write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}

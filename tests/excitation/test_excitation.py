@@ -44,8 +44,8 @@ from frictionid.fitting.one_step.residual import Problem, integral_problem, mask
 from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
-from frictionid.report.experiment_design import command_csv, described
-from frictionid.report.figures.experiment_design import picture
+from frictionid.report.experiment_design import command_csv, described, design_figure
+from frictionid.report.figures.style import png
 from frictionid.simulate import Curve, Stribeck
 from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.modes import TrueSystem
@@ -395,4 +395,4 @@ def test_the_table_can_be_played_and_the_picture_is_one() -> None:
     assert np.allclose(table[:, 0], design.experiment.commands)
     assert np.array_equal(table[:, 1], design.torque[:, 0, 1])
     assert table[-1, 1] == 0.0
-    assert picture(design).startswith(b"\x89PNG")
+    assert png(lambda: design_figure(design)).startswith(b"\x89PNG")

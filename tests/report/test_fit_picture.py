@@ -8,6 +8,7 @@ from fixtures.tiny_pendulums import dataset, write_dataset
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.report.figures import fits
+from frictionid.report.figures.style import png
 
 FIT = ("fit", "tiny", "--identifier", "coulomb_viscous", "--out", "model.json")
 
@@ -38,7 +39,7 @@ def test_the_band_is_that_of_the_document(monkeypatch, width):
     friction = Friction(CoulombViscous(), np.array([[0.03, 0.004]]), provenance=source)
     drawn = []
     monkeypatch.setattr(fits, "_panel", lambda *given: drawn.append(given[1:]))
-    assert fits.fit_picture(friction, dataset()).startswith(b"\x89PNG")
+    assert png(lambda: fits.fit_figure(friction, dataset())).startswith(b"\x89PNG")
     ((w, curve, half),) = drawn
     np.testing.assert_allclose(curve, 0.03 * np.sign(w) + 0.004 * w, atol=1e-12)
     assert half is None if width is None else np.allclose(half, width)

@@ -24,14 +24,12 @@ from frictionid.report.figures.style import (
     GREY,
     PALE,
     WIDTH,
-    drawing,
     figure,
     key_above,
     line,
     panel_grid,
     patch,
     plain,
-    rendered,
     velocity_axis,
 )
 from frictionid.report.numbers import MINUS, short
@@ -188,12 +186,6 @@ def check_drawable(identifier: Identifier) -> None:
     """
     if not identifier.uses_mechanism:
         raise InputError("--figure: a model without physics has no friction torque to draw")
-
-
-def fit_picture(friction: Friction, dataset: Dataset) -> bytes:
-    """PNG of `fit_figure`."""
-    with drawing():
-        return rendered(fit_figure(friction, dataset), ("png",))["png"]
 
 
 def fit_figure(friction: Friction, dataset: Dataset) -> Any:

@@ -101,6 +101,12 @@ def drawn(draw: Callable[[], Any]) -> Any:
     return picture
 
 
+def png(draw: Callable[[], Any]) -> bytes:
+    """PNG of the figure that a function draws, in our styles."""
+    with drawing():
+        return rendered(draw(), ["png"])["png"]
+
+
 def rendered(picture: Any, kinds: Iterable[str] = FORMATS) -> dict[str, bytes]:
     """A figure's files by their endings, without dates: the same picture has the same bytes."""
     nothing = {
