@@ -131,9 +131,9 @@ def behind(seed: int) -> dict[str, float]:
                 out[f"{name} not in its interval (share)"] = float(not within)
     without, wrong, _ = fitted(data)
     went, other = fit.convergence, without.convergence
-    out["windows not explained [%]"] = 100 * went.unexplained / went.windows
-    out["without it: windows not explained [%]"] = 100 * other.unexplained / other.windows
-    doubted = other.warnings or other.unexplained > _MANY * other.windows
+    out["windows not explained [%]"] = 100 * len(went.unexplained) / went.windows
+    out["without it: windows not explained [%]"] = 100 * len(other.unexplained) / other.windows
+    doubted = other.warnings or len(other.unexplained) > _MANY * other.windows
     out["without it: coulomb [%]"] = 100 * abs(wrong["coulomb"] / rig.coulomb - 1)
     out["without it: not doubted (share)"] = float(not doubted)
     return out

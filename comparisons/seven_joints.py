@@ -59,11 +59,11 @@ def shown(method: str, seed: int, recordings: int, seconds: float) -> Shown:
         begin = perf_counter()
         friction = fit_model(data, LeastSquares(Stribeck()), METHODS[method])
         took = perf_counter() - begin
-    own = [p for p in friction.provenance["refined"]["parameters"] if p["block"] == "friction"]
-    true = [TRUE[p["name"].split(" of ")[0]][p["joint"]] for p in own]
-    low, high = np.array([p["interval_95"] for p in own]).T
-    held = (low <= true) & (true <= high)
-    known = np.array([p["identified"] for p in own])
+    refined = friction.provenance.refined
+    assert refined is not None
+    estimates = [e for e in refined.parameters if e.block == "friction"]
+    held = np.array([e.holds(TRUE[e.parameter][e.joint or 0]) for e in estimates])
+    known = np.array([e.identified for e in estimates])
     return Shown(curve_errors(friction, data), held, known, took)
 
 

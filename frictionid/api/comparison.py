@@ -22,6 +22,7 @@ from frictionid.comparison.results import (
     Results,
     load_results,
     model_document_of,
+    task_provenance,
 )
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
@@ -29,6 +30,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import score_value
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import read_model
+from frictionid.friction.provenance import Provenance
 from frictionid.report import show_summary
 from frictionid.report.console import printed
 from frictionid.report.exhibits import (
@@ -301,13 +303,13 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         document = model_document_of(task)
         if self.fitted is not None:
             result = self.fitted[key]
-            source = {**result.overall.provenance, **document["provenance"]}
+            source = task_provenance(task)
             friction, folds = replace(result.overall, provenance=source), result.friction
         else:
             known = {**LAWS, **{law.__name__: law for law in self.laws}}
             friction = read_model(document, known, str(self.results.folder))
             theta = np.asarray(task["folds"]["theta"], float).reshape(task["folds"]["shape"])
-            folds = replace(friction, theta=theta, provenance={}, calibration=None)
+            folds = replace(friction, theta=theta, provenance=Provenance(), calibration=None)
         own = self.results.scores.loc[[place]]
         own = own[own["dataset"] == task["dataset"]].reset_index(drop=True)
         return ComparedModel(

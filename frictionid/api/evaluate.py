@@ -137,8 +137,7 @@ def scores_of(
 
 def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[str]:
     """A sentence where the model was fitted to tables of the data set."""
-    hashes = friction.provenance.get("data")
-    fitted = set(hashes.values()) if isinstance(hashes, Mapping) else set()
+    fitted = set(friction.provenance.data.values())
     shared = [file for file, own in dataset.hashes.items() if own in fitted]
     if shared:
         yield (

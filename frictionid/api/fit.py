@@ -18,7 +18,7 @@ from frictionid.api.models import (
     optional_number,
 )
 from frictionid.comparison.equal_joints import groups_of, with_equal
-from frictionid.comparison.fit_model import fitted
+from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import RECIPES
 from frictionid.comparison.smoothing_bias import with_smoothing_bias
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
@@ -192,11 +192,10 @@ def fit(
         consistent=consistent,
         calibration=calibration,
     )
-    made = fitted(dataset, identifier, chosen, protocol, count("seed", seed))
-    friction = made.friction
+    friction = fit_model(dataset, identifier, chosen, protocol, count("seed", seed))
     if bias:
         friction = with_smoothing_bias(friction, dataset, identifier, chosen, protocol, seed)
-    return Fit(friction, dataset, made.fit)
+    return Fit(friction, dataset)
 
 
 def load_model(path: str | Path, laws: Sequence[type[Law]] = ()) -> Fit:

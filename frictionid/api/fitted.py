@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from html import escape
 from pathlib import Path
@@ -22,38 +22,21 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
 from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
-from frictionid.fitting import method as methods
+from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
+from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed
-from frictionid.report.estimates import Estimate
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
-from frictionid.report.fit_table import estimate_frame, estimate_table, fit_estimates, interval_note
+from frictionid.report.fit_table import estimate_frame, estimate_table, interval_note
 from frictionid.report.tables import html, terminal_text
 
 PLOTS = ("friction", "motion", "correlation")
 _VELOCITIES = 201  # of a curve
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """How a fit by shooting went; see `frictionid.shooting.Diagnostics`.
-
-    warnings : sentences on what makes the numbers doubtful as a whole
-    angle_noise : [rad] of each joint, by which measured angles miss the predicted ones
-    """
-
-    converged: bool
-    iterations: int
-    windows: int
-    left_out: int
-    unexplained: int
-    warnings: tuple[str, ...]
-    angle_noise: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,13 +49,10 @@ class Fit:
         The law with its numbers, with its calibration where that was free.
     data : Dataset or None
         None for a model that was loaded from a file.
-    made : Fit or None
-        What the method gave, for the intervals of a one-step fit.
     """
 
     friction: Friction
     data: Dataset | None = None
-    made: methods.Fit | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         table = [terminal_text(self._table)] if self._estimates else []
@@ -95,12 +75,12 @@ class Fit:
     def method(self) -> str:
         """How it was fitted: "shooting", "inverse_dynamics", "one_step", or "pooled" of fits."""
         source = self.friction.provenance
-        if "pooled" in source:
+        if source.pooled is not None:
             return "pooled"
-        recipe = source.get("recipe") or source.get("settings", {}).get("recipe", "")
+        recipe = source.recipe or source.settings.get("recipe", "")
         if str(recipe).startswith("InverseDynamics"):
             return "inverse_dynamics"
-        return "shooting" if self._document else "one_step"
+        return "one_step" if source.refined is None else "shooting"
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -115,15 +95,9 @@ class Fit:
         return self.friction.calibration
 
     @property
-    def convergence(self) -> Convergence | None:
-        """How the fit went, where it was shot."""
-        d = self._document
-        if not d:
-            return None
-        sizes = (len(d["left_out"]), len(d["unexplained"]))
-        went = bool(d["settled"]), int(d["iterations"]), int(d["windows"])
-        noise = tuple(map(float, d.get("angle_noise", ())))
-        return Convergence(*went, *sizes, (*d["warnings"],), noise)
+    def convergence(self) -> Diagnostics | None:
+        """How the fit went, where it was shot; see `frictionid.shooting.Diagnostics`."""
+        return self._refined
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -138,11 +112,11 @@ class Fit:
     @property
     def covariance(self) -> pd.DataFrame | None:
         """Covariance of the free parameters by their names, of a fit by shooting, else None."""
-        if not self._document:
+        refined = self._refined
+        if refined is None:
             return None
-        names = [entry["name"] for entry in self._document["parameters"]]
-        values = np.asarray(self._document["covariance"], dtype=float)
-        return pd.DataFrame(values.reshape(2 * [len(names)]), names, names)
+        names = [e.name for e in refined.parameters]
+        return pd.DataFrame(refined.square(refined.covariance), names, names)
 
     def curve(self, velocity: Any = None) -> pd.DataFrame:
         """Friction torque of each joint over velocity.
@@ -257,9 +231,9 @@ class Fit:
             joints, units = data.mechanism.joints, data.mechanism.position_units
             return drawn(partial(predicted_figure, table, joints, units))
         if kind == "correlation":
-            if not self._document:
+            if self._refined is None:
                 raise InputError("plot: correlations are known of fits by shooting only")
-            return drawn(partial(fit_correlation, self._document, self.joints))
+            return drawn(partial(fit_correlation, self._refined, self.joints))
         if self.friction.mechanism:
             raise InputError("plot: a model without physics has no friction torque to draw")
         return drawn(partial(fit_figure, self.friction, self._given(run)))
@@ -303,41 +277,30 @@ class Fit:
         return fid.export(self, to, out, settings=settings, replace=replace)
 
     @property
-    def _document(self) -> Mapping[str, Any]:
-        """Result document of shooting; empty where there is none."""
-        document: Mapping[str, Any] = self.friction.provenance.get("refined") or {}
-        return document
+    def _refined(self) -> Estimates | None:
+        """What shooting or inverse dynamics estimated."""
+        return self.friction.provenance.refined
 
     @property
     def _known(self) -> bool:
-        """Whether intervals are known: not of one-step fits in model files of earlier versions."""
-        pooled = self.method == "pooled"
-        return pooled or bool(self._document or self._half_widths) or self.made is not None
-
-    @property
-    def _half_widths(self) -> Any:
-        """Half the widths of a one-step fit's intervals, as its provenance has them."""
-        return self.friction.provenance.get("half_widths")
+        """Whether intervals are known: not of given numbers."""
+        source = self.friction.provenance
+        return any(v is not None for v in (source.refined, source.pooled, source.half_widths))
 
     @cached_property
-    def _estimates(self) -> list[Estimate]:
-        law, half = self.friction.law, None
-        if self._half_widths:
-            half = np.array(self._half_widths, dtype=float)
-        elif self.made is not None and not (self._document or law.is_network or not law.names):
-            half = self.made.half_widths()
-        return fit_estimates(self.friction, self.joints, half)
+    def _estimates(self) -> tuple[Estimate, ...]:
+        return estimates_of(self.friction, self.joints)
 
     @property
     def _table(self) -> Any:
-        alone = self.method == "one_step" and "smoothing_bias" not in self.friction.provenance
+        alone = self.method == "one_step" and self.friction.provenance.smoothing_bias is None
         return estimate_table(self._estimates, known=self._known, noise_alone=alone)
 
     @property
     def _headline(self) -> str:
         method = "one-step" if self.method == "one_step" else self.method.replace("_", " ")
         if self.data is None:
-            source = self.friction.provenance.get("dataset")
+            source = self.friction.provenance.dataset
             where = f" to {source!r}, from a file" if source else ", from a file"
         else:
             recordings = self.data.recordings
@@ -352,17 +315,17 @@ class Fit:
         notes = []
         if self.friction.law.is_network:
             notes.append(f"{len(self.friction.law.names)} weights for each joint")
-        for kind in ("equation", "equality"):
-            notes += self.friction.provenance.get(kind, ())
+        source = self.friction.provenance
+        notes += (*source.equation, *source.equality)
         if self.method == "one_step" and self._known and self._estimates:
-            notes.append(interval_note(self.friction.provenance))
-        notes += [s for s in self.friction.provenance.get("torque", ()) if s == AS_LOGGED]
-        went = self.convergence
+            notes.append(interval_note(source))
+        notes += [s for s in source.torque if s == AS_LOGGED]
+        went = source.refined
         if went is not None:
-            done = "converged" if went.converged else "NOT converged"
+            done = "converged" if went.settled else "NOT converged"
             windows = f", {went.windows} windows" if self.method == "shooting" else ""
             notes.append(f"{done} after {went.iterations} iterations{windows}")
-            without = [str(own["block"]) for own in self._document["dropped"]]
+            without = [dropped.block for dropped in went.dropped]
             if without:
                 notes.append(f"left out, as none shows: {', '.join(without)}")
             notes += went.warnings
@@ -372,9 +335,8 @@ class Fit:
         """Velocities (V, n) of the fit's data, or of its bands."""
         if self.data is not None:
             return velocity_grid(speeds(self.data, EstimatedStates(self.data).by(INTEGRAL.states)))
-        bands = self._document.get("bands")
-        if bands:
-            return np.asarray(bands["velocity"], dtype=float)
+        if self._refined is not None and self._refined.bands is not None:
+            return np.asarray(self._refined.bands.velocity)
         raise InputError("the model is from a file and knows no speeds: name the velocities")
 
     def _given(self, run: Any) -> Dataset:

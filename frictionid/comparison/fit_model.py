@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Any
 
 from frictionid.arrays import Array
 from frictionid.check import torque_sources
@@ -34,7 +32,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Fit, Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.shooting import document_of
+from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.friction import Friction
 
 
@@ -48,28 +46,21 @@ def with_equations(fit: Fit) -> Friction:
     if not last.law.is_sparse:
         return friction
     bars = fit.error_bars()
-    own = {
-        "equation": last.law.equation(last.theta, bars.size, last.position_units),
-        "equation_errors": bars.meaning,
-    }
-    return replace(friction, provenance={**friction.provenance, **own})
+    lines = last.law.equation(last.theta, bars.size, last.position_units)
+    return friction.noted({"equation": tuple(lines), "equation_errors": bars.meaning})
 
 
 def with_intervals(friction: Friction, fit: Fit) -> Friction:
     """Friction (F, n, P) of a one-step fit, with the intervals of all data in its provenance.
 
-    `half_widths` (n, P) of 95 % intervals of the noise alone, None where there is none, and what
-    they hold in words. Networks and laws without derivatives have none; shooting has its own result
-    document.
+    `half_widths` (n, P) of 95 % intervals of the noise alone, NaN where there is none, and what
+    they hold in words. Networks have none; shooting has its own.
     """
     law = friction.law
-    derivable = law.names and (law.has_gradient or law.has_memory)
-    if fit.refined is not None or law.is_network or not derivable:
+    if fit.refined is not None or law.is_network or not law.names or law.cannot_be_saved:
         return friction
-    half = [[v if np.isfinite(v) else None for v in joint] for joint in fit.half_widths().tolist()]
     hold = "noise alone, not the bias of smoothed states"
-    known = {"half_widths": half, "half_widths_hold": hold}
-    return replace(friction, provenance={**friction.provenance, **known})
+    return friction.noted({"half_widths": fit.half_widths(), "half_widths_hold": hold})
 
 
 @dataclass(frozen=True)
@@ -84,13 +75,6 @@ class _NotFixed(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         return self.inner.fit(problem, weights, seed)
-
-
-class Fitted(NamedTuple):
-    """Friction (n, P) fitted to all recordings, and all that the method gave."""
-
-    friction: Friction
-    fit: Fit
 
 
 AS_LOGGED = (
@@ -111,7 +95,7 @@ def fit_model(
     Given friction is refined where the recipe shoots. Sample time and history are those of the
     protocol, so that the intervals are those of a comparison. The provenance names data,
     identifier, recipe and seed, and says as `torque` whether each motor's torque is measured. Where
-    the recipe shoots, it has the whole result as `refined`, see `document_of`; of sparse laws, the
+    the recipe shoots, it has the whole result as `refined`, see `Estimates`; of sparse laws, the
     `equation`.
 
     Raises
@@ -126,17 +110,6 @@ def fit_model(
         dataset = frictionid.load_dataset("my_rig")
         print(fit_model(dataset, LeastSquares(Stribeck())))
     """
-    return fitted(dataset, identifier, recipe, protocol, seed).friction
-
-
-def fitted(
-    dataset: Dataset,
-    identifier: Identifier,
-    recipe: Method = INTEGRAL,
-    protocol: Protocol | None = None,
-    seed: int = 0,
-) -> Fitted:
-    """The friction of `fit_model` and, for its intervals, what the method gave."""
     recipe.check(identifier)
     protocol = protocol or Protocol()
     refuse_torques(dataset)
@@ -146,27 +119,25 @@ def fitted(
     training = training_set(prepared, [recipe])
     fit = recipe.fit(_NotFixed(identifier), training, seed)
     friction = with_intervals(with_equations(fit), fit)[-1]
-    provenance: dict[str, Any] = {
+    notes: dict[str, Any] = {
         "dataset": dataset.name,
         "data": dict(dataset.hashes),
         "identifier": repr(identifier),
         "recipe": repr(recipe),
         "sample_time": protocol.sample_time,
         "seed": seed,
-        **friction.provenance,
+        **friction.provenance.notes,
     }
     if identifier.uses_mechanism:
-        provenance["torque"] = [source.sentence for source in torque_sources(dataset)]
-        if fit.refined is None and _as_logged(dataset):
-            provenance["torque"].append(AS_LOGGED)
+        late = (AS_LOGGED,) * (fit.refined is None and _as_logged(dataset))
+        notes["torque"] = (*(source.sentence for source in torque_sources(dataset)), *late)
     if fit.refined is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
-        provenance["refined"] = document_of(fit.refined, dataset, velocity_grid(w))
+        notes["refined"] = refined_estimates(fit.refined, dataset, velocity_grid(w))
     if equal := equal_groups(identifier):
         check_units(friction, equal)
-        provenance["equality"] = _equality(identifier, recipe, training, seed)
-    known = replace(friction, provenance=provenance)
-    return Fitted(with_speeds(known, speeds(dataset, prepared.smoothed)), fit)
+        notes["equality"] = tuple(_equality(identifier, recipe, training, seed))
+    return with_speeds(friction.noted(notes), speeds(dataset, prepared.smoothed))
 
 
 def _as_logged(dataset: Dataset) -> bool:

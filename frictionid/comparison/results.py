@@ -42,7 +42,6 @@ from frictionid.errors import InputError
 from frictionid.evaluation import (
     SCORE_COLUMNS,
     Prepared,
-    beside_friction,
     curves,
     score_frame,
     speeds,
@@ -53,6 +52,7 @@ from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
 from frictionid.fitting.shooting.result_document import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
+from frictionid.friction.provenance import Provenance, read_provenance
 
 # What a task's document must have for tables and figures.
 DOCUMENT = (
@@ -283,10 +283,11 @@ def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame
     """
     frames = []
     for number, task in enumerate(tasks):
+        refined = task_provenance(task).refined
         for dataset, rows in task["rows"].items():
             frame = score_frame(rows)
-            beside = beside_friction((task.get("refined") or {}).get("parameters", ()))
-            frame.loc[frame["score"] == "n_parameters", "value"] += beside
+            if refined is not None:
+                frame.loc[frame["score"] == "n_parameters", "value"] += refined.beside_friction
             names = suite, dataset, task["identifier"], task["fit"]
             frames.append(_long(frame, names, task["seed"]).set_axis([number] * len(frame)))
     return pd.concat(frames)
@@ -326,6 +327,12 @@ def model_document_of(task: Mapping[str, Any]) -> dict[str, Any]:
         source["refined"] = task["refined"]
     model = dict(task["model"])
     return {**model, "provenance": {**model.get("provenance", {}), **source}}
+
+
+def task_provenance(task: Mapping[str, Any]) -> Provenance:
+    """Provenance of the model of a task's document, and what its fit estimated."""
+    document = model_document_of(task)
+    return read_provenance(document["provenance"], tuple(document["shape"]))
 
 
 def model_scores(dataset: str, frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

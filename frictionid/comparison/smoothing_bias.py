@@ -15,7 +15,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.motion import motions_of
-from frictionid.comparison.fit_model import fitted
+from frictionid.comparison.fit_model import fit_model
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -52,7 +52,7 @@ def with_smoothing_bias(
     InputError
         For fits without one-step intervals, servos, and where the friction replays no such motion.
     """
-    half = friction.provenance.get("half_widths")
+    half = friction.provenance.half_widths
     if half is None or friction.calibration is not None:
         raise InputError(
             "bias: it is that of the intervals of a one-step fit, and this one has none: give a "
@@ -64,16 +64,16 @@ def with_smoothing_bias(
     rng, off = np.random.default_rng(seed), []
     for _ in range(DRAWS):
         seen = [_seen(*each, rng) for each in zip(pieces.recordings, moved, noise, strict=True)]
-        again = fitted(replace(pieces, recordings=tuple(seen)), identifier, recipe, protocol, seed)
-        off.append(again.friction.theta - friction.theta)
+        data = replace(pieces, recordings=tuple(seen))
+        off.append(fit_model(data, identifier, recipe, protocol, seed).theta - friction.theta)
     bias = np.mean(off, axis=0)
-    wide = np.array(half, dtype=float) + np.abs(bias)  # None becomes NaN
-    found = {
-        "half_widths": [[v if np.isfinite(v) else None for v in own] for own in wide.tolist()],
-        "half_widths_hold": "noise, and the bias of smoothed states",
-        "smoothing_bias": bias.tolist(),
-    }
-    return replace(friction, provenance={**friction.provenance, **found})
+    return friction.noted(
+        {
+            "half_widths": half + np.abs(bias),
+            "half_widths_hold": "noise, and the bias of smoothed states",
+            "smoothing_bias": bias,
+        }
+    )
 
 
 def replayed(friction: Friction, dataset: Dataset) -> tuple[Dataset, list[Array], list[Array]]:

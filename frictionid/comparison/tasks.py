@@ -29,8 +29,7 @@ from frictionid.errors import InputError
 from frictionid.files import read_json, write_json
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
-from frictionid.fitting.shooting import document_of
-from frictionid.fitting.shooting.result_document import own_base
+from frictionid.fitting.shooting.result_document import own_base, refined_estimates
 from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
@@ -246,6 +245,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
     dataset = task.benchmark.dataset
     frames = {dataset.name: result.scores, **result.tests}
     rows = {name: [list(row) for row in f.itertuples(index=False)] for name, f in frames.items()}
+    refined = result.refined and refined_estimates(result.refined, dataset, result.grid)
     return {
         "dataset": dataset.name,
         "identifier": task.name,
@@ -260,7 +260,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "curves": result.curves,
         "motions": list(result.motions),
         "seconds": dict(result.seconds),
-        "refined": result.refined and document_of(result.refined, dataset, result.grid),
+        "refined": refined and refined.document(),
         "members": result.members,
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],

@@ -100,23 +100,19 @@ def compensate(
     replace: Replace = False,
 ) -> None:
     """Write the torque that cancels friction along a reference, over the reference's velocity."""
-    from dataclasses import replace as renewed
-
     from frictionid.comparison.registry import friction_of
     from frictionid.deploy.compensation import Compensation, compensating, compensation_table
     from frictionid.deploy.export.export import export
     from frictionid.deploy.export.exported import ExportSettings
     from frictionid.errors import InputError
-    from frictionid.evaluation import known_speeds
     from frictionid.files import json_text, write_bytes
     from frictionid.outputs import check_outputs
 
     friction = friction_of(model)
     settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
-    known = tuple(speed or known_speeds(friction))
+    known = tuple(speed or friction.provenance.speeds)
     known = known * friction.n if len(known) == 1 else known
-    source = {**friction.provenance, **({"speeds": known} if known else {})}
-    friction = renewed(friction, provenance=source)
+    friction = friction.noted({"speeds": known}) if known else friction
     if to != "csv":
         own = compensating(friction, settings)
         names = ExportSettings(name="compensation")
@@ -274,11 +270,10 @@ def pool(
     made.save(out)
     if ranges is not None:
         write_json(ranges, {"format": "frictionid ranges 1", "ranges": made.ranges()})
-    document = made.friction.provenance["pooled"]
     if json:
-        print(json_text(document), end="")
+        print(json_text(made.several._asdict()), end="")
         return
-    show_pooled(document)
+    show_pooled(made.several)
     for path in (out, ranges):
         if path is not None:
             print(f"written to {path}")

@@ -130,12 +130,12 @@ def compensating(friction: Any, settings: Compensation | None = None) -> Frictio
             raise InputError(
                 f"compensation: {name} has {len(given)} numbers, the friction {friction.n} joints"
             )
-    source = dict(friction.provenance)
-    speeds = tuple(max(float(v), _MOVING) for v in source.pop("speeds", ()))
+    source = friction.provenance
+    speeds = tuple(max(speed, _MOVING) for speed in source.speeds)
     if len(speeds) not in (0, friction.n):
         raise InputError(f"{len(speeds)} speeds for {friction.n} joints: give one each")
     law = LinearOutside(friction.law, speeds) if speeds else friction.law
-    return replace(friction, law=CompensationLaw(law, own), provenance=source)
+    return replace(friction, law=CompensationLaw(law, own), provenance=source.without(["speeds"]))
 
 
 def feed_forward(

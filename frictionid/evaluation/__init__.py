@@ -4,7 +4,6 @@ from frictionid.evaluation.curves import (
     curve_error,
     curve_scores,
     curves,
-    known_speeds,
     member_curves,
     steady_state,
     true_calibration,
@@ -44,7 +43,6 @@ from frictionid.evaluation.prepared import (
 from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_value
 from frictionid.evaluation.scoring import (
     Evaluation,
-    beside_friction,
     held_out_residual,
     one_step_scores,
     score_folds,

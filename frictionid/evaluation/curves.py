@@ -80,25 +80,7 @@ def curve_scores(errors: Array, overall: Array) -> Iterator[Score]:
 def with_speeds(friction: Friction, w: Array) -> Friction:
     """Friction whose provenance has the greatest speed of each part in the data, from w (K, m)."""
     reach = [float(f"{speed:.6g}") for speed in np.abs(w).max(axis=0)]
-    return replace(friction, provenance={**friction.provenance, "speeds": reach})
-
-
-def known_speeds(friction: Friction) -> tuple[float, ...]:
-    """Greatest speed of each part in the data, as `with_speeds` wrote it; () where none is known.
-
-    Raises
-    ------
-    InputError
-        Where the provenance of a model file holds something else.
-    """
-    given = friction.provenance.get("speeds") or ()
-    try:
-        known = tuple(float(v) for v in given)
-    except (TypeError, ValueError):
-        known = (np.nan,)
-    if not np.isfinite(known).all():
-        raise InputError(f"provenance.speeds of the model must be speeds [rad/s], not {given!r}")
-    return known
+    return friction.noted({"speeds": tuple(reach)})
 
 
 # The law of each kind of truth, and what its table has besides the steady-state curve. Stribeck
@@ -120,7 +102,7 @@ def steady_state(truth: Mapping[str, Any], width: float = 1e-6) -> Friction:
     """
     law = Stribeck(width=width, symmetric=False)
     theta = _columns(truth, law.names, np.size(truth.get(law.names[0], ())))
-    return Friction(law, theta, provenance={"source": "truth"})
+    return Friction(law, theta).noted({"source": "truth"})
 
 
 def _columns(truth: Mapping[str, Any], names: Sequence[str], joints: int) -> Array:

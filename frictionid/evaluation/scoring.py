@@ -6,7 +6,7 @@ rollout and every whole recording is then predicted by the friction of the fold 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -319,15 +319,6 @@ def _parameter_count(friction: Friction) -> Score:
     size = float(friction.law.has_parameters(friction.n).sum())
     if friction.law.is_sparse:  # zeros are terms that it does not have
         size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
-    refined = friction.provenance.get("refined")
-    parameters = refined.get("parameters", ()) if isinstance(refined, Mapping) else ()
-    return Score("all", "n_parameters", "count", value=size + beside_friction(parameters))
-
-
-def beside_friction(parameters: Sequence[Mapping[str, Any]]) -> int:
-    """How many parameters of a document of shooting are not friction's.
-
-    >>> beside_friction([{"block": "friction"}, {"block": "delay"}])
-    1
-    """
-    return sum(entry["block"] != "friction" for entry in parameters)
+    refined = friction.provenance.refined
+    size += 0 if refined is None else refined.beside_friction
+    return Score("all", "n_parameters", "count", value=size)

@@ -79,7 +79,7 @@ def read_bam(document: Mapping[str, Any], where: str) -> Friction:
         offset = _number(document, "q_offset", where)
         source["note"] = f"its angle offset of {offset:.4g} rad is not used: the data set has it"
     try:
-        return Friction(law, np.array([theta]), parameters, source)
+        return Friction(law, np.array([theta]), parameters).noted(source)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from None
 

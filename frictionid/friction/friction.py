@@ -18,6 +18,7 @@ from frictionid.arrays import Array, like, namespace, plain
 from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
 from frictionid.friction.law import Inputs, Law, Memory, at_rest
+from frictionid.friction.provenance import Provenance, read_provenance
 from frictionid.friction.temperature import check_temperature
 from frictionid.programs.loops import compiled
 
@@ -103,7 +104,7 @@ class Friction:
     law: Law
     theta: Array
     parameters: Mapping[str, float] = field(default_factory=dict)
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Provenance = Provenance()
     position_units: tuple[str, ...] = ()
     calibration: Calibration | None = None
     mechanism: str = ""
@@ -111,6 +112,9 @@ class Friction:
     load_unit: str = "N"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.provenance, Provenance):
+            source = read_provenance(self.provenance, np.shape(self.theta))
+            object.__setattr__(self, "provenance", source)
         P = len(self.law.names)
         if self.theta.ndim < 2 or self.theta.shape[-1] != P:
             raise ValueError(
@@ -130,6 +134,10 @@ class Friction:
         calibration = None if self.calibration is None else self.calibration[index]
         own = None if self.constraints is None else self.constraints.at(index)
         return replace(self, theta=self.theta[index], calibration=calibration, constraints=own)
+
+    def noted(self, notes: Mapping[str, Any]) -> Friction:
+        """The friction with other notes in its provenance."""
+        return replace(self, provenance=self.provenance.but(notes))
 
     @property
     def n(self) -> int:
@@ -165,9 +173,9 @@ class Friction:
             return self
         T = like(np.asarray(temperature, dtype=float) + np.zeros(self.n), self.theta)
         law, theta = self.law.at_temperature(self.theta, T)
-        source = {k: v for k, v in self.provenance.items() if k not in _OF_THETA}
+        source = self.provenance.without(_OF_THETA)
         if np.ndim(temperature) == 0:
-            source["temperature"] = float(np.asarray(temperature))
+            source = source.but({"temperature": float(np.asarray(temperature))})
         return replace(self, law=law, theta=theta, provenance=source, constraints=None)
 
     def curve(self, w: Array, settle: float = 5.0) -> Array:

@@ -57,7 +57,7 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
         "theta": theta,
         "shape": list(theta.shape),
         "parameters": dict(friction.parameters),
-        "provenance": dict(friction.provenance),
+        "provenance": friction.provenance.document(),
         **_units_table(friction),
         **({"mechanism": friction.mechanism} if friction.mechanism else {}),
         **({} if friction.calibration is None else {"calibration": asdict(friction.calibration)}),
@@ -233,15 +233,14 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
         units = _units_of_document(document, theta.shape[-2] if theta.ndim > 1 else 1, where)
         calibration = _calibration(document.get("calibration"), where)
-        source, mechanism = dict(document.get("provenance", {})), document.get("mechanism", "")
+        source, mechanism = document.get("provenance", {}), document.get("mechanism", "")
         friction = Friction(
             *(law, theta, parameters, source, units, calibration, str(mechanism)),
             load_unit=_load_unit(document, where),
         )
-    except InputError:
-        raise
     except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{where}: {error}") from None
+        text = str(error).removeprefix(f"{where}: ")
+        raise InputError(f"{where}: {text}") from None
     if not np.isfinite(theta).all():
         raise InputError(f"{where}: theta must be finite")
     for name, value in parameters.items():

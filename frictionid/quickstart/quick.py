@@ -11,7 +11,7 @@ delay of a sampled torque is free, and inertia where the check says that it is o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,9 +27,10 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.statistics import Choice, Standing, choose
-from frictionid.fitting.shooting import document_of
+from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
+from frictionid.friction.provenance import Estimates
 
 LAWS = ("none", "coulomb_viscous", "stribeck", "spline")  # by their number of parameters
 STEPS = ("check", *LAWS)
@@ -76,7 +77,7 @@ class Quick:
     candidates : tuple of Candidate, by their number of parameters; empty for unusable data
     chosen : Candidate or None, what the rule chooses
     friction : Friction or None, the chosen law fitted to all data
-    refined : result document of that fit
+    refined : what that fit estimated
     velocity : array, shape (V, n), at which curves stand
     """
 
@@ -88,7 +89,7 @@ class Quick:
     candidates: tuple[Candidate, ...] = ()
     chosen: Candidate | None = None
     friction: Friction | None = None
-    refined: Mapping[str, Any] = field(default_factory=dict)
+    refined: Estimates | None = None
     velocity: Array | None = None
 
 
@@ -132,7 +133,9 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         candidates=candidates,
         chosen=chosen,
         friction=result.overall,
-        refined=result.refined and document_of(result.refined, part, result.grid) or {},
+        refined=None
+        if result.refined is None
+        else refined_estimates(result.refined, part, result.grid),
         velocity=result.grid,
     )
 

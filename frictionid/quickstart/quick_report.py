@@ -15,7 +15,6 @@ from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
-from frictionid.report.estimates import estimates
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -54,7 +53,7 @@ def show_quick(result: Quick) -> None:
         out.print(sentence, markup=False, soft_wrap=True)
     if result.refined:
         out.print()
-        for text in for_terminal(parameter_table(estimates(result.refined))):
+        for text in for_terminal(parameter_table(result.refined.parameters)):
             out.print(text, soft_wrap=True)
     for advice in check.next:
         out.print(f"next: {advice}", markup=False, soft_wrap=True)
@@ -113,7 +112,7 @@ def quick_json(result: Quick) -> str:
         ],
         "chosen": result.chosen and result.chosen.name,
         "verdict": verdict(result),
-        "fit": result.refined,
+        "fit": result.refined.document() if result.refined else {},
     }
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 

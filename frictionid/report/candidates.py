@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,9 +115,8 @@ def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
 
 def _has_seen(model: Model, data: SummaryData) -> bool:
     """Whether a given model's file says that it was fitted to files of the data set."""
-    files = model.document.get("provenance", {}).get("data", {})
-    known = set(files.values()) if isinstance(files, Mapping) else set()
-    return model.role == "given" and bool(known & data.description.hashes)
+    hashes = set(model.provenance.data.values())
+    return model.role == "given" and bool(hashes & data.description.hashes)
 
 
 def complexity_of(data: SummaryData, model: Model) -> float:

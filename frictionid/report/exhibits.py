@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from frictionid.files import file_names
-from frictionid.report.estimates import estimates
+from frictionid.friction.provenance import Estimates
 from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
 from frictionid.report.figures.fits import correlation, correlation_caption
 from frictionid.report.figures.loops import loop_pictures
@@ -119,10 +119,10 @@ def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[Shooting
     fits.sort(key=lambda model: model is not first)
     out = []
     for model in fits:
-        document = model.refined or {}
-        read = estimates(document, section.description)
-        facts, count = shooting_results(document, read), sum(e.identified for e in read)
-        out.append(ShootingFit(model, stems[model], facts, len(read), count))
+        refined = model.refined or Estimates()
+        facts = shooting_results(refined, section.description)
+        count = sum(e.identified for e in refined.parameters)
+        out.append(ShootingFit(model, stems[model], facts, len(refined.parameters), count))
     return out
 
 
@@ -176,7 +176,7 @@ def fit_tables(section: Section, fit: ShootingFit) -> Iterator[NamedTable]:
     data, model = section.description, fit.model
     table = interval_table(model, section.dataset, data, section.of_role("given"))
     yield NamedTable(f"shooting--{fit.stem}", table, interval_numbers(model, data))
-    windows = window_numbers(model.refined or {})
+    windows = window_numbers(model.refined or Estimates())
     if not windows.empty:
         table = window_table(model, section.dataset, windows)
         heading = "Windows that were left out or are not explained"
@@ -299,6 +299,6 @@ def correlation_picture(
 ) -> Picture:
     """The correlation of a fit's parameters."""
     data = section.description
-    caption = correlation_caption(model, section.dataset, data)
+    caption = correlation_caption(model, section.dataset)
     stem = f"correlation--{names.fits[model]}"
     return Picture(stem, correlation(model, data), caption, linked)

@@ -2,82 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from frictionid.arrays import Array
-from frictionid.friction import Friction
-from frictionid.report.estimates import Estimate, digits, estimates, interval, pooled_document
+from frictionid.friction.provenance import Estimate, Provenance
+from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import NOTHING, fixed
 from frictionid.report.sections import ANY, Model, Section
-from frictionid.report.shooting_results import NONE
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 COLUMNS = (
     *("block", "joint", "parameter", "value", "low_95", "high_95"),
     *("unit", "identified", "at_bound", "nominal"),
 )
-NORMAL = 1.96  # half-widths of 95 % over standard errors
 
 
-def fit_estimates(
-    friction: Friction, joints: Sequence[str], half_widths: Array | None
-) -> list[Estimate]:
-    """Estimates of a fitted friction (n, P): those of shooting, else of its parameters.
-
-    half_widths : (n, P), half the 95 % intervals, NaN where there is none; None where none is known
-
-    A network's weights and terms that a sparse law does not have are left out.
-    """
-    document: Any = friction.provenance.get("refined") or pooled_document(friction)
-    if document:
-        return estimates(document)
-    if friction.law.is_network:
-        return []
-    theta = np.asarray(friction.theta, dtype=float)
-    own = friction.law.has_parameters(len(theta))
-    half = np.full(theta.shape, np.nan) if half_widths is None else half_widths
-    return [
-        _estimate(friction, (j, i), float(half[j, i]), joints, known=half_widths is not None)
-        for j, i in np.ndindex(*theta.shape)
-        if own[j, i] and not (friction.law.is_sparse and theta[j, i] == 0)
-    ]
-
-
-def _estimate(
-    friction: Friction, place: tuple[int, int], half: float, joints: Sequence[str], *, known: bool
-) -> Estimate:
-    """Known : whether intervals are known at all; else nothing is said to be unidentified."""
-    j, i = place
-    name, value = friction.law.names[i], float(friction.theta[j, i])
-    finite = bool(np.isfinite(half))
-    error = half / NORMAL if finite else float("inf")
-    inner = 1.645 * error
-    return Estimate(
-        block="friction",
-        name=f"{name} of {joints[j]}",
-        parameter=name,
-        joint=j,
-        unit=friction.units_at(j)[i],
-        value=value,
-        error=error,
-        inner=(value - inner, value + inner),
-        low=value - half if finite else -np.inf,
-        high=value + half if finite else np.inf,
-        at_bound=False,
-        identified=not known or (finite and half <= abs(value)),
-        prior=False,
-        nominal=None,
-        true=None,
-    )
-
-
-def interval_note(source: Mapping[str, Any]) -> str:
+def interval_note(source: Provenance) -> str:
     """What the intervals of a one-step fit hold, by its provenance."""
-    if "smoothing_bias" in source:
+    if source.smoothing_bias is not None:
         return "intervals hold the noise, and the bias of smoothed states"
     return (
         "intervals hold the noise alone: they leave out the bias of smoothed states and are too "
@@ -149,9 +94,9 @@ def parameter_numbers(section: Section) -> pd.DataFrame:
 
 
 def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:
-    read = estimates(model.refined or NONE)
-    identified = {(e.joint, e.parameter): e.identified for e in read if e.block == "friction"}
-    sparse = "equation" in model.document.get("provenance", {})
+    read = [e for e in model.estimates if e.block == "friction"]
+    identified = {(e.joint, e.parameter): e.identified for e in read}
+    sparse = bool(model.provenance.equation)
     for j, parameters in enumerate(model.document.get("joints", ())):
         for i, (name, number) in enumerate(parameters.items()):
             folds = model.theta[:, j, i]

@@ -191,6 +191,6 @@ def _memory_lines(data: SummaryData) -> list[str]:
 
 def _notes(section: Section) -> list[tuple[str, list[str]]]:
     """Lines that models tell of themselves, under their names."""
-    sources = [(model.name, model.document.get("provenance", {})) for model in section.models]
-    lines = [(name, [*s.get("equation", ()), *s.get("inclusion", ())]) for name, s in sources]
+    sources = [(model.name, model.provenance) for model in section.models]
+    lines = [(name, [*s.equation, *s.inclusion]) for name, s in sources]
     return [(name, notes) for name, notes in lines if notes]

@@ -75,9 +75,9 @@ def _made(model: Model) -> str:
     if model.role == "truth":
         return "the true friction of the simulation, from the data set's description"
     if model.role == "given":
-        source = model.document.get("provenance", {})
+        source = model.provenance
         own = ", with mechanism parameters of its own" if model.document.get("parameters") else ""
-        said = "; ".join(filter(None, (source.get("source"), source.get("note"))))
+        said = "; ".join(filter(None, (source.source, source.note)))
         return f"fixed numbers{own}: {said or 'source not given'}"
     return model.settings["identifier"]
 

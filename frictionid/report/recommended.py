@@ -15,7 +15,8 @@ from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
-from frictionid.report.estimates import Estimate, digits, estimates, interval, mark_of, rounded
+from frictionid.friction.provenance import Estimate
+from frictionid.report.estimates import digits, interval, mark_of, rounded
 from frictionid.report.numbers import MINUS, either, short
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.verdict import Verdict
@@ -101,8 +102,7 @@ def parameter_rows(model: Model, data: SummaryData) -> list[Row]:
 
 
 def _shot(model: Model) -> dict[tuple[int, str], Value]:
-    read = estimates(model.refined or {})
-    return {(e.joint, e.parameter): shown(e) for e in read if e.joint is not None}
+    return {(e.joint, e.parameter): shown(e) for e in model.estimates if e.joint is not None}
 
 
 def shown(e: Estimate) -> Value:

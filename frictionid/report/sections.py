@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.results import Results
+from frictionid.comparison.results import Results, task_provenance
 from frictionid.evaluation.statistics import Pair, paired
+from frictionid.friction.provenance import Estimate, Estimates, Provenance
 from frictionid.report.numbers import either, norm_unit
 
 ROLES = ("none", "fitted", "given", "truth")
@@ -110,8 +111,8 @@ class Model:
     curves : (F + 1, V, n) [N m], the friction of all data last
     theta : (F, n, P)
     document, settings : the model file's content; constructor calls of identifier and recipe
+    provenance : of the model, and what shooting or inverse dynamics estimated
     base : base parameters by the mechanism's parameters that the model brings, if any
-    refined : result document of shooting or inverse dynamics, or None
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
@@ -133,12 +134,22 @@ class Model:
     document: Mapping[str, Any]
     settings: Mapping[str, str]
     base: Mapping[str, float] = field(default_factory=dict)
-    refined: Mapping[str, Any] | None = None
+    provenance: Provenance = Provenance()
     members: Array | None = None
     loops: Sequence[Mapping[str, Any]] = ()
     method: Mapping[str, Any] = field(default_factory=dict)
     beyond: Mapping[str, Any] = field(default_factory=dict)
     examples: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def refined(self) -> Estimates | None:
+        """What shooting or inverse dynamics estimated, None of other fits."""
+        return self.provenance.refined
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Parameters that shooting or inverse dynamics estimated."""
+        return () if self.refined is None else self.refined.parameters
 
     @property
     def scheme(self) -> str:
@@ -290,7 +301,8 @@ def _model(
         np.asarray(task[part]["theta"], dtype=float).reshape(task[part]["shape"])
         for part in ("folds", "model")
     )
-    identifier, role = str(task["identifier"]), _role(task, theta, overall)
+    source = task_provenance(task)
+    identifier, role = str(task["identifier"]), _role(source, theta, overall)
     twins = [t for t in tasks if t["identifier"] == identifier and t["fit"] == task["fit"]]
     differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
     label = f"{identifier}, seed {task['seed']}" if differ else identifier
@@ -309,7 +321,7 @@ def _model(
         document=task["model"],
         settings=task["settings"],
         base=task.get("base") or {},
-        refined=task.get("refined") or None,
+        provenance=source,
         members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
         loops=task.get("loops") or (),
         method=task.get("method") or task.get("way") or {},
@@ -317,8 +329,8 @@ def _model(
     )
 
 
-def _role(task: Mapping[str, Any], theta: Array, overall: Array) -> str:
-    if task["model"].get("provenance", {}).get("source") == "truth":
+def _role(source: Provenance, theta: Array, overall: Array) -> str:
+    if source.source == "truth":
         return "truth"
     if not overall.size:
         return "none"

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
 from frictionid.fitting.parameters.parameter_block import IDEAL
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.estimates import (
-    Estimate,
-    correlation_of,
+    change,
     digits,
-    estimates,
     interval,
     mark_of,
     names_of,
+    span,
+    true_value,
     value_text,
 )
 from frictionid.report.numbers import MINUS, NOTHING
@@ -61,7 +61,7 @@ class ShootingResults:
         interval does not hold it
     delay_fixed : friction parameters that hold the share of a delay that was not free
     delay_explains : those that a delay within its interval explains entirely
-    document : the result document, for windows, iterations and warnings of the fit itself
+    refined : what was estimated, for windows, iterations and warnings of the fit itself
     """
 
     calibration: tuple[Calibration, ...]
@@ -73,17 +73,12 @@ class ShootingResults:
     delay_fixed: tuple[str, ...]
     delay_explains: tuple[str, ...]
     priors: tuple[str, ...]
-    document: Mapping[str, Any]
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """Warnings of the fit itself."""
-        warnings: Sequence[str] = self.document.get("warnings", ())
-        return warnings
+    refined: Estimates
 
 
-def shooting_results(document: Mapping[str, Any], read: Sequence[Estimate]) -> ShootingResults:
-    """Facts of a result document; `read` are its estimates."""
+def shooting_results(refined: Estimates, data: DataDescription | None = None) -> ShootingResults:
+    """Facts of what a fit by shooting estimated; `data` knows true values."""
+    read = refined.parameters
     identified = [e for e in read if e.identified]
     order = (*IDEAL, "actuator")
     sensors = sorted(
@@ -92,18 +87,18 @@ def shooting_results(document: Mapping[str, Any], read: Sequence[Estimate]) -> S
     inertia = [e for e in identified if e.block == "inertia" and e.nominal]
     differing = [e for e in inertia if not e.holds(e.nominal or 0.0)]
     differing.sort(key=lambda e: -abs(e.value / (e.nominal or 1.0) - 1.0))
-    known = [e for e in identified if e.true is not None]
+    true = {e: value for e in identified if (value := true_value(e, data)) is not None}
     return ShootingResults(
         calibration=tuple(map(_calibration, sensors)),
         nominal=len(inertia),
-        differing=tuple((e.name, e.change()) for e in differing),
-        known=len(known),
-        missed=names_of(e for e in known if e.true is not None and not e.holds(e.true)),
+        differing=tuple((e.name, change(e)) for e in differing),
+        known=len(true),
+        missed=names_of(e for e, value in true.items() if not e.holds(value)),
         not_identified=tuple(e for e in read if not e.identified),
-        delay_fixed=delay_fixed(document, read),
-        delay_explains=delay_explains(document, read),
-        priors=names_of(e for e in read if e.prior),
-        document=document,
+        delay_fixed=delay_fixed(refined),
+        delay_explains=delay_explains(refined),
+        priors=names_of(e for e in read if e.prior is not None),
+        refined=refined,
     )
 
 
@@ -111,9 +106,10 @@ def _calibration(e: Estimate) -> Calibration:
     ideal = IDEAL.get(e.block)
     side = 0 if ideal is None or e.holds(ideal) else int(np.sign(e.value - ideal))
     late = e.block in LATE
-    change = e.change() if e.block == "actuator" and e.nominal else None
+    against = change(e) if e.block == "actuator" and e.nominal else None
     unit = "ms" if late else "" if e.block == "gain" else e.unit
-    return Calibration(e.block, e.name, unit, e.span(1e3 if late else 1.0), side, e.nominal, change)
+    text = span(e, 1e3 if late else 1.0)
+    return Calibration(e.block, e.name, unit, text, side, e.nominal, against)
 
 
 def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
@@ -122,24 +118,26 @@ def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:
     return [e for e in friction if e.parameter.partition("_")[0] in LIKE_DELAY]
 
 
-def delay_fixed(document: Mapping[str, Any], read: Sequence[Estimate]) -> tuple[str, ...]:
+def delay_fixed(refined: Estimates) -> tuple[str, ...]:
     """Friction parameters that hold a delay's share, where a motor pulls and no delay was free."""
-    free = any(e.block in LATE for e in read)
-    free |= any(own["block"] in LATE for own in document.get("dropped", ()))
-    return () if free or not document.get("driven", False) else names_of(_like_delay(read))
+    offered = {e.block for e in refined.parameters} | {dropped.block for dropped in refined.dropped}
+    free = not offered.isdisjoint(LATE)
+    return () if free or not refined.driven else names_of(_like_delay(refined.parameters))
 
 
-def delay_explains(document: Mapping[str, Any], read: Sequence[Estimate]) -> tuple[str, ...]:
+def delay_explains(refined: Estimates) -> tuple[str, ...]:
     """Friction parameters that a delay within its own 95 % interval explains entirely.
 
     Such a delay moves a parameter by up to |r| t s, r their correlation, s the parameter's standard
     error and t the quantile of Student's distribution: is that its whole value, nothing is left.
     """
+    read = refined.parameters
     delays = [i for i, e in enumerate(read) if e.block in LATE]
     if not delays:
         return ()
-    r = dict(zip(read, np.abs(correlation_of(document)[delays[0]]), strict=True))
-    quantile = float(stdtrit(document["freedom"], 0.975))
+    correlation = refined.square(refined.correlation)[delays[0]]
+    r = dict(zip(read, np.abs(correlation), strict=True))
+    quantile = float(stdtrit(refined.freedom, 0.975))
     return names_of(
         e
         for e in _like_delay(read)
@@ -150,8 +148,6 @@ def delay_explains(document: Mapping[str, Any], read: Sequence[Estimate]) -> tup
 MANY = 20  # parameters of one group that a table shows one by one
 OWN = ("friction", "inertia")  # blocks that stand under their names, the rest is the calibration's
 SIZES = ("inertia", "actuator")  # blocks whose nominal value is a size, not an ideal
-NONE = {"parameters": ()}  # result document of a model that was not fitted by shooting
-SEEN = {"left_out": "left out", "unexplained": "not explained"}
 
 
 def groups(read: Sequence[Estimate], joints: Sequence[str]) -> Iterator[tuple[str, list[Estimate]]]:
@@ -178,11 +174,12 @@ def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
             "block": e.block,
             "joint": "" if e.joint is None else data.joints[e.joint],
             **{key: getattr(e, key) for key in ("parameter", "unit", "value", "error")},
-            **{"low_90": e.inner[0], "high_90": e.inner[1], "low_95": e.low, "high_95": e.high},
+            **dict(zip(("low_90", "high_90"), e.interval_90, strict=True)),
+            **{"low_95": e.low, "high_95": e.high},
             **{"identified": e.identified, "at_bound": e.at_bound},
-            **{"nominal": e.nominal, "true": e.true},
+            **{"nominal": e.nominal, "true": true_value(e, data)},
         }
-        for e in estimates(model.refined or NONE, data)
+        for e in model.estimates
     ]
     return pd.DataFrame(lines).astype({"nominal": float, "true": float})
 
@@ -194,14 +191,15 @@ def interval_table(
 
     given : models with fixed numbers, whose parameters of the same name stand beside
     """
-    read = estimates(model.refined or NONE, data)
+    read = model.estimates
     numbers = {m.label: given_numbers(m, read) for m in given}
     beside = {name: own for name, own in numbers.items() if own}
     nominal = any(e.nominal is not None and e.block in SIZES for e in read)
-    true = any(e.true is not None for e in read)
+    true = {e: true_value(e, data) for e in read}
+    is_simulated = any(value is not None for value in true.values())
     heads = [*text_columns("block", "parameter", "unit"), Column("value"), Column("95 % interval")]
     heads += [Column("nominal"), Column("against nominal")] if nominal else []
-    heads += [Column("true")] if true else []
+    heads += [Column("true")] * is_simulated
     heads += [Column(name) for name in beside]
     lines: list[Line] = []
     for name, own in groups(read, data.joints):
@@ -212,7 +210,7 @@ def interval_table(
             continue
         for i, e in enumerate(own):
             cells = [Cell(name if i == 0 else ""), *_cells(e, nominal)]
-            cells += [_beside(e.true, e)] * true
+            cells += [_beside(true[e], e)] * is_simulated
             cells += [_beside(values.get(e.name), e) for values in beside.values()]
             lines.append(line(cells, name))
     label = f"shooting-{dataset}-{model.label}-{model.recipe}"
@@ -236,8 +234,8 @@ def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:
     name = e.parameter if e.block in OWN else e.name
     cells = [value_text(e), interval(e.low, e.high, e.error)]
     if nominal:
-        change = f"{e.change()[0]} %" if e.identified and e.nominal and e.block in SIZES else ""
-        cells += [_beside(e.nominal, e), change or NOTHING]
+        shown = e.identified and e.nominal and e.block in SIZES
+        cells += [_beside(e.nominal, e), f"{change(e)[0]} %" if shown else NOTHING]
     value, *others = (cell.replace("-", MINUS) for cell in cells)
     return [name, e.unit.replace("^2", "²"), Cell(value, mark=mark_of(e)), *others]
 
@@ -251,30 +249,27 @@ def _beside(value: float | None, e: Estimate) -> str:
 
 
 def _caption(model: Model, dataset: str, data: DataDescription, nominal: bool) -> str:
-    document = model.refined or {}
-    clusters = document["clusters"]
+    refined = model.refined or Estimates()
+    clusters = refined.clusters
     among = "recordings" if clusters <= data.recordings else "stretches of time"
     text = (
         f"{dataset}: parameters of {model.label} by {model.scheme} (recipe {model.recipe}), from "
         f"all data; 95 % intervals from the scatter between {clusters} {among} (t distribution, "
-        f"{document['freedom']} degrees of freedom). "
-        + ("Converged" if document["settled"] else "Not converged")
-        + f" after {document['iterations']} iterations."
+        f"{refined.freedom} degrees of freedom). "
+        + ("Converged" if refined.settled else "Not converged")
+        + f" after {refined.iterations} iterations."
     )
     return f"{text} Nominal: by the data set's mechanism and log." if nominal else text
 
 
-def window_numbers(document: Mapping[str, Sequence[Mapping[str, float]]]) -> pd.DataFrame:
+def window_numbers(refined: Estimates) -> pd.DataFrame:
     """Windows that do not count or are not explained, by recording and time.
 
     Columns: recording, begin_s, end_s, residual (in units of the noise), state.
     """
     columns = ["recording", "begin_s", "end_s", "residual", "state"]
-    lines = [
-        (p["recording"], float(p["begin"]), float(p["end"]), float(p["size"]), state)
-        for key, state in SEEN.items()
-        for p in document.get(key, ())
-    ]
+    lines = [(*segment, "left out") for segment in refined.left_out]
+    lines += [(*segment, "not explained") for segment in refined.unexplained]
     return pd.DataFrame(lines, columns=columns).sort_values(["recording", "begin_s"])
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from frictionid.comparison.results import Results
 from frictionid.files import plain
 from frictionid.friction import Friction
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.console import console
-from frictionid.report.estimates import Estimate, estimates, interval, value_text
+from frictionid.report.estimates import interval, value_text
 from frictionid.report.sections import Section, score_tables, sections_of
 from frictionid.report.shooting_results import shooting_results
 from frictionid.report.side_by_side import (
@@ -131,20 +131,19 @@ def show_table(table: Table) -> None:
         console().print(text, soft_wrap=True, markup=False)
 
 
-def show_refined(document: Mapping[str, Any]) -> None:
+def show_refined(refined: Estimates) -> None:
     """Print the result of shooting: what makes it doubtful, parameters with intervals, findings."""
-    read = estimates(document)
-    found = {"found": shooting_results(document, read)}
+    found = {"found": shooting_results(refined)}
     for template in ("shooting_head.j2", "", "shooting_terminal.j2"):
         if template:
             text = render(template, found, markup=False).strip()
             console().print(text, markup=False, soft_wrap=True)
         else:
-            for row in for_terminal(parameter_table(read)):
+            for row in for_terminal(parameter_table(refined.parameters)):
                 console().print(row, soft_wrap=True)
 
 
-def parameter_table(read: list[Estimate]) -> Table:
+def parameter_table(read: Sequence[Estimate]) -> Table:
     """Parameters with their values, 95 % intervals and units."""
     columns = [
         *text_columns("parameter"),
@@ -159,17 +158,17 @@ def parameter_table(read: list[Estimate]) -> Table:
 def show_fit(friction: Friction) -> None:
     """Print a fitted friction: its parameters, with intervals where it was shot, and its words."""
     out, source = console(), friction.provenance
-    if "refined" in source:
-        show_refined(source["refined"])
+    if source.refined is not None:
+        show_refined(source.refined)
     else:
         out.print(str(friction), markup=False, soft_wrap=True)
-    if "equation" in source:
-        lines = [f"with {source.get('equation_errors', '95 % intervals')}:", *source["equation"]]
+    if source.equation:
+        lines = [f"with {source.equation_errors}:", *source.equation]
         out.print("\n  ".join(lines), markup=False, soft_wrap=True)
-    if "inclusion" in source:
-        lines = ["how often draws of the recordings had a term:", *source["inclusion"]]
+    if source.inclusion:
+        lines = ["how often draws of the recordings had a term:", *source.inclusion]
         out.print("\n  ".join(lines), markup=False, soft_wrap=True)
-    for sentence in (*source.get("equality", []), *source.get("torque", [])):
+    for sentence in (*source.equality, *source.torque):
         out.print(sentence, markup=False, soft_wrap=True)
 
 

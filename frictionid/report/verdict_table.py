@@ -74,18 +74,16 @@ def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteri
     They compare likelihoods of the same data. Fits that leave out different windows, that found
     windows which they do not explain, or that fit torques, have none.
     """
-    shot = {
-        candidate.model: (candidate.model.refined["residuals"], candidate.complexity)
-        for candidate in candidates
-        if candidate.model.refined
-        and candidate.model.refined.get("residuals")
-        and not candidate.model.refined.get("unexplained")
-    }
-    counts = [np.asarray(residuals["counts"], dtype=float) for residuals, _ in shot.values()]
+    shot = {}
+    for candidate in candidates:
+        refined = candidate.model.refined
+        if refined and refined.residuals and not refined.unexplained:
+            shot[candidate.model] = refined.residuals, candidate.complexity
+    counts = [residuals.counts for residuals, _ in shot.values()]
     if len(counts) < 2 or np.ptp(counts, axis=0).max() > _SAME * np.max(counts):
         return {}
     return {
-        model: information_criteria(residuals["squares"], residuals["counts"], parameters)
+        model: information_criteria(residuals.squares, residuals.counts, parameters)
         for model, (residuals, parameters) in shot.items()
     }
 

@@ -132,7 +132,7 @@ def test_a_fit_shows_its_parameters_with_intervals(shot):
         assert word in text and word in shot._repr_html_()
     assert "shooting fit to 'arm': 5 recordings" in text
     np.testing.assert_array_equal(shot.covariance.index, shot.covariance.columns)
-    assert shot.convergence.converged and shot.calibration.base is not None
+    assert shot.convergence.settled and shot.calibration.base is not None
 
 
 def test_one_step_fits_have_intervals_too(data):

@@ -156,7 +156,7 @@ def test_without_motor_or_torque_the_question_is_not_tested():
 def test_a_fit_repeats_where_its_torque_comes_from(capsys):
     dataset = sets(Setup(logged="command", lag=0.005), 1, seed=4)[0]
     friction = fit_model(dataset, LeastSquares(CoulombViscous()))
-    (sentence,) = friction.provenance["torque"]
+    (sentence,) = friction.provenance.torque
     assert sentence.startswith("torque 1 is commanded: no quantisation step, and noise of only")
     show_fit(friction)
     assert sentence in capsys.readouterr().out

@@ -234,7 +234,7 @@ def test_the_command_names_joints_that_are_not_equal(tmp_path, monkeypatch, caps
     )
     assert code == 0, err
     assert "joints 1 and 2 are not equal: fitted apart, coulomb is 0.0" in out
-    assert fid.load_model(tmp_path / "m.json").friction.provenance["equality"]
+    assert fid.load_model(tmp_path / "m.json").friction.provenance.equality
 
 
 REFUSED = {

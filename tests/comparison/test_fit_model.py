@@ -46,9 +46,9 @@ def test_it_is_the_friction_that_a_comparison_fits_to_all_data(recipe):
 def test_its_provenance_names_data_identifier_and_recipe():
     friction = fit_model(DATA, FIT, SHOOTING, seed=3)
     source = friction.provenance
-    assert (source["dataset"], source["seed"]) == (DATA.name, 3)
-    assert source["identifier"] == repr(FIT) and source["recipe"] == repr(SHOOTING)
-    (value,) = [e["value"] for e in source["refined"]["parameters"] if e["block"] == "delay"]
+    assert (source.dataset, source.seed) == (DATA.name, 3)
+    assert source.identifier == repr(FIT) and source.recipe == repr(SHOOTING)
+    (value,) = [e.value for e in source.refined.parameters if e.block == "delay"]
     assert value == friction.calibration.delay
 
 

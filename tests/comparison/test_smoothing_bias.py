@@ -46,12 +46,12 @@ def test_intervals_with_the_bias_hold_the_truth_where_those_of_noise_alone_do_no
 def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(sets, tmp_path):
     alone, known = (fid.fit(sets[0], "stribeck", bias=bias) for bias in (False, True))
     np.testing.assert_array_equal(known.friction.theta, alone.friction.theta)
-    bias = np.array(known.friction.provenance["smoothing_bias"])
+    bias = known.friction.provenance.smoothing_bias
     wider = known.frame.high_95 - alone.frame.high_95
     np.testing.assert_allclose(wider, np.abs(bias).ravel(), rtol=1e-9)
     assert "bias=True" in repr(alone) and "too narrow" in repr(alone)
     assert "the noise, and the bias of smoothed states" in repr(known) and "95 %" in repr(known)
-    assert "noise alone" in alone.friction.provenance["half_widths_hold"]
+    assert "noise alone" in alone.friction.provenance.half_widths_hold
     known.save(tmp_path / "known.json")
     assert repr(fid.load_model(tmp_path / "known.json")).count("bias of smoothed states") == 1
 

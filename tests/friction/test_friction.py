@@ -140,10 +140,10 @@ def test_theta_must_fit_the_law():
 
 def test_an_index_picks_from_the_batch_and_keeps_the_rest():
     theta = np.random.default_rng(3).random((5, 3, 2, 2))
-    many = Friction(CoulombViscous(), theta, {"m1": 0.4}, {"data": "x"})
+    many = Friction(CoulombViscous(), theta, {"m1": 0.4}, {"source": "x"})
     one = many[4, 1]
     np.testing.assert_array_equal(one.theta, theta[4, 1])
-    assert (one.law, one.parameters, one.provenance) == (many.law, {"m1": 0.4}, {"data": "x"})
+    assert (one.law, one.parameters, one.provenance.source) == (many.law, {"m1": 0.4}, "x")
     assert many.n == one.n == 2
     np.testing.assert_array_equal(many[:, 0].theta, theta[:, 0])
 

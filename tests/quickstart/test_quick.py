@@ -86,7 +86,7 @@ def test_the_true_law_is_found_with_its_numbers(found):
     true = true.torque(w[:, None], np.sign(w)[:, None])[use, 0]
     off = result.chosen.curves[-1][use, 0] - true
     assert np.sqrt(np.mean(off**2)) < 0.05 * np.sqrt(np.mean(true**2))
-    names = [entry["name"] for entry in result.refined["parameters"]]
+    names = [e.name for e in result.refined.parameters]
     assert names == [f"{n} of joint 1" for n in ("coulomb", "peak", "stribeck_velocity", "viscous")]
 
 

@@ -21,10 +21,11 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine
-from frictionid.fitting.shooting.result_document import document_of
+from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
+from frictionid.friction.provenance import Provenance
 from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
 from frictionid.report.figures.curves import curve_bands
@@ -146,7 +147,7 @@ def test_numbers_of_given_models_stand_beside(computed):
         model,
         label="M1",
         role="given",
-        refined=None,
+        provenance=Provenance(),
         document=document,
         base=dict(zip(mechanism.base_names, map(float, base), strict=True)),
     )
@@ -206,7 +207,7 @@ def test_what_is_not_identified_has_no_digits(computed, numbers):
 
 
 def test_the_terminal_says_the_same(document, computed, capsys):
-    show_refined(document)
+    show_refined(made.estimates(document))
     printed = capsys.readouterr().out
     (sentence,) = re.findall(r"Torque delay: .* later than logged\.", printed)
     assert sentence in made.words(computed)
@@ -336,7 +337,7 @@ def test_bands_are_as_wide_as_the_document_says(tmp_path):
     curve, near = picture.axes[0], picture.axes[1]
     for axis, scale in ((curve, 1.0), (near, 1e3)):
         heights = [np.ptp(path.vertices[:, 1]) for c in axis.collections for path in c.get_paths()]
-        offset = 0.0 if axis is near else np.ptp(model.curves[-1][:, 0])
+        offset = 0.0 if axis is near else np.ptp(model.refined.bands.curve[:, 0])
         assert heights == pytest.approx([0.04 * scale + offset, 0.02 * scale + offset], rel=1e-6)
 
 
@@ -367,12 +368,12 @@ def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
     found = {}
     for name, own in (("table", dataset), ("own", replace(dataset, recordings=heavy))):
         result = refine(start, own, blocks, Settings(windows=(0.33,), iterations=3))
-        document = document_of(result, own, np.linspace(-4, 4, 5)[:, None])
-        found[name] = [p for p in document["parameters"] if p["block"] == "inertia"]
+        estimates = refined_estimates(result, own, np.linspace(-4, 4, 5)[:, None])
+        found[name] = [e for e in estimates.parameters if e.block == "inertia"]
     mechanism = mechanism_of(PENDULUM)
     for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):
         true = float(mechanism.base(mechanism.nominal(HEAVIER))[k])
-        assert own["nominal"] == pytest.approx(true, rel=1e-12)
+        assert own.nominal == pytest.approx(true, rel=1e-12)
         # the motion says the same, whatever is nominal
-        assert own["value"] == pytest.approx(table["value"], rel=1e-3)
-        assert own["interval_95"][0] < own["value"] < own["interval_95"][1]
+        assert own.value == pytest.approx(table.value, rel=1e-3)
+        assert own.low < own.value < own.high

@@ -9,7 +9,6 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from frictionid.fitting.parameters.parameter_block import IDEAL
-from frictionid.report.estimates import estimates
 from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
 from frictionid.report.tables import render
 
@@ -17,7 +16,7 @@ from frictionid.report.tables import render
 def results(refined, **data):
     """Facts of a document; `data` changes what is known of the data set."""
     known = made.description(1, **data) if data else None
-    return shooting_results(refined, estimates(refined, known))
+    return shooting_results(made.estimates(refined), known)
 
 
 def said(refined):
@@ -85,10 +84,11 @@ def test_a_finding_in_words(entry, expected):
 
 @pytest.mark.parametrize("block", ["delay", "gain", "bias", "offset", "inertia", "actuator"])
 def test_nothing_is_said_of_what_is_not_identified(block):
-    found = results(made.shot([made.parameter(block, "x", 0.1, 1.0, nominal=1.0)]))
+    document = made.shot([made.parameter(block, "x", 0.1, 1.0, nominal=1.0)])
+    found = results(document)
     assert not found.calibration and not found.differing and not found.nominal
     assert [estimate.name for estimate in found.not_identified] == ["x"]
-    assert "Not identified" in said(found.document)
+    assert "Not identified" in said(document)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -104,7 +104,7 @@ def test_a_delay_explains_viscous_friction_where_its_interval_holds_one_that_doe
     # E[viscous | delay] = value + slope (delay - its estimate)
     slope = r * errors[0] / (1e-3 * errors[1])
     half_width = student.ppf(0.975, refined["freedom"]) * 1e-3 * errors[1]
-    explained = delay_explains(refined, estimates(refined))
+    explained = delay_explains(made.estimates(refined))
     assert bool(explained) == (abs(value / slope) <= half_width)
 
 
@@ -112,12 +112,12 @@ def test_a_delay_that_was_not_free_is_named_where_a_motor_pulls():
     viscous = made.parameter("friction", "viscous", 0.1, 0.001, joint=0)
     for driven in (True, False):
         refined = made.shot([viscous], driven=driven)
-        assert bool(delay_fixed(refined, estimates(refined))) is driven
+        assert bool(delay_fixed(made.estimates(refined))) is driven
     late = made.parameter("target_delay", "target delay", 0.01, 1e-4, unit="s")
     of_targets = made.shot([viscous, late], driven=True)
-    assert not delay_fixed(of_targets, estimates(of_targets))
+    assert not delay_fixed(made.estimates(of_targets))
     coulomb = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001)], driven=True)
-    assert not delay_fixed(coulomb, estimates(coulomb))
+    assert not delay_fixed(made.estimates(coulomb))
 
 
 @pytest.mark.parametrize("block", IDEAL)

@@ -18,7 +18,7 @@ from joblib import cpu_count
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.digests import digest_of
-from frictionid.comparison.fit_model import fitted
+from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
@@ -239,7 +239,7 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         if variation.cause != "recordings":
             judged = varied(test, variation, 2 * task.seed + 1)
         protocol = task.benchmark.protocol
-        friction = fitted(wrong, task.identifier, task.recipe, protocol, task.seed).friction
+        friction = fit_model(wrong, task.identifier, task.recipe, protocol, task.seed)
         scores = score_model(friction, prepare(judged, protocol)).scores
     except InputError as error:
         raise InputError(f"{case.label}: {error}") from None

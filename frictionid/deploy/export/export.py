@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace as with_fields
 from importlib import import_module
 from pathlib import Path
@@ -20,8 +20,8 @@ from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
 from frictionid.files import write_bytes
 from frictionid.friction import Friction
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
-from frictionid.report.estimates import pooled_document
 
 
 class Exported(NamedTuple):
@@ -179,69 +179,60 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
     return (json.dumps(content, indent=1) + "\n").encode()
 
 
-def _distribution(friction: Friction, count: int, seed: int) -> tuple[Any, Array]:
+def _distribution(friction: Friction, count: int, seed: int) -> tuple[Sequence[Estimate], Array]:
     """Parameters with their 95 % ranges, and samples (count, D) of them."""
-    several = pooled_document(friction)
-    if several:
-        entries = [{**e, "interval_95": e["range_95"]} for e in several["parameters"]]
+    several, refined = friction.provenance.pooled, friction.provenance.refined
+    if several is not None:
+        entries = [with_fields(e, interval_95=e.range_95) for e in several.parameters]
         return entries, pooled_draws(several, count, seed)
-    document = friction.provenance.get("refined")
-    if not isinstance(document, Mapping) or not document.get("parameters"):
+    if refined is None or not refined.parameters:
         raise InputError(
             "randomise: the model has no covariance of its parameters: fit by shooting "
             "(--by shooting), or pool models of several specimens (frictionid pool); the "
             "intervals of one-step fits hold the noise alone"
         )
-    return document["parameters"], drawn(document, count, seed)
+    return refined.parameters, drawn(refined, count, seed)
 
 
-def drawn(document: Mapping[str, Any], count: int, seed: int) -> Array:
-    """Samples (count, D) of the parameters of a result document of shooting.
+def drawn(refined: Estimates, count: int, seed: int) -> Array:
+    """Samples (count, D) of the parameters that shooting estimated.
 
-    >>> entry = {"value": 1.0, "interval_95": [0.0, 3.0], "at_bound": False}
-    >>> drawn({"parameters": [entry], "covariance": [[1.0]]}, 3, 0).round(3)[:, 0]
+    >>> e = Estimate("delay", "torque delay", "s", None, 1.0, interval_95=(0.0, 3.0))
+    >>> drawn(Estimates(parameters=(e,), covariance=np.eye(1)), 3, 0).round(3)[:, 0]
     array([1.126, 0.868, 1.64 ])
     """
-    entries = document["parameters"]
-    value = np.array([float(e["value"]) for e in entries])
-    covariance = np.asarray(document["covariance"], dtype=float).reshape(2 * [len(entries)])
-    variance = np.diag(covariance)
-    free = np.isfinite(variance) & (variance > 0) & [not e["at_bound"] for e in entries]
+    entries, covariance = refined.parameters, refined.square(refined.covariance)
+    value, variance = np.array([e.value for e in entries]), np.diag(covariance)
+    free = np.isfinite(variance) & (variance > 0) & [not e.at_bound for e in entries]
     part = covariance[np.ix_(free, free)]
     size, turn = np.linalg.eigh(part)
     normal = np.random.default_rng(seed).standard_normal((count, len(part)))
     out = np.repeat(value[None], count, axis=0)
     out[:, free] += normal * np.sqrt(np.maximum(size, 0.0)) @ turn.T
-    low, high = np.array([e["interval_95"] for e in entries], dtype=float).T
+    low, high = np.array([e.interval_95 for e in entries]).T
     # where an interval ends at zero, the parameter does
     return np.clip(out, np.where(low == 0, 0.0, -np.inf), np.where(high == 0, 0.0, np.inf))
 
 
-def _thetas(friction: Friction, entries: Any, draws: Array) -> Array:
+def _thetas(friction: Friction, entries: Sequence[Estimate], draws: Array) -> Array:
     """Parameters (N, n, P) of the law in each draw, within its bounds."""
     out = np.repeat(np.asarray(friction.theta, dtype=float)[None], len(draws), axis=0)
-    for k, entry in enumerate(entries):
-        name = str(entry["name"]).rpartition(" of ")[0]
-        if entry["block"] == "friction" and entry["joint"] is not None:
-            if name not in friction.law.names:
+    for k, e in enumerate(entries):
+        if e.block == "friction" and e.joint is not None:
+            if e.parameter not in friction.law.names:
                 raise InputError(
                     f"randomise: {type(friction.law).__name__} has parameters of its own for each "
-                    f"joint ({entry['name']}): fit one law for all"
+                    f"joint ({e.name}): fit one law for all"
                 )
-            out[:, int(entry["joint"]), friction.law.names.index(name)] = draws[:, k]
+            out[:, e.joint, friction.law.names.index(e.parameter)] = draws[:, k]
     low, high = np.array(friction.law.bounds).T
     return np.clip(out, low, high)
 
 
-def _entry(entry: Mapping[str, Any], *, fixed: bool) -> dict[str, Any]:
-    low, high = (float(v) for v in entry["interval_95"])
-    ends = (None if fixed else v for v in (low, high))
-    names = dict(zip(("low_95", "high_95"), ends, strict=True))
-    return {
-        **{k: entry[k] for k in ("block", "name", "joint", "unit", "value")},
-        **names,
-        "fixed": fixed,
-    }
+def _entry(e: Estimate, *, fixed: bool) -> dict[str, Any]:
+    low, high = (None, None) if fixed else e.interval_95
+    names = {k: getattr(e, k) for k in ("block", "name", "joint", "unit", "value")}
+    return {**names, "low_95": low, "high_95": high, "fixed": fixed}
 
 
 def _engine(own: ExportedFriction, thetas: Array, held: Held, count: int) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 from frictionid.config import check_settings
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, printable
-from frictionid.evaluation import Protocol, known_speeds, prepare, prepared_for
+from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.temperature import refuse_temperature
@@ -160,7 +160,7 @@ def exported(
             f"a model with parameters of shape {friction.theta.shape} holds several frictions: "
             "export one of them, friction[0]"
         )
-    known = tuple(float(v) for v in speeds) or known_speeds(friction)
+    known = tuple(float(v) for v in speeds) or friction.provenance.speeds
     if known and len(known) != friction.n:
         raise InputError(f"{len(known)} speeds for {friction.n} parts with friction: give one each")
     reach = tuple(max(v, 1e-9) for v in known)  # of a joint that does not move
@@ -189,9 +189,9 @@ def _facts(own: ExportedFriction) -> tuple[str, ...]:
         lines.append(f"Measured up to |w| = {reach}; beyond, Tf goes on as a straight line.")
     else:
         lines.append("The measured speeds are not known: Tf is the law's at all speeds.")
-    if source.get("dataset"):
-        lines.append(f"Fitted to {source['dataset']}, seed {source.get('seed', 0)}.")
-    hashes: Mapping[str, Any] = source.get("data") or {}
+    if source.dataset:
+        lines.append(f"Fitted to {source.dataset}, seed {source.seed}.")
+    hashes = source.data
     lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
     if len(hashes) > 3:
         lines.append(f"  and {len(hashes) - 3} files more")

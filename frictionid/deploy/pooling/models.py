@@ -3,43 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.deploy.pooling.random_effects import random_effects
 from frictionid.errors import InputError
-from frictionid.evaluation import known_speeds
+from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction, Groups
+from frictionid.friction.provenance import Estimate, Pooled, PooledEstimate, Provenance
 
-Key = tuple[str, str, int | None]
-_NORMAL = 1.96  # half-widths of 95 % over standard errors
-
-
-class Estimate(NamedTuple):
-    """A parameter as one model has it.
-
-    key : block, name without the joint's, and joint, None for the machine as a whole
-    name : with the joint's; reason : why it is no estimate, "" where it is one
-    """
-
-    key: Key
-    name: str
-    unit: str
-    value: float
-    error: float
-    reason: str
-
-    @property
-    def joint_name(self) -> str:
-        """Name of the joint, "" of the machine as a whole."""
-        return "" if self.key[2] is None else self.name.rpartition(" of ")[2]
+Key = tuple[str, str, int | None]  # block, name without the joint's, and joint
+Row = tuple[str, Key, Estimate, str]  # name of a model, key, estimate, and why it is none
 
 
 def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ()) -> Friction:
     """One friction for all specimens: means of the parameters; the spread in its provenance.
 
-    `provenance["pooled"]` has for each parameter the mean with its interval, the 95 % range of
+    `provenance.pooled` has for each parameter the mean with its interval, the 95 % range of
     another specimen, tau, Q and its p-value, and the estimates (`entry`), and as `left_out` the
     sentences on what is no estimate. Parameters with fewer than two estimates stay at the median of
     the models.
@@ -58,27 +38,31 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
         Where the models are not alike, have no intervals, or one is given twice.
     """
     check_alike(models, names, equal)
-    given = [estimates(model, name) for model, name in zip(models, names, strict=True)]
+    rows = [
+        (label, *row)
+        for model, label in zip(models, names, strict=True)
+        for row in estimates(model, label)
+    ]
     first = models[0]
     theta = np.median([model.theta for model in models], axis=0)
     entries, sentences = [], []
-    for key in dict.fromkeys(e.key for own in given for e in own):
-        rows = _rows(given, names, key, equal)
-        known = [(n, e) for n, e in rows if not e.reason]
+    titles = {key: e.name for _, key, e, _ in reversed(rows)}
+    for key in dict.fromkeys(key for _, key, _, _ in rows):
+        alike = _alike(rows, key, equal)
+        known = [(label, e) for label, _, e, reason in alike if not reason]
         block, name, joint = key
         mine = block == "friction" and joint is not None and name in first.law.names
         place = (joint, first.law.names.index(name)) if mine else None
         stays = "" if place is None else f", it stays at the median, {theta[place]:.3g}"
-        if rows[0][1].key == key:  # said once of equal joints
-            sentences += _sentences(rows, len(known), stays)
+        if alike[0][1] == key:  # said once of equal joints
+            sentences += _sentences(alike, len(known), stays)
         if len(known) > 1:
-            title = next(e.name for own in given for e in own if e.key == key)
-            entries.append(entry(first, known, title, joint))
+            entries.append(entry(first, known, titles[key], joint))
             if place is not None:
-                theta[place] = entries[-1]["value"]
+                theta[place] = entries[-1].value
     if not entries:
         raise InputError(f"pool: no parameter has two estimates; {'; '.join(sentences)}")
-    document = {"models": list(names), "parameters": entries, "left_out": sentences}
+    document = Pooled(tuple(names), tuple(entries), tuple(sentences))
     return Friction(
         *(first.law, theta, _common_parameters(models), _source(models, names, document)),
         first.position_units,
@@ -86,53 +70,45 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
     )
 
 
-def _rows(
-    given: Sequence[Sequence[Estimate]], names: Sequence[str], key: Key, equal: Groups
-) -> list[tuple[str, Estimate]]:
-    """Estimates of a parameter with the names of their models; of all joints equal to its own."""
+def _alike(rows: Sequence[Row], key: Key, equal: Groups) -> list[Row]:
+    """Estimates of a parameter; of all joints equal to its own, with these in the models' names."""
     block, name, joint = key
     group = next((g for g in equal if joint is not None and joint + 1 in g), ())
     if not group:
-        return [(n, e) for n, own in zip(names, given, strict=True) for e in own if e.key == key]
+        return [row for row in rows if row[1] == key]
     return [
-        (f"{n} ({e.joint_name})", e)
-        for n, own in zip(names, given, strict=True)
-        for e in own
-        if e.key[:2] == (block, name) and e.key[2] is not None and e.key[2] + 1 in group
+        (f"{label} ({joint_name(e)})", k, e, reason)
+        for label, k, e, reason in rows
+        if k[:2] == (block, name) and k[2] is not None and k[2] + 1 in group
     ]
 
 
 def entry(
     first: Friction, known: Sequence[tuple[str, Estimate]], title: str, joint: int | None
-) -> dict[str, Any]:
-    """A pooled parameter of its estimates (model's name, estimate), as a document.
+) -> PooledEstimate:
+    """A pooled parameter of its estimates (model's name, estimate).
 
     Intervals and the range are cut to the bounds of the law.
     """
-    block, name, _ = known[0][1].key
-    values, errors = ([getattr(e, part) for _, e in known] for part in ("value", "error"))
-    found = random_effects(np.array(values), np.array(errors))
-    low, high = bounds_of(first, block, name)
-    return {
-        "block": block,
-        "name": title,
-        "joint": joint,
-        "unit": known[0][1].unit,
-        "value": found.mean,
-        "error": found.error,
-        "interval_90": np.clip(found.interval(0.9), low, high).tolist(),
-        "interval_95": np.clip(found.interval(0.95), low, high).tolist(),
-        "range_95": np.clip(found.range(0.95), low, high).tolist(),
-        "tau": found.tau,
-        "tau_95": [found.tau_low, found.tau_high],
-        "Q": found.Q,
-        "p_value": found.p_value,
-        "identified": True,
-        "at_bound": False,
-        "models": [n for n, _ in known],
-        "values": values,
-        "errors": errors,
-    }
+    e = known[0][1]
+    values, errors = (tuple(getattr(e, part) for _, e in known) for part in ("value", "error"))
+    effects = random_effects(np.array(values), np.array(errors))
+    ends = bounds_of(first, e.block, e.parameter)
+    inner, outer, beyond = (
+        tuple(np.clip(pair, *ends).tolist())
+        for pair in (effects.interval(0.9), effects.interval(0.95), effects.range(0.95))
+    )
+    return PooledEstimate(
+        *(e.block, title, e.unit, joint, effects.mean, effects.error, inner, outer),
+        range_95=beyond,
+        tau=effects.tau,
+        tau_95=(effects.tau_low, effects.tau_high),
+        Q=effects.Q,
+        p_value=effects.p_value,
+        models=tuple(label for label, _ in known),
+        values=values,
+        errors=errors,
+    )
 
 
 def bounds_of(friction: Friction, block: str, name: str) -> tuple[float, float]:
@@ -143,8 +119,8 @@ def bounds_of(friction: Friction, block: str, name: str) -> tuple[float, float]:
     return -np.inf, np.inf
 
 
-def estimates(model: Friction, name: str) -> list[Estimate]:
-    """Estimates of a fitted model: those of shooting, else of its one-step fit.
+def estimates(model: Friction, name: str) -> list[tuple[Key, Estimate, str]]:
+    """Estimates of a fitted model by their keys, with why one is none, "" where it is one.
 
     Raises
     ------
@@ -152,57 +128,38 @@ def estimates(model: Friction, name: str) -> list[Estimate]:
         Where the model has no intervals, or is pooled.
     """
     source = model.provenance
-    if "pooled" in source:
+    if source.pooled is not None:
         raise InputError(f"pool: {name} is pooled itself: give the models that it was made of")
-    try:
-        if source.get("refined"):
-            return [_shot(e) for e in source["refined"]["parameters"]]
-        if source.get("half_widths"):
-            half = np.array(source["half_widths"], dtype=float)  # None becomes NaN
-            own = np.argwhere(model.law.has_parameters(model.n)).tolist()
-            return [_one_step(model, j, i, float(half[j, i])) for j, i in own]
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+    if source.refined is None and source.half_widths is None:
         raise InputError(
-            f"pool: {name}: its intervals cannot be read ({type(error).__name__} {error}): fit "
-            "it again"
-        ) from None
-    raise InputError(f"pool: {name} has no intervals of its parameters: fit it by frictionid fit")
+            f"pool: {name} has no intervals of its parameters: fit it by frictionid fit"
+        )
+    return [((e.block, e.parameter, e.joint), e, _reason(model, e)) for e in estimates_of(model)]
 
 
-def _shot(e: Any) -> Estimate:
-    name, joint = str(e["name"]), e["joint"]
-    plain = name if joint is None else name.rpartition(" of ")[0] or name
-    value, error = float(e["value"]), float(e["error"])
-    reason = _reason(value, error, at_bound=e["at_bound"], identified=e["identified"])
-    key = (str(e["block"]), plain, joint if joint is None else int(joint))
-    return Estimate(key, name, str(e["unit"]), value, error, reason)
-
-
-def _one_step(model: Friction, j: int, i: int, half: float) -> Estimate:
-    name, value = model.law.names[i], float(model.theta[j, i])
-    bound, error = value in model.law.bounds[i], half / _NORMAL
-    reason = _reason(value, error, at_bound=bound, identified=half <= abs(value))
-    key, unit = ("friction", name, j), model.units_at(j)[i]
-    return Estimate(key, f"{name} of joint {j + 1}", unit, value, error, reason)
-
-
-def _reason(value: float, error: float, *, at_bound: bool, identified: bool) -> str:
+def _reason(model: Friction, e: Estimate) -> str:
     """Why a value is no estimate, "" where it is one."""
-    if at_bound:
+    low, high = bounds_of(model, e.block, e.parameter)
+    if e.at_bound or (model.provenance.refined is None and e.value in (low, high)):
         return "lies at its bound"
-    known = identified and np.isfinite(value) and 0.0 < error < np.inf
-    return "" if known else "is not identified"
+    is_known = e.identified and np.isfinite(e.value) and 0.0 < e.error < np.inf
+    return "" if is_known else "is not identified"
 
 
-def _sentences(rows: Sequence[tuple[str, Estimate]], known: int, stays: str) -> list[str]:
-    """What is left out of a parameter's estimates (model's name, estimate)."""
-    out = []
+def joint_name(e: Estimate) -> str:
+    """Name of an estimate's joint, "" of the machine as a whole."""
+    return "" if e.joint is None else e.name.partition(" of ")[2]
+
+
+def _sentences(rows: Sequence[Row], known: int, stays: str) -> list[str]:
+    """What is left out of a parameter's estimates."""
+    out, title = [], rows[0][2].name
     end = f"pooled over the other {known}" if known > 1 else f"not pooled{stays}"
-    for reason in dict.fromkeys(e.reason for _, e in rows if e.reason):
-        where = ", ".join(n for n, e in rows if e.reason == reason)
-        out.append(f"{rows[0][1].name} {reason} in {where}: {end}")
+    for reason in dict.fromkeys(row[3] for row in rows if row[3]):
+        where = ", ".join(row[0] for row in rows if row[3] == reason)
+        out.append(f"{title} {reason} in {where}: {end}")
     if known == len(rows) == 1:
-        out.append(f"{rows[0][1].name} is free in {rows[0][0]} only: not pooled{stays}")
+        out.append(f"{title} is free in {rows[0][0]} only: not pooled{stays}")
     return out
 
 
@@ -255,7 +212,7 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
 
 def joint_names(friction: Friction, name: str) -> list[str]:
     """Names of the joints, as the parameters of a fitted model have them."""
-    known = {e.key[2]: e.joint_name for e in estimates(friction, name)}
+    known = {e.joint: joint_name(e) for _, e, _ in estimates(friction, name)}
     return [known.get(j) or f"joint {j + 1}" for j in range(friction.n)]
 
 
@@ -268,16 +225,14 @@ def _common_parameters(models: Sequence[Friction]) -> dict[str, float]:
     }
 
 
-def _source(
-    models: Sequence[Friction], names: Sequence[str], document: dict[str, Any]
-) -> dict[str, Any]:
+def _source(models: Sequence[Friction], names: Sequence[str], document: Pooled) -> Provenance:
     """Where the pooled friction is from: its models, their recordings, the speeds of all."""
     hashes = {
         f"{name}: {file}": digest
         for model, name in zip(models, names, strict=True)
-        for file, digest in (model.provenance.get("data") or {}).items()
+        for file, digest in model.provenance.data.items()
     }
-    known = [known_speeds(model) for model in models]
-    alike = all(len(own) == models[0].n for own in known)
-    speeds = {"speeds": np.min(known, axis=0).tolist()} if alike else {}
-    return {"dataset": f"{len(names)} specimens", "data": hashes, **speeds, "pooled": document}
+    speeds = [model.provenance.speeds for model in models]
+    alike = all(len(each) == models[0].n for each in speeds)
+    source = Provenance(dataset=f"{len(names)} specimens", data=hashes, pooled=document)
+    return source.but({"speeds": tuple(np.min(speeds, axis=0).tolist())}) if alike else source

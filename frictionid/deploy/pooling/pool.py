@@ -29,8 +29,10 @@ from frictionid.deploy.pooling.random_effects import Regression, meta_regression
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
+from frictionid.friction.provenance import Pooled as Specimens
+from frictionid.friction.provenance import Provenance
 from frictionid.report.console import console, printed
-from frictionid.report.estimates import digits, interval, pooled_document
+from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 
@@ -41,7 +43,7 @@ COLUMNS = (
 _LEAST = 1e-4  # p-values below it are not told apart
 
 
-def pooled_frame(document: Mapping[str, Any]) -> pd.DataFrame:
+def pooled_frame(several: Specimens) -> pd.DataFrame:
     """A line for each pooled parameter; joint is its number from 1, 0 for the machine as a whole.
 
     Columns: block, joint, parameter, unit; value, low_95, high_95: the mean of all specimens with
@@ -50,34 +52,28 @@ def pooled_frame(document: Mapping[str, Any]) -> pd.DataFrame:
     """
     lines = [
         (
-            *(e["block"], 0 if e["joint"] is None else int(e["joint"]) + 1),
-            str(e["name"]) if e["joint"] is None else str(e["name"]).rpartition(" of ")[0],
-            *(e["unit"], float(e["value"]), *e["interval_95"], *e["range_95"]),
-            *(float(e["tau"]), *e["tau_95"], float(e["Q"]), float(e["p_value"])),
-            len(e["models"]),
+            *(e.block, 0 if e.joint is None else e.joint + 1, e.parameter),
+            *(e.unit, e.value, *e.interval_95, *e.range_95),
+            *(e.tau, *e.tau_95, e.Q, e.p_value, len(e.models)),
         )
-        for e in document["parameters"]
+        for e in several.parameters
     ]
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
-def pooled_table(document: Mapping[str, Any]) -> Table:
-    """The same for people."""
+def pooled_table(several: Specimens) -> Table:
+    """Table of the pooled parameters."""
     columns = (
         *text_columns("parameter"),
         *(Column("mean"), Column("95 % interval"), Column("range of another specimen")),
         *(Column("tau"), *text_columns("unit"), Column("Q"), Column("p"), Column("models")),
     )
     lines = []
-    for e in document["parameters"]:
-        value, error = float(e["value"]), float(e["error"])
-        inner, outer = (
-            interval(float(low), float(high), error)
-            for low, high in (e["interval_95"], e["range_95"])
-        )
-        words = str(e["name"]), digits(value, error), inner, outer, short(float(e["tau"]))
-        spread = f"{e['Q']:.3g}", _p_value(float(e["p_value"])), str(len(e["models"]))
-        lines.append(line((*words, str(e["unit"]), *spread)))
+    for e in several.parameters:
+        inner, outer = (interval(*ends, e.error) for ends in (e.interval_95, e.range_95))
+        words = e.name, digits(e.value, e.error), inner, outer, short(e.tau)
+        spread = f"{e.Q:.3g}", _p_value(e.p_value), str(len(e.models))
+        lines.append(line((*words, e.unit, *spread)))
     return Table("", "pooled", columns, tuple(lines))
 
 
@@ -85,13 +81,13 @@ def _p_value(p: float) -> str:
     return f"{p:.2g}" if p >= _LEAST else f"<{_LEAST:g}"
 
 
-def show_pooled(document: Mapping[str, Any]) -> None:
+def show_pooled(several: Specimens) -> None:
     """Print what was pooled, and what was left out."""
     out = console()
-    for text in for_terminal(pooled_table(document)):
+    for text in for_terminal(pooled_table(several)):
         out.print(text, soft_wrap=True)
-    for sentence in document["left_out"]:
-        out.print(printable(str(sentence)), markup=False, soft_wrap=True)
+    for sentence in several.left_out:
+        out.print(printable(sentence), markup=False, soft_wrap=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,7 +104,7 @@ class Pooled:
     friction: Friction
 
     def __repr__(self) -> str:
-        return printed(partial(show_pooled, self._document)).rstrip()
+        return printed(partial(show_pooled, self.several)).rstrip()
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -119,12 +115,12 @@ class Pooled:
         tau_high: standard deviation between specimens; Q, p_value: heterogeneity; models: how
         many.
         """
-        return pooled_frame(self._document)
+        return pooled_frame(self.several)
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """Sentences on parameters that are not identified or lie at a bound."""
-        return tuple(self._document["left_out"])
+        return self.several.left_out
 
     def ranges(self) -> dict[str, Any]:
         """95 % ranges of another specimen by the parameters' names, for domain randomisation.
@@ -132,13 +128,8 @@ class Pooled:
         Each has unit, mean, low and high.
         """
         return {
-            str(e["name"]): {
-                "unit": e["unit"],
-                "mean": e["value"],
-                "low": e["range_95"][0],
-                "high": e["range_95"][1],
-            }
-            for e in self._document["parameters"]
+            e.name: {"unit": e.unit, "mean": e.value, "low": e.range_95[0], "high": e.range_95[1]}
+            for e in self.several.parameters
         }
 
     def sample(self, count: int, seed: int = 0) -> Friction:
@@ -159,11 +150,12 @@ class Pooled:
         save_model(self.friction, Path(path), LAWS)
 
     @property
-    def _document(self) -> Mapping[str, Any]:
-        document = pooled_document(self.friction)
-        if not document:
+    def several(self) -> Specimens:
+        """What was pooled, parameter by parameter."""
+        several = self.friction.provenance.pooled
+        if several is None:
             raise InputError("the model is not pooled: frictionid pool makes one of several")
-        return document
+        return several
 
 
 def pool(
@@ -335,18 +327,18 @@ def over_covariate(
     check_alike(frictions, names)
     x = _values(given, names, covariate, values)
     rows = [
-        (float(at), e)
+        (float(at), *row)
         for model, name, at in zip(frictions, names, x, strict=True)
-        for e in estimates(model, name)
+        for row in estimates(model, name)
     ]
     lines: dict[Key, Regression] = {}
     units: dict[Key, str] = {}
     left_out = []
-    for key in dict.fromkeys(e.key for _, e in rows):
-        own = [(at, e) for at, e in rows if e.key == key]
-        known = [(at, e) for at, e in own if not e.reason]
+    for key in dict.fromkeys(row[1] for row in rows):
+        alike = [(at, e, reason) for at, k, e, reason in rows if k == key]
+        known = [(at, e) for at, e, reason in alike if not reason]
         if len(known) < 3 or len({at for at, _ in known}) < 2:
-            title = own[0][1].name
+            title = alike[0][1].name
             left_out.append(f"{title}: {len(known)} of {len(given)} fits tell it, no line")
             continue
         y, s = ([getattr(e, part) for _, e in known] for part in ("value", "error"))
@@ -354,9 +346,8 @@ def over_covariate(
         lines[key], units[key] = meta_regression(np.array(y), np.array(s), at), known[0][1].unit
     theta = np.median([f.theta for f in frictions], axis=0)
     source = {f"over_{covariate}": {name: float(v) for name, v in zip(names, x, strict=True)}}
-    median = replace(
-        frictions[0], theta=theta, provenance=source, calibration=_mean_calibration(frictions)
-    )
+    first = replace(frictions[0], provenance=Provenance().but(source))
+    median = replace(first, theta=theta, calibration=_mean_calibration(frictions))
     span = (float(x.min()), float(x.max()))
     return OverCovariate(covariate, lines, units, tuple(left_out), median, span)
 

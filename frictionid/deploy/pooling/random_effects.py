@@ -20,8 +20,7 @@ specimens say little of tau.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import (  # scipy.stats takes half a second
@@ -35,7 +34,7 @@ from scipy.special import (  # scipy.stats takes half a second
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.report.estimates import pooled_document
+from frictionid.friction.provenance import Pooled
 
 _POINTS = 400  # of the mixture
 _HALVINGS = 50
@@ -163,17 +162,16 @@ def _statistic(y: Array, s: Array, variance: Array) -> Array:
 _GRID = 501  # points of a distribution between the ends of its range
 
 
-def pooled_draws(document: Mapping[str, Any], count: int, seed: int) -> Array:
+def pooled_draws(pooled: Pooled, count: int, seed: int) -> Array:
     """Samples (count, D) of the pooled parameters: another specimen's, within the 95 % ranges.
 
     Each parameter by itself: how they go together, a few specimens do not show.
     """
     random = np.random.default_rng(seed)
-    out = np.empty((count, len(document["parameters"])))
-    for k, e in enumerate(document["parameters"]):
-        found = random_effects(np.array(e["values"]), np.array(e["errors"]))
-        low, high = e["range_95"]
-        x = np.linspace(low, high, _GRID)
+    out = np.empty((count, len(pooled.parameters)))
+    for k, e in enumerate(pooled.parameters):
+        found = random_effects(np.array(e.values), np.array(e.errors))
+        x = np.linspace(*e.range_95, _GRID)
         below = found.probability(x)
         out[:, k] = np.interp(random.uniform(below[0], below[-1], count), below, x)
     return out
@@ -187,15 +185,14 @@ def sampled(friction: Friction, count: int, seed: int = 0) -> Friction:
     InputError
         Where the friction is not pooled.
     """
-    document = pooled_document(friction)
-    if not document:
+    pooled = friction.provenance.pooled
+    if pooled is None:
         raise InputError("sample: the model is not pooled: frictionid pool makes one of several")
     theta = np.repeat(np.asarray(friction.theta, dtype=float)[None], count, axis=0)
-    draws = pooled_draws(document, count, seed)
-    for e, own in zip(document["parameters"], draws.T, strict=True):
-        name = str(e["name"]).rpartition(" of ")[0]
-        if e["block"] == "friction" and e["joint"] is not None and name in friction.law.names:
-            theta[:, int(e["joint"]), friction.law.names.index(name)] = own
+    draws = pooled_draws(pooled, count, seed)
+    for e, values in zip(pooled.parameters, draws.T, strict=True):
+        if e.block == "friction" and e.joint is not None and e.parameter in friction.law.names:
+            theta[:, e.joint, friction.law.names.index(e.parameter)] = values
     return Friction(
         *(friction.law, theta, friction.parameters, friction.provenance, friction.position_units),
         load_unit=friction.load_unit,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -127,7 +127,7 @@ class SINDy(Identifier):
         friction = Friction(self.library, theta.reshape(len(weights), n, P))
         if not self.ensemble:
             return friction
-        return replace(friction, provenance={"inclusion": self._inclusion_lines(share)})
+        return friction.noted({"inclusion": tuple(self._inclusion_lines(share))})
 
     def inclusion(self, problem: Problem, weights: Array, seed: int, draws: int = 50) -> Array:
         """Share (F, n, P) of draws of the recordings in whose active set each candidate is."""

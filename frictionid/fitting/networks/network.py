@@ -98,7 +98,7 @@ class Network(Identifier):
         scales = friction_scales(problem, weights)
         friction, costs = self.train(law, problem, weights, scales, seed)
         training, held = costs.round(5)
-        return replace(friction, provenance={"learning": {"training": training, "held_out": held}})
+        return friction.noted({"learning": {"training": training, "held_out": held}})
 
     def train(
         self, law: Any, problem: Problem, weights: Array, scales: Array, seed: int

@@ -166,18 +166,18 @@ def _together(frictions: Sequence[Friction], identifier: str) -> Friction:
             f"{identifier} has another law in each fold: give it a recipe without calibration"
         )
     theta = np.stack([np.asarray(friction.theta) for friction in frictions])
-    provenance = {**last.provenance, **_learning(frictions)}
-    return replace(last, theta=theta, provenance=provenance, constraints=None)
+    source = last.provenance.but(_learning(frictions))
+    return replace(last, theta=theta, provenance=source, constraints=None)
 
 
 def _learning(frictions: Sequence[Friction]) -> dict[str, Any]:
     """Learning curves of frictions that were fitted one by one, as one table; NaN after an end."""
-    each = [friction.provenance.get("learning") for friction in frictions]
-    if not each or any(own is None or len(own["training"]) != 1 for own in each):
+    each = [friction.provenance.learning for friction in frictions]
+    if any(not losses or len(losses["training"]) != 1 for losses in each):
         return {}
     table = {}
     for key in ("training", "held_out"):
-        lines = [np.asarray(own[key][0]) for own in each if own is not None]
+        lines = [np.asarray(losses[key][0]) for losses in each]
         longest = max(map(len, lines))
         table[key] = np.stack(
             [np.pad(x, (0, longest - len(x)), constant_values=np.nan) for x in lines]

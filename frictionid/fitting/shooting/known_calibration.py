@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -66,11 +65,10 @@ def known_calibration(friction: Friction, name: str) -> KnownCalibration:
         raise InputError(
             f"{name} has no calibration: fit it by shooting with inertia, delay or gain free"
         )
-    refined: Any = friction.provenance.get("refined")
-    parameters: Sequence[Mapping[str, Any]] = (refined or {}).get("parameters", ())
+    refined = friction.provenance.refined
     errors = tuple(
-        (str(p["name"]), float(p["error"]))
-        for p in parameters
-        if p["block"] in _BLOCKS and p["identified"] and np.isfinite(p["error"])
+        (e.name, e.error)
+        for e in (() if refined is None else refined.parameters)
+        if e.block in _BLOCKS and e.identified and np.isfinite(e.error)
     )
     return KnownCalibration(friction.calibration, errors)

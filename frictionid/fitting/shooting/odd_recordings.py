@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import lgamma
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
@@ -12,25 +11,13 @@ from scipy.special import stdtr  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
+from frictionid.friction.provenance import OddRecording
 
 _WILD = 20.0  # [noise]: residuals count as so large at most
 _FEW = 5  # recordings: among fewer none can be told from the others
 _CLEAR = 0.01  # p-value, times the choices of recordings
 _WORTH = 1.5  # times the usual size of the residuals: what is worth a word
 _MOST = 4  # one recording in so many may be odd
-
-
-class OddRecording(NamedTuple):
-    """A recording whose residuals stand off from those of the others.
-
-    size : root mean square of its residuals; usual : that of the others, geometric mean [noise];
-    p_value : of the difference, times the number of choices of odd ones
-    """
-
-    recording: str
-    size: float
-    usual: float
-    p_value: float
 
 
 def odd_recordings(problem: ShootingProblem, solution: Solution) -> tuple[OddRecording, ...]:

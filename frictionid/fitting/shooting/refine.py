@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
@@ -35,7 +34,7 @@ from frictionid.fitting.shooting.data_checks import (
 )
 from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
 from frictionid.fitting.shooting.networks import as_given, on_arrays, with_combinations
-from frictionid.fitting.shooting.odd_recordings import OddRecording, odd_recordings, odd_sentences
+from frictionid.fitting.shooting.odd_recordings import odd_recordings, odd_sentences
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,
     omitted_blocks,
@@ -45,9 +44,10 @@ from frictionid.fitting.shooting.problem import ShootingProblem, shooting_proble
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
-from frictionid.fitting.shooting.significance import Dropped, least_significant
+from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
 
@@ -93,54 +93,6 @@ def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | flo
 
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
-
-
-class Segment(NamedTuple):
-    """A stretch of a recording: its name, begin and end [s], and size of the residual [noise]."""
-
-    recording: str
-    begin: float
-    end: float
-    size: float
-
-
-class Residuals(NamedTuple):
-    """Residuals of the angles, of each joint (n,): sums of squares [rad^2] and numbers of them.
-
-    Numbers are less the two that a window's free initial state takes.
-    """
-
-    squares: Array
-    counts: Array
-
-
-@dataclass(frozen=True)
-class Diagnostics:
-    """How a fit went.
-
-    sigma : (n,) [rad], noise of the angles as the residuals show it; of the torques [N m], where
-        `noise_of` is "torque"
-    windows : their number; left_out : those whose prediction jumps with their initial state (a
-        joint just misses or just reaches a stop) and so do not count; unexplained : those with
-        residuals of three times the noise and more, which count little or not at all
-    converged : whether no parameter moved any more; iterations : how many that took
-    warnings : sentences on what makes the numbers doubtful as a whole
-    dropped : blocks of sensors that were offered and left out, as they showed nothing
-    odd : recordings that are not explained as the others are
-    residuals : their size in the windows that count; None where torques are fitted
-    """
-
-    sigma: Array
-    windows: int
-    left_out: tuple[Segment, ...]
-    unexplained: tuple[Segment, ...]
-    converged: bool
-    iterations: int
-    warnings: tuple[str, ...] = ()
-    dropped: tuple[Dropped, ...] = ()
-    odd: tuple[OddRecording, ...] = ()
-    noise_of: str = "angle"
-    residuals: Residuals | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,15 +287,15 @@ def _diagnostics(
     far = size > _UNEXPLAINED
     odd = odd_recordings(problem, solution)
     return Diagnostics(
-        solution.sigma,
-        len(solution.windows),
-        _segments(problem, solution, ~solution.closed & ~far, size),
-        _segments(problem, solution, far, size),
-        solution.converged,
-        solution.iterations,
-        (*odd_sentences(odd), *warnings_of(problem, solution), *more),
-        odd=odd,
+        angle_noise=solution.sigma,
         residuals=_residuals(solution, solution.closed & ~far),
+        windows=len(solution.windows),
+        left_out=_segments(problem, solution, ~solution.closed & ~far, size),
+        unexplained=_segments(problem, solution, far, size),
+        odd=odd,
+        settled=solution.converged,
+        iterations=solution.iterations,
+        warnings=(*odd_sentences(odd), *warnings_of(problem, solution), *more),
     )
 
 

@@ -1,9 +1,8 @@
-"""Result of shooting as a document: numbers and words for files, tables and pictures."""
+"""What a fit by shooting estimated, for files, tables and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,13 +11,14 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.fitting.parameters.parameter_block import IDEAL, Parameter
 from frictionid.fitting.shooting.combinations import CombinationLaw
+from frictionid.fitting.shooting.covariance import Covariance
 from frictionid.fitting.shooting.refine import Refined
+from frictionid.friction.provenance import Bands, Estimate, Estimates
 
-LEVELS = (0.9, 0.95)
 BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
 
 
-def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any]:
+def refined_estimates(result: Refined, dataset: Dataset, grid: Array) -> Estimates:
     """Parameters with intervals, correlation, curves with bands, and how it went.
 
     Each parameter has its nominal value beside it: the data set's mechanism gives base parameters,
@@ -28,58 +28,45 @@ def document_of(result: Refined, dataset: Dataset, grid: Array) -> dict[str, Any
     `bands` has the curve of each joint with half-widths at velocities (V, n), half as far again as
     those of the grid (V, n).
     """
-    covariance, went = result.covariance, result.diagnostics
-    named = [k for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
-    return {
-        "parameters": _parameters(result, dataset, named),
-        "correlation": np.asarray(covariance.correlation)[np.ix_(named, named)],
-        "covariance": np.asarray(covariance.matrix)[np.ix_(named, named)],
-        "freedom": covariance.freedom,
-        "clusters": covariance.clusters,
-        "singular_values": covariance.singular,
-        "undetermined": list(covariance.undetermined),
-        "driven": any(bool(np.any(r.torque.value)) for r in dataset.recordings),
-        "bands": _bands(result, BEYOND * grid),
-        f"{went.noise_of}_noise": went.sigma,
-        "residuals": went.residuals and went.residuals._asdict(),
-        "windows": went.windows,
-        "left_out": [segment._asdict() for segment in went.left_out],
-        "unexplained": [segment._asdict() for segment in went.unexplained],
-        "odd": [odd._asdict() for odd in went.odd],
-        "settled": went.converged,
-        "iterations": went.iterations,
-        "warnings": list(went.warnings),
-        "dropped": [dropped._asdict() for dropped in went.dropped],
-    }
-
-
-def _parameters(result: Refined, dataset: Dataset, named: Sequence[int]) -> list[dict[str, Any]]:
-    """Some of the parameters with intervals and nominal values."""
     covariance = result.covariance
-    intervals = {level: covariance.interval(level) for level in LEVELS}
+    named = [k for k, p in enumerate(covariance.parameters) if not _combines(result, p)]
+    return Estimates(
+        **vars(result.diagnostics),
+        parameters=tuple(_estimates(covariance, dataset, named)),
+        correlation=np.asarray(covariance.correlation)[np.ix_(named, named)],
+        covariance=np.asarray(covariance.matrix)[np.ix_(named, named)],
+        freedom=covariance.freedom,
+        clusters=covariance.clusters,
+        singular_values=covariance.singular,
+        undetermined=covariance.undetermined,
+        driven=any(bool(np.any(r.torque.value)) for r in dataset.recordings),
+        bands=_bands(result, BEYOND * grid),
+    )
+
+
+def _estimates(
+    covariance: Covariance, dataset: Dataset, named: Sequence[int]
+) -> Iterator[Estimate]:
+    """Some of the parameters with intervals and nominal values."""
+    inner, outer = covariance.interval(0.9), covariance.interval(0.95)
     identified, error = covariance.identified, covariance.error
-    more = recordings_own(dataset)
-    out = []
+    base_shift = recordings_own(dataset)
     for k in named:
         p = covariance.parameters[k]
-        shift = more[p.place[0]] if p.block == "inertia" else 0.0
-        ends = {f"interval_{round(100 * v)}": (i[k] + shift).tolist() for v, i in intervals.items()}
-        out.append(
-            {
-                "block": p.block,
-                "name": p.name,
-                "unit": p.unit,
-                "joint": p.place[0] if p.block != "inertia" and p.place else None,
-                "value": float(covariance.values[k] + shift),
-                "error": float(error[k]),
-                **ends,
-                "at_bound": bool(covariance.bound[k]),
-                "identified": bool(identified[k]),
-                "prior": p.prior if np.isfinite(p.prior) else None,
-                "nominal": _nominal(p, dataset, shift),
-            }
+        shift = base_shift[p.place[0]] if p.block == "inertia" else 0.0
+        (a, b), (low, high) = inner[k] + shift, outer[k] + shift
+        yield Estimate(
+            *(p.block, p.name, p.unit),
+            p.place[0] if p.block != "inertia" and p.place else None,
+            float(covariance.values[k] + shift),
+            float(error[k]),
+            (float(a), float(b)),
+            (float(low), float(high)),
+            bool(covariance.bound[k]),
+            bool(identified[k]),
+            p.prior if np.isfinite(p.prior) else None,
+            _nominal(p, dataset, shift),
         )
-    return out
 
 
 def _combines(result: Refined, parameter: Parameter) -> bool:
@@ -113,15 +100,8 @@ def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | No
     return IDEAL.get(parameter.block)
 
 
-def _bands(result: Refined, w: Array) -> dict[str, Any]:
+def _bands(result: Refined, w: Array) -> Bands:
     """Curves (V, n) at velocities w (V, n) with their half-widths."""
     friction = result.friction
     curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
-    pointwise, simultaneous = result.bands(w)
-    return {
-        "level": 0.95,
-        "velocity": w,
-        "curve": curve,
-        "pointwise": pointwise,
-        "simultaneous": simultaneous,
-    }
+    return Bands(w, curve, *result.bands(w))

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.fitting.parameters.parameter_block import IDEAL, ParameterBlock
 from frictionid.fitting.shooting.covariance import Covariance
-
-
-class Dropped(NamedTuple):
-    """A block that was left out of the fit, and the p-value of the test that found nothing."""
-
-    block: str
-    p_value: float
+from frictionid.friction.provenance import Dropped
 
 
 def least_significant(

@@ -19,9 +19,9 @@ from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
 from frictionid.fitting.shooting.covariance import grouped_covariance
-from frictionid.fitting.shooting.refine import Diagnostics, Refined
+from frictionid.fitting.shooting.refine import Refined
 from frictionid.fitting.shooting.sandwich import FEW, Groups
-from frictionid.fitting.shooting.significance import Dropped, least_significant
+from frictionid.fitting.shooting.significance import least_significant
 from frictionid.fitting.torque_balance.consistent import made_consistent
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
@@ -35,6 +35,7 @@ from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
 from frictionid.friction import Friction, Inputs, along, constraints_of
 from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
+from frictionid.friction.provenance import Diagnostics, Dropped
 
 BLOCKS = ("friction", "inertia", "delay", "gain", "bias")
 _STARTS = 2
@@ -157,14 +158,11 @@ def _result(
         friction,
         grouped_covariance(parameters, values, estimate.friction, groups),
         Diagnostics(
-            solution.sigma,
-            int(use.sum()),
-            (),
-            (),
-            solution.converged,
-            solution.iterations,
-            tuple(_warnings(problem, solution)),
-            noise_of="torque",
+            torque_noise=solution.sigma,
+            windows=int(use.sum()),
+            settled=solution.converged,
+            iterations=solution.iterations,
+            warnings=tuple(_warnings(problem, solution)),
         ),
         estimate.mechanism,
     )

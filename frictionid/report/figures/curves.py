@@ -169,13 +169,10 @@ class _Kind(NamedTuple):
     read: Callable[[Model, DataDescription, int], Band]
 
 
-def band_of(model: Model, data: DataDescription, joint: int) -> Band:
-    """A joint's band; documents without velocities of their own have it on the curves' grid."""
-    bands = (model.refined or {})["bands"]
-    velocity = bands.get("velocity", data.velocity)
-    curve = bands.get("curve", model.curves[-1])
-    parts = (velocity, curve, bands["pointwise"], bands["simultaneous"])
-    return Band(*(np.asarray(part, dtype=float)[:, joint] for part in parts))
+def band_of(model: Model, _data: DataDescription, joint: int) -> Band:
+    """A joint's band."""
+    assert model.refined is not None and model.refined.bands is not None
+    return Band(*(part[:, joint] for part in model.refined.bands[:4]))
 
 
 def _members_of(model: Model, data: DataDescription, joint: int) -> Band:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from frictionid.evaluation.curves import steady_state
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
-from frictionid.report.estimates import Estimate, correlation_of, estimates
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.figures.curves import cut_heights, draw_density
 from frictionid.report.figures.style import (
     COLOURS,
@@ -34,7 +34,7 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.numbers import MINUS, short
 from frictionid.report.sections import DataDescription, Model
-from frictionid.report.shooting_results import NONE, OWN, groups
+from frictionid.report.shooting_results import OWN, groups
 
 STRONG = 0.9
 PAIRS = 4  # strongly correlated pairs in the caption
@@ -46,22 +46,22 @@ SMALL = 5  # [point], of labels with little room
 LARGE = 25  # parameters, of which more have smaller labels
 
 
-def strong_pairs(document: Mapping[str, Any], read: Sequence[Estimate]) -> list[tuple[str, float]]:
+def strong_pairs(refined: Estimates) -> list[tuple[str, float]]:
     """Pairs of parameters whose |r| exceeds 0.9, with r; the strongest first."""
-    r = correlation_of(document)
+    r, read = refined.square(refined.correlation), refined.parameters
     places = np.argwhere(np.tril(np.nan_to_num(np.abs(r)) > STRONG, -1))
     pairs = [(f"{read[j].name} and {read[i].name}", float(r[i, j])) for i, j in places]
     return sorted(pairs, key=lambda pair: -abs(pair[1]))
 
 
-def correlation_caption(model: Model, dataset: str, data: DataDescription) -> str:
+def correlation_caption(model: Model, dataset: str) -> str:
     """Caption of a picture of correlations, with the strongest pairs."""
-    document = model.refined or {}
-    pairs = strong_pairs(document, estimates(document, data))
+    refined = model.refined or Estimates()
+    pairs = strong_pairs(refined)
     shown = [f"{names} ({r:+.2f})".replace("-", MINUS) for names, r in pairs[:PAIRS]]
     shown += [f"{len(pairs) - PAIRS} more pairs"] if len(pairs) > PAIRS else []
-    sizes = [float(value) for value in document["singular_values"]]
-    span = f"{short(max(sizes))} to {short(min(sizes))}" if sizes else "none"
+    sizes = refined.singular_values
+    span = f"{short(max(sizes))} to {short(min(sizes))}" if len(sizes) else "none"
     return (
         f"Correlation of the parameters of {model.name} on {dataset}; framed above {STRONG:g} in "
         f"size: {', '.join(shown) or 'none'}. Grey names: not identified. Singular values of the "
@@ -75,14 +75,12 @@ def correlation(model: Model, data: DataDescription) -> Any:
     Rows and columns of parameters without a standard error are grey, names of those that are not
     identified, too.
     """
-    return fit_correlation(model.refined or NONE, data.joints, data)
+    return fit_correlation(model.refined or Estimates(), data.joints)
 
 
-def fit_correlation(
-    document: Mapping[str, Any], joints: Sequence[str], data: DataDescription | None = None
-) -> Any:
-    """Picture of the correlation of a result document of shooting, see `correlation`."""
-    read = estimates(document, data)
+def fit_correlation(refined: Estimates, joints: Sequence[str]) -> Any:
+    """Picture of the correlation of what shooting estimated, see `correlation`."""
+    read = refined.parameters
     labels = [e.parameter if e.block in OWN else e.name for e in read]
     few = len(read) <= MOST
     room, below = (
@@ -95,7 +93,7 @@ def fit_correlation(
     picture = figure(height, width)
     picture.set_layout_engine("none")
     axis = picture.add_axes((left / width, (below + 0.1) / height, side / width, side / height))
-    image = _cells(axis, correlation_of(document))
+    image = _cells(axis, refined.square(refined.correlation))
     _names(axis, read, labels)
     _groups(axis, read, joints, room + 0.1, side)
     tall = min(1.1, 0.7 * side)
@@ -215,11 +213,11 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
 
 def _half_widths(friction: Friction, grid: Array) -> Array | None:
     """Half-widths (V, n) of the simultaneous 95 % band, where the model's document has one."""
-    bands: Any = friction.provenance.get("refined", {}).get("bands")
-    if not bands:
+    refined = friction.provenance.refined
+    if refined is None or refined.bands is None:
         return None
-    at, half = (np.asarray(bands[key], dtype=float) for key in ("velocity", "simultaneous"))
-    columns = zip(grid.T, at.T, half.T, strict=True)
+    bands = refined.bands
+    columns = zip(grid.T, bands.velocity.T, bands.simultaneous.T, strict=True)
     return np.stack([np.interp(w, own, size) for w, own, size in columns], axis=-1)
 
 

@@ -62,8 +62,8 @@ PARTS = ("training", "held_out")
 
 def losses_of(model: Model) -> Mapping[str, Array] | None:
     """Losses (F, E) of a model that learned in epochs, without the fit to all data; else None."""
-    learning = model.document.get("provenance", {}).get("learning") or {}
-    parts = {key: np.asarray(learning[key], dtype=float) for key in PARTS if key in learning}
+    learning = model.provenance.learning
+    parts = {key: learning[key] for key in PARTS if key in learning}
     return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
 
 

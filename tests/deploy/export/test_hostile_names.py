@@ -18,7 +18,7 @@ HOSTILE = 'a"""\nplanted = 1\n#\\ */ planted /* *) planted (* ??/ {planted} %'
 def own():
 
     friction = friction_by(LAWS["stribeck"], np.random.default_rng(15))
-    friction.provenance["dataset"] = HOSTILE
+    friction = friction.noted({"dataset": HOSTILE})
     return exported(friction, (HOSTILE, "knee"), (2.0, 3.0))
 
 

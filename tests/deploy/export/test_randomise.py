@@ -44,7 +44,7 @@ def shot(covariance=COVARIANCE):
 
 
 def test_samples_have_the_covariance_and_undetermined_parameters_stay():
-    draws = drawn(shot().provenance["refined"], 20_000, 5)
+    draws = drawn(shot().provenance.refined, 20_000, 5)
     free = [0, 1, 3]
     np.testing.assert_allclose(np.cov(draws[:, free].T), COVARIANCE[np.ix_(free, free)], atol=2e-7)
     np.testing.assert_allclose(draws.mean(axis=0), THETA[0], atol=1e-4)

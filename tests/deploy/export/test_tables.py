@@ -57,7 +57,7 @@ def test_a_table_says_what_it_cannot_hold():
 
 def test_an_equation_reads_as_the_law(tmp_path):
     friction = Friction(known.CoulombViscous(), np.array([[0.12, 0.05]]))
-    friction.provenance["half_widths"] = [[0.01, None]]
+    friction = friction.noted({"half_widths": np.array([[0.01, np.nan]])})
     text = written(exported(friction, ("left_hip",), (2.0,)), "latex", tmp_path)[".tex"].read_text()
     assert r"T &= 0.12 \, \tanh\left(\frac{\omega}{0.02}\right) + 0.05 \, \omega" in text
     assert r"left\_hip & coulomb & $0.12$ & $[0.11, 0.13]$ & N m \\" in text

@@ -8,10 +8,9 @@ from fixtures.command_line import run_command
 from fixtures.one_joint_sets import Setup, sets
 
 import frictionid as fid
-from frictionid.deploy.export.export import randomised
-from frictionid.deploy.export.exported import exported
 from frictionid.deploy.pooling.models import pooled
 from frictionid.errors import InputError
+from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction, Stribeck
 
@@ -58,9 +57,7 @@ def test_samples_lie_within_the_ranges_and_scatter_as_the_specimens():
 
 def test_each_sample_is_a_machine_of_its_own_in_environments():
     gymnasium = pytest.importorskip("gymnasium")
-    models = [
-        one_step(rig.theta[:1], np.array(rig.provenance["half_widths"])[:1]) for rig in rigs(5)
-    ]
+    models = [one_step(rig.theta[:1], rig.provenance.half_widths[:1]) for rig in rigs(5)]
     many = fid.pool(models).sample(16, 1)
     machine = fid.mechanisms.pendulum(mass=0.5, length=0.3)
     episode = fid.Episode(
@@ -84,13 +81,13 @@ def test_what_is_not_identified_or_at_a_bound_is_named_and_left_out():
         one_step([[0.14, 0.024], [0.4, 0.1]], [[0.01, 0.002], [0.01, 0.001]]),
     ]
     made = pooled(models, ["a", "b", "c"])
-    document = made.provenance["pooled"]
-    assert [(e["name"], len(e["models"])) for e in document["parameters"]] == [
+    document = made.provenance.pooled
+    assert [(e.name, len(e.models)) for e in document.parameters] == [
         ("coulomb of joint 1", 3),
         ("viscous of joint 1", 2),
         ("coulomb of joint 2", 3),
     ]
-    assert document["left_out"] == [
+    assert list(document.left_out) == [
         "viscous of joint 1 is not identified in a: pooled over the other 2",
         "viscous of joint 2 lies at its bound in a, b: not pooled, it stays at the median, 0",
     ]
@@ -154,10 +151,6 @@ REFUSED = {
     "other joints": ([MODELS[0], one_step([[0.1, 0.1]], [[0.1, 0.1]])], "have other joints"),
     "no parameters": ([Friction(NoFriction(), np.ones((1, 0)))] * 2, "no parameters that mean"),
     "no intervals": ([MODELS[0], Friction(CoulombViscous(), np.ones((2, 2)))], "no intervals"),
-    "damaged": (
-        [MODELS[0], Friction(CoulombViscous(), np.ones((2, 2)), {}, {"half_widths": [[1]]})],
-        "model 2: its intervals cannot be read",
-    ),
     "pooled": ([MODELS[0], pooled(MODELS, "abc")], "model 2 is pooled itself"),
     "nothing": (
         [one_step([[0.1, 0.1]], [[1, 1]]), one_step([[0.2, 0.1]], [[1, 1]])],
@@ -220,20 +213,22 @@ DAMAGED = {
 @pytest.mark.parametrize(("key", "value"), DAMAGED.items(), ids=DAMAGED)
 def test_a_pooled_model_with_damaged_parameters_is_refused_in_one_line(key, value):
     made = pooled(MODELS, "abc")
-    document = {**made.provenance["pooled"]}
-    broken = [{**document["parameters"][0], key: value}]
-    friction = Friction(made.law, made.theta, {}, {"pooled": {**document, "parameters": broken}})
-    for use in (lambda: randomised(exported(friction), 3), lambda: fid.Pooled(friction).frame):
-        with pytest.raises(InputError, match="the pooled parameters of the model cannot be read"):
-            use()
+    document = plain(made.provenance.pooled)
+    broken = {**document, "parameters": [{**document["parameters"][0], key: value}]}
+    Friction(made.law, made.theta, {}, {"pooled": document})
+    with pytest.raises(InputError, match="^provenance.*(pooled|at no joint)"):
+        Friction(made.law, made.theta, {}, {"pooled": broken})
+
+
+def test_intervals_of_another_shape_are_refused():
+    with pytest.raises(InputError, match="half_widths: it should have shape .2, 2.: fit it again"):
+        one_step([[0.2, 0.1], [0.3, 0.1]], [[1]])
 
 
 @pytest.mark.parametrize("speeds", [3.0, "fast", [None, 1.0], [np.nan, 1.0], {"hip": [1.0]}])
 def test_damaged_speeds_of_a_model_are_refused_in_one_line(speeds):
-    model = one_step([[0.2, 0.1], [0.3, 0.1]], [[0.01, 0.01]] * 2, speeds=speeds)
-    for use in (lambda: exported(model), lambda: fid.pool([MODELS[0], model])):
-        with pytest.raises(InputError, match="speeds of the model must be speeds .rad/s., not"):
-            use()
+    with pytest.raises(InputError, match="speeds of the model must be speeds .rad/s., not"):
+        one_step([[0.2, 0.1], [0.3, 0.1]], [[0.01, 0.01]] * 2, speeds=speeds)
 
 
 def test_only_a_pooled_model_has_ranges():

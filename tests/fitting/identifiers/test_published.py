@@ -39,7 +39,7 @@ def test_it_brings_its_law_its_parameters_and_where_it_comes_from():
     found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
     assert found.law is OTHERS.law
     assert found.parameters == {"m1": 0.5}
-    assert found.provenance == {"source": "a paper"}
+    assert found.provenance.notes == {"source": "a paper"}
 
 
 def test_the_true_numbers_leave_no_residual():

@@ -154,7 +154,7 @@ def test_ensembles_say_how_often_a_term_is_there():
     share, found = sindy.inclusion(*given, draws=12)[0], sindy.fit(*given)
     assert (share[:, [sindy.library.names.index(n) for n in ("sign", "viscous")]] > 0.9).all()
     assert terms(found[0]) == [["sign", "viscous"]] * 2
-    for line, own in zip(found.provenance["inclusion"], share, strict=True):
+    for line, own in zip(found.provenance.inclusion, share, strict=True):
         assert line.count("%") == (own > 0).sum() and f" {100 * own.max():.0f} %" in line
     np.testing.assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
 
@@ -213,8 +213,8 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     assert [p.name for p in whole.covariance.parameters] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
     shot = with_equations(ShootingFit(friction, whole)).provenance
-    (line,) = shot["equation"]
-    assert shot["equation_errors"] == "95 % intervals"
+    (line,) = shot.equation
+    assert shot.equation_errors == "95 % intervals"
     assert line.startswith("Tf1 = (0.02") and "+-" in line
 
 
@@ -238,12 +238,12 @@ def test_it_writes_its_equation_with_units_and_intervals():
     problem = made_of(CoulombViscous(), COULOMB, 1e-3)
     found = fit(problem)
     own = OneStepFit(found, problem, everything(problem)[0])
-    lines = with_equations(own).provenance["equation"]
+    lines = with_equations(own).provenance.equation
     assert len(lines) == 2 and lines[0].startswith("Tf1 = (0.1")
     assert "N m s(w) + (0.0" in lines[0] and lines[1].endswith("N m s/rad w")
     assert lines[0].count("+-") == 2
     other = replace(found, law=CoulombViscous(), theta=COULOMB[None], provenance={})
-    assert with_equations(replace(own, friction=other)).provenance == {}
+    assert not with_equations(replace(own, friction=other)).provenance.notes
     assert LAW.equation(0.0 * found.theta[0])[0] == "Tf1 = 0"
     axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, ("m",))
     assert axis == ["Tf1 = 1 N s(w) - 2 N s/m w"]

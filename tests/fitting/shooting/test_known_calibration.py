@@ -48,7 +48,7 @@ def first_fit():
 
 
 def parameters_of(friction):
-    return {p["name"]: p for p in friction.provenance["refined"]["parameters"]}
+    return {e.name: e for e in friction.provenance.refined.parameters}
 
 
 def test_what_is_known_is_held():
@@ -70,10 +70,10 @@ def test_free_blocks_have_the_standard_errors_as_priors():
     near = parameters_of(fit_model(few, FIT, replace(BOTH, known=known)))
     for name in ("inertia", "gravity", "torque delay"):
         prior, own, found = (p[name] for p in (before, alone, near))
-        assert found["prior"] == pytest.approx(prior["error"])
-        assert own["prior"] is None
-        assert abs(found["value"] - prior["value"]) < abs(own["value"] - prior["value"])
-    assert near["coulomb of joint 1"]["prior"] is None
+        assert found.prior == pytest.approx(prior.error)
+        assert own.prior is None
+        assert abs(found.value - prior.value) < abs(own.value - prior.value)
+    assert near["coulomb of joint 1"].prior is None
 
 
 def test_a_one_step_fit_under_a_known_calibration_is_that_of_the_calibrated_recipe():

@@ -17,7 +17,7 @@ from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
-from frictionid.fitting.shooting import Settings, Shooting, document_of, refine, refine_folds
+from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds, refined_estimates
 from frictionid.fitting.shooting.combinations import CombinationLaw
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
@@ -151,7 +151,7 @@ def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
     true = curves(steady_state(dataset.truth), w)
     assert (np.abs(curves(found.friction, w) - true) < 3 * whole).all()
     assert found.bands(np.array([[30.0]]))[0] > point.max()
-    assert {p["block"] for p in document_of(found, dataset, w)["parameters"]} == {"delay"}
+    assert {e.block for e in refined_estimates(found, dataset, w).parameters} == {"delay"}
 
 
 def test_a_delay_beside_a_network_is_found_and_reported():
@@ -167,9 +167,8 @@ def test_a_delay_beside_a_network_is_found_and_reported():
         SHORT,
     )
     assert abs(float(found.calibration.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
-    assert [p["name"] for p in document_of(found, dataset, np.ones((3, 1)))["parameters"]] == [
-        "torque delay"
-    ]
+    (e,) = refined_estimates(found, dataset, np.ones((3, 1))).parameters
+    assert e.name == "torque delay"
 
 
 def forecast(friction, dataset):

@@ -73,21 +73,21 @@ def test_a_string_pendulum_is_slowed_by_drag_and_not_by_coulomb_friction(real_da
     _, levels = found["coulomb_viscous"]
     assert identified(quadratic) == {"drag of joint 1"}
     assert identified(levels) == {"viscous of joint 1"}
-    assert quadratic.diagnostics.sigma < levels.diagnostics.sigma
+    assert quadratic.diagnostics.angle_noise < levels.diagnostics.angle_noise
 
 
 @pytest.mark.parametrize("law", ["coulomb_viscous", "asymmetric"])
 def test_a_carriage_that_stops_in_every_window_converges(real_data, law):
     """Where predictions have kinks, steps lead to and fro."""
     _, found = fitted("emps", real_data / "emps", only=law)[law]
-    assert found.diagnostics.converged
+    assert found.diagnostics.settled
 
 
 def test_friction_that_falls_off_over_all_speeds_converges_and_says_so(real_data):
     """Stribeck friction of the acrobot C.1, whose gears follow another law."""
     data = real_data / "dfki_double_pendulum"
     _, found = fitted("dfki_c1", data, only="stribeck", free=("friction", "inertia"))["stribeck"]
-    assert found.diagnostics.converged
+    assert found.diagnostics.settled
     place = found.friction.law.names.index("coulomb")
     assert np.asarray(found.friction.theta)[1, place] == 0.0
     said = " ".join(found.diagnostics.warnings)

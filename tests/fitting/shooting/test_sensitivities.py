@@ -125,7 +125,7 @@ def test_a_mass_10_per_cent_wrong_is_found_where_inertia_is_free_and_falsifies_f
     np.testing.assert_allclose(free.calibration.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
     errors = [np.abs(f.friction.theta[0] / TRUE[0] - 1.0).max() for f in (free, told)]
     assert errors[0] < 0.05 and errors[1] > 4 * errors[0]
-    assert told.diagnostics.sigma[0] > 2 * free.diagnostics.sigma[0]
+    assert told.diagnostics.angle_noise[0] > 2 * free.diagnostics.angle_noise[0]
 
 
 def test_a_tighter_tolerance_goes_on_and_moves_nothing_by_more_than_the_looser_one(healthy):

@@ -35,8 +35,8 @@ def fitted(data, *blocks):
 
 
 def intervals(friction, block):
-    found = friction.provenance["refined"]["parameters"]
-    return np.array([p["interval_95"] for p in found if p["block"] == block])
+    estimates = friction.provenance.refined.parameters
+    return np.array([e.interval_95 for e in estimates if e.block == block])
 
 
 @pytest.fixture(scope="module")

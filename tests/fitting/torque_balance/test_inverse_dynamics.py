@@ -98,11 +98,11 @@ def test_truth_in_truth_out(clean):
     true = np.asarray(true_system(rig(0.0)).p)
     assert np.asarray(friction.calibration.base) == pytest.approx(true, rel=0.01)
     assert float(friction.calibration.delay) == pytest.approx(0.003, abs=2e-4)
-    document = friction.provenance["refined"]
-    assert document["settled"]
-    assert "angle_noise" not in document
-    assert (document["torque_noise"] < 0.05).all()  # of torques of some N m
-    assert [one["block"] for one in document["dropped"]] == ["bias"]
+    refined = friction.provenance.refined
+    assert refined.settled
+    assert "angle_noise" not in refined.document()
+    assert (refined.torque_noise < 0.05).all()  # of torques of some N m
+    assert [dropped.block for dropped in refined.dropped] == ["bias"]
 
 
 def test_noise_and_ripple_leave_the_friction():

@@ -25,10 +25,7 @@ def test_friction_of_every_joint(data):
     """Within 1 % (bar 5 %), with masses and rotors 20 % wrong."""
     friction = fit_model(data, LeastSquares(Stribeck()), InverseDynamics())
     assert (curve_errors(friction, data) < 0.01).all()
-    found = [p for p in friction.provenance["refined"]["parameters"] if p["block"] == "friction"]
-    held = [
-        p["interval_95"][0] <= TRUE[p["name"].split(" of ")[0]][p["joint"]] <= p["interval_95"][1]
-        for p in found
-    ]
+    estimates = [e for e in friction.provenance.refined.parameters if e.block == "friction"]
+    held = [e.holds(TRUE[e.parameter][e.joint]) for e in estimates]
     assert len(held) == 28
     assert np.mean(held) > 0.8

@@ -84,7 +84,7 @@ def test_fits_find_each_joint_s_own(two_joints, tmp_path):
         assert viscous == pytest.approx([0.02, 0.01], rel=0.2)
         assert peak[0] == pytest.approx(0.05, rel=0.4)
         assert (peak[1], velocity[1]) == (0.0, 0.0)
-    names = [p["name"] for p in friction.provenance["refined"]["parameters"]]
+    names = [e.name for e in friction.provenance.refined.parameters]
     assert sum("peak" in name for name in names) == 1
     assert "peak" not in str(friction).splitlines()[2]
     save_model(friction, tmp_path / "model.json", LAWS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.expressions import Function, element_of, functions
 from frictionid.errors import InputError
+from frictionid.fitting.fit import estimates_of
 
 _COMMANDS = ("exp", "tanh", "arctan", "sin", "cos")
 FORMS: Mapping[str, ex.Form] = {
@@ -121,32 +121,17 @@ def _table(own: ExportedFriction) -> str:
                 shown = "" if end is None else rf"$[{_number(end[0])}, {_number(end[1])}]$"
                 cells = (_escaped(name), _escaped(parameter), f"${_number(value)}$", shown, unit)
                 rows.append(" & ".join(cells) + r" \\")
-    source = own.friction.provenance
-    alone = "half_widths" in source and "smoothing_bias" not in source
+    alone = own.friction.provenance.noise_alone
     what = "interval of the noise alone" if alone else r"95\,\% interval"
     head = rf"joint & parameter & value & {what} & unit \\"
     lines = [r"\begin{tabular}{llrll}", r"\toprule", head, *rows, r"\bottomrule"]
     return "\n".join([*lines, r"\end{tabular}"])
 
 
-def _intervals(own: ExportedFriction) -> dict[tuple[int, str], tuple[float, float]]:
+def _intervals(own: ExportedFriction) -> dict[tuple[int | None, str], tuple[float, float]]:
     """Ends of 95 % intervals by joint and parameter: of shooting, or of the noise of a fit."""
-    source: Mapping[str, Any] = own.friction.provenance
-    if entries := (source.get("refined") or {}).get("parameters"):
-        return {
-            (e["joint"], e["name"]): tuple(e["interval_95"])
-            for e in entries
-            if e["block"] == "friction" and np.isfinite(e["interval_95"]).all()
-        }
-    half, theta = source.get("half_widths"), own.friction.theta
-    if not half:
-        return {}
-    return {
-        (j, name): (float(theta[j, i] - half[j][i]), float(theta[j, i] + half[j][i]))
-        for j in range(own.friction.n)
-        for i, name in enumerate(own.law.names)
-        if half[j][i] is not None
-    }
+    entries = (e for e in estimates_of(own.friction) if e.block == "friction")
+    return {(e.joint, e.parameter): e.interval_95 for e in entries if np.isfinite(e.error)}
 
 
 def _escaped(text: str) -> str:
