@@ -4,7 +4,7 @@ findings, findings.toml   what a check can say
 motion                    smoothed motion, and momentum balances over short windows
 regression                least squares of base parameters and friction; somebody's model
 partial_regression        one suspected error at a time, beside unknown friction
-facts, fine_structure     clock, joints and noise; noise and steps of a signal
+facts                     clock, joints, noise and steps of signals
 sensors, log_faults       faults of the readings and of the log
 conventions               signs, joints, frames and units, each a map of the data
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism

@@ -1,20 +1,24 @@
-"""Facts of the recordings, joint by joint: motion, torque, clock, noise and resolution."""
+"""Facts of the recordings, joint by joint: motion, torque, clock, noise and resolution.
+
+A sensor's readings scatter about any smooth curve, at all times, and most come in steps. A computed
+value follows a smooth curve to many digits, at least while the controller feeds back no noise.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from frictionid.arrays import Array
-from frictionid.check.fine_structure import resolution, scatter_of
-from frictionid.check.motion import Motion, speeds_of
+from frictionid.check.motion import Motion, resolution, speeds_of
 from frictionid.data.recordings import Recording
 
 # Intervals around one whose median is the usual one where the sampling rate changes.
-NEIGHBOURS = 21
+NEAR_INTERVALS = 21
 GAP = 5.0  # of the usual intervals
 
 
@@ -104,58 +108,160 @@ def clock_of(recordings: Sequence[Recording]) -> ClockFacts:
 
 
 def usual_intervals(intervals: Array) -> Array:
-    """Usual interval around each one: the median of NEIGHBOURS of them, or of the recording.
+    """Usual interval around each one: the median of NEAR_INTERVALS of them, or of the recording.
 
     Of the recording, unless the sampling rate changes: then most of a neighbourhood is longer or
     shorter by a factor that lost samples would not leave there.
     """
     whole = np.full(len(intervals), np.median(intervals) if len(intervals) else np.nan)
-    if len(intervals) < NEIGHBOURS:
+    if len(intervals) < NEAR_INTERVALS:
         return whole
-    near = median_filter(intervals, NEIGHBOURS, mode="mirror")
+    near = median_filter(intervals, NEAR_INTERVALS, mode="mirror")
     ratio = near / whole
     return np.where((ratio > 1.4) | (ratio < 1 / 1.4), near, whole)
 
 
 def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> list[JointFacts]:
     """Facts of each joint."""
-    w = np.concatenate([m.states.w for m in motions])
     q = np.concatenate([r.angle.value for r in recordings])
     u = np.concatenate([r.torque.value for r in recordings])
+    w = np.concatenate([m.states.w for m in motions])
     threshold, fast = speeds_of(motions)
-    angle_noise = np.median([m.angle_noise for m in motions], axis=0)
-    velocity_noise = np.median([m.velocity_noise for m in motions], axis=0)
-    out = []
-    for j in range(w.shape[1]):
-        moving = np.abs(w[:, j]) > threshold[j]
-        out.append(
-            JointFacts(
-                joint=j + 1,
-                range=float(np.ptp(q[:, j])),
-                fast=float(fast[j]),
-                top=float(np.abs(w[:, j]).max()),
-                rest_speed=float(threshold[j]),
-                at_rest=float(1 - moving.mean()),
-                forward=float((w[moving, j] > 0).mean()) if moving.any() else 0.0,
-                reversals=sum(_reversals(m.states.w[:, j], threshold[j]) for m in motions),
-                torque=float(np.sqrt((u[:, j] ** 2).mean())),
-                torque_top=float(np.abs(u[:, j]).max()),
-                angle_noise=float(angle_noise[j]),
-                velocity_noise=float(velocity_noise[j]),
-                torque_noise=_ripple(recordings, j),
-                angle_step=resolution(q[:, j]),
-                torque_step=resolution(u[:, j]),
-            )
-        )
+    moving = np.abs(w) > threshold
+    second = np.concatenate([np.diff(r.torque.value, n=2, axis=0) for r in recordings])
+    columns = {
+        "range": np.ptp(q, axis=0),
+        "fast": fast,
+        "top": np.abs(w).max(0),
+        "rest_speed": threshold,
+        "at_rest": 1 - moving.mean(0),
+        "forward": (moving & (w > 0)).sum(0) / np.maximum(moving.sum(0), 1),
+        "reversals": np.sum([_reversals(m.states.w, threshold) for m in motions], axis=0),
+        "torque": np.sqrt((u**2).mean(0)),
+        "torque_top": np.abs(u).max(0),
+        "angle_noise": np.median([m.angle_noise for m in motions], axis=0),
+        "velocity_noise": np.median([m.velocity_noise for m in motions], axis=0),
+        # white noise, from second differences, robustly
+        "torque_noise": np.array([scatter_of(column) for column in second.T]) / np.sqrt(6),
+        "angle_step": np.array([resolution(column) for column in q.T]),
+        "torque_step": np.array([resolution(column) for column in u.T]),
+    }
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    return [JointFacts(j, **dict(zip(columns, row, strict=True))) for j, row in enumerate(rows, 1)]
+
+
+def _reversals(w: Array, threshold: Array) -> list[int]:
+    """Changes of direction of each joint, above its threshold."""
+    sides = (np.sign(w[np.abs(w[:, j]) > least, j]) for j, least in enumerate(threshold))
+    return [int((side[1:] != side[:-1]).sum()) for side in sides]
+
+
+# Neighbours on each side from which a sample is predicted; the best of these counts.
+NEIGHBOURS = (1, 2, 3)
+# Stretches of a recording whose noise is compared, and the fewest samples of one.
+STRETCHES, FEWEST = 50, 100
+_MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
+
+
+class Noise(NamedTuple):
+    """Noise of one column.
+
+    level : standard deviation, of the whole recording; floor : of its quietest stretch; steady :
+    whether it is white and equal in all of several stretches, as a sensor's
+    """
+
+    level: float
+    floor: float
+    steady: bool
+
+
+def deviations(time: Array, values: Array, neighbours: int = 2) -> Array:
+    """Deviations (T - 2 neighbours, n) of samples (T, n) from the polynomial through neighbours.
+
+    Divided by the factor that white noise has in them, so that they have its standard deviation.
+
+    >>> time = np.array([0.0, 0.1, 0.25, 0.3, 0.5])
+    >>> float(abs(deviations(time, time[:, None] ** 2)).max()) < 1e-15
+    True
+    """
+    inner = np.arange(neighbours, len(time) - neighbours)
+    others = np.r_[-neighbours:0, 1 : neighbours + 1]
+    at = inner[:, None] + others
+    apart = time[at] - time[inner, None]
+    weight = np.ones(at.shape)
+    for a in range(at.shape[1]):
+        for b in range(at.shape[1]):
+            if a != b:
+                weight[:, a] *= apart[:, b] / (apart[:, b] - apart[:, a])
+    left = values[inner] - np.einsum("ta,tan->tn", weight, values[at])
+    out: Array = left / np.sqrt(1.0 + (weight**2).sum(1))[:, None]
     return out
 
 
-def _reversals(w: Array, threshold: float) -> int:
-    side = np.sign(w[np.abs(w) > threshold])
-    return int((side[1:] != side[:-1]).sum())
+def noise_of(time: Array, values: Array) -> Noise:
+    """Noise of one column (T,), robustly; curvature of the signal counts as noise where it shows.
+
+    Stretches in which the readings merely repeat say nothing and are left out.
+    """
+    each = [deviations(time, values[:, None], m)[:, 0] for m in NEIGHBOURS]
+    levels = [scatter_of(d) for d in each]
+    best = each[int(np.argmin(levels))]
+    count = min(STRETCHES, max(len(best) // FEWEST, 1))
+    repeats = np.append(np.diff(values) == 0.0, False)
+    stretches = [
+        scatter_of(stretch)
+        for stretch, same in zip(
+            np.array_split(best, count), np.array_split(repeats, count), strict=True
+        )
+        if same.mean() < 0.5
+    ] or [min(levels)]
+    # predictions from more or fewer neighbours agree on the level of white noise only
+    white = max(levels) < 1.3 * min(levels)
+    even = len(stretches) > 3 and max(stretches) < 2.5 * min(stretches)
+    return Noise(min(levels), min(stretches), white and even)
 
 
-def _ripple(recordings: Sequence[Recording], j: int) -> float:
-    """Standard deviation of white noise on the torque, from second differences, robustly."""
-    second = np.concatenate([np.diff(r.torque.value[:, j], n=2) for r in recordings])
-    return scatter_of(second) / float(np.sqrt(6))
+def repeated(values: Array) -> float:
+    """Share of the readings that equal the one before."""
+    return float(np.mean(np.diff(values) == 0.0)) if len(values) > 1 else 0.0
+
+
+def unexplained_noise(time: Array, values: Array, readings: Array) -> float:
+    """Share (0 to 1) of a column's noise that the noise of readings (T, m) leaves.
+
+    A controller that differentiates readings feeds their noise back into its command; of a sensor's
+    own noise they explain nothing. Robust least squares (Huber weights) on the last five rows.
+    """
+    lags = 5
+    noise, causes = deviations(time, values[:, None])[:, 0], deviations(time, readings)
+    rows = len(noise) - lags
+    if rows < 10 * lags * readings.shape[1] or not noise.any():
+        return 1.0
+    columns = np.hstack([causes[lags - k : len(noise) - k] for k in range(lags)])
+    target, weight = noise[lags:], np.ones(rows)
+    for _ in range(6):
+        root = np.sqrt(weight)[:, None]
+        x = np.linalg.lstsq(columns * root, target * root[:, 0], rcond=1e-10)[0]
+        left = target - columns @ x
+        weight = 1.0 / np.maximum(np.abs(left) / (1.5 * scatter_of(left) + 1e-300), 1.0)
+    return float(min(scatter_of(left) / max(scatter_of(target), 1e-300), 1.0))
+
+
+def scatter_of(values: Array) -> float:
+    """Standard deviation of normal noise about zero, by the median of its sizes."""
+    if not len(values):
+        return 0.0
+    size, middle = np.abs(values), len(values) // 2
+    size.partition((middle - 1, middle))  # the median, at a quarter of its time for few values
+    both = size[middle - 1 : middle + 1] if len(size) % 2 == 0 else size[middle : middle + 1]
+    return float(_MAD * both.mean())
+
+
+def run_edges(flags: Array) -> tuple[Array, Array]:
+    """First samples of the runs of true flags (T,), and the samples behind them.
+
+    >>> [edge.tolist() for edge in run_edges(np.array([True, True, False, True]))]
+    [[0, 3], [2, 4]]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return edges[::2], edges[1::2]

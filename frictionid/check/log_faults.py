@@ -11,9 +11,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.facts import GAP, usual_intervals
+from frictionid.check.facts import GAP, deviations, run_edges, scatter_of, usual_intervals
 from frictionid.check.findings import Finding, finding
-from frictionid.check.fine_structure import deviations, run_edges, scatter_of
 from frictionid.check.motion import Measured
 from frictionid.data.recordings import Dataset, Recording
 

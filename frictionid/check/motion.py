@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.fine_structure import quantisation
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import alike, padded_series
 from frictionid.data.outliers import Smoothed, smoothed
@@ -23,6 +22,8 @@ from frictionid.mechanics import Mechanism, Plant
 
 # Finer samples are averaged: friction and rigid bodies show below 30 Hz, and each step costs time.
 FINEST = 0.004
+# Fewest different readings that show a sensor's quantisation step.
+DISTINCT = 12
 # A joint moves where its fast speed is this many times the noise, and so is what it goes through.
 ABOVE = 6.0
 
@@ -72,7 +73,7 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
 
 def _rounding(angle: Signal, averaged: Signal) -> Array:
     """Variance (n,) [rad^2] that rounding to quantisation steps has in averaged samples."""
-    step = np.array([quantisation(column) for column in np.asarray(angle.value).T])
+    step = np.array([resolution(column, DISTINCT) for column in np.asarray(angle.value).T])
     return step**2 / 12 / (len(angle.time) // len(averaged.time))
 
 
@@ -84,6 +85,22 @@ def _motion(angle: Signal, smooth: Smoothed, rounding: Array) -> Motion:
     states = States(angle.time, mean[..., 0], mean[..., 1], left_out)
     noise = np.sqrt(variance)
     return Motion(states, noise, noise * left.velocity, 1.0 / left.bandwidth)
+
+
+def resolution(values: Array, fewest: int = 3) -> float:
+    """Step of which all differences between readings are multiples, 0 where there is none.
+
+    fewest : different readings that show one
+
+    >>> resolution(np.array([0.1, 0.3, 0.2, 0.6, 0.2])).__round__(6)
+    0.1
+    """
+    gaps = np.diff(np.unique(values))
+    if len(gaps) + 1 < fewest:
+        return 0.0
+    step = float(np.quantile(gaps, 0.1))
+    ratio = gaps / step
+    return step if np.mean(np.abs(ratio - np.rint(ratio)) < 0.05) > 0.9 else 0.0
 
 
 class Speeds(NamedTuple):
@@ -227,24 +244,14 @@ SHARP, SHORTEST = 1 / 30, 0.05
 MIN_WINDOWS = 20
 
 
-def unit_rows(
-    mechanism: Mechanism, motions: Sequence[Motion], width: float = WIDTH, reversals: bool = False
-) -> Rows:
-    """Rows whose parameter vectors are the units of the base parameters: responses to them.
-
-    width : [s] of a window, at least two samples; reversals : see `Balances.rows`
-    """
-    return windows_of(unit_balances(mechanism, motions), width, reversals)
+def unit_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
+    """Rows whose parameter vectors are the units of the base parameters: responses to them."""
+    return windows_of(unit_balances(mechanism, motions))
 
 
 def windows_of(balances: Balances, width: float = WIDTH, reversals: bool = False) -> Rows:
     """Rows of balances over all windows of a width [s]."""
     return balances.rows(balances.samples.windows(width), reversals=reversals)
-
-
-def adaptive_rows(mechanism: Mechanism, motions: Sequence[Motion]) -> Rows:
-    """Unit rows for the estimates, see `adapted`."""
-    return adapted(unit_balances(mechanism, motions), motions)
 
 
 def adapted(balances: Balances, motions: Sequence[Motion]) -> Rows:

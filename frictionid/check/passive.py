@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.facts import run_edges
 from frictionid.check.findings import Finding, finding, percent
-from frictionid.check.fine_structure import run_edges
 from frictionid.check.hypothesis_tests import HypothesisTests
 from frictionid.check.motion import Measured, Motion
 from frictionid.check.regression import Estimate

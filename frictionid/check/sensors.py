@@ -18,8 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding, finding
-from frictionid.check.fine_structure import resolution
-from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, windows_of
+from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.fitting.one_step.balances import Rows
@@ -77,13 +76,15 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
 
 
 class Frozen(NamedTuple):
-    """Equal readings: recording, joint (from 0), start and stop [s], the reading."""
+    """Equal readings: recording, joint (from 0), start and stop [s], the reading, its samples."""
 
     recording: int
     joint: int
     start: float
     stop: float
     value: float
+    first: int
+    last: int
 
     @property
     def length(self) -> float:
@@ -107,28 +108,26 @@ def frozen_angles(measured: Measured) -> list[Frozen]:
 def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> list[Frozen]:
     """Frozen angles of one recording; usual (n,) : largest usual second difference [rad]."""
     out = []
-    for j, a, b in _equal_readings(angle, ANGLE):
-        column = np.asarray(angle.value)[:, j]
-        if b - a + 1 == len(column):
-            continue
+    for still in _equal_readings(number, angle, ANGLE):
+        column = np.asarray(angle.value)[:, still.joint]
         step = np.diff(column)
-        quantum = np.abs(step[step != 0]).min()
-        noise = LEAP * max(float(motion.angle_noise[j]), float(quantum))
-        limit = max(noise, JERK * float(usual[j]))
-        before = abs(column[a] - column[max(a - 1, 0)])
-        behind = abs(column[min(b + 1, len(column) - 1)] - column[b])
-        if before > limit or behind > limit:
-            out.append(_interval(number, angle, j, a, b))
+        if not step.any():
+            continue
+        quantum = float(np.abs(step[step != 0]).min())
+        noise = LEAP * max(float(motion.angle_noise[still.joint]), quantum)
+        around = step[max(still.first - 1, 0)], step[min(still.last, len(step) - 1)]
+        if np.abs(around).max() > max(noise, JERK * float(usual[still.joint])):
+            out.append(still)
     return out
 
 
 def frozen_torques(measured: Measured) -> list[Frozen]:
     """Intervals in which a torque repeats although the motion needs other torques."""
     intervals = [
-        _interval(i, recording.torque, *place)
+        still
         for i, recording in enumerate(measured.dataset.recordings)
-        for place in _equal_readings(recording.torque, TORQUE)
-        if measured.mechanism.driven[place[0]]
+        for still in _equal_readings(i, recording.torque, TORQUE)
+        if measured.mechanism.driven[still.joint]
     ]
     if not intervals:
         return []
@@ -144,20 +143,16 @@ def frozen_torques(measured: Measured) -> list[Frozen]:
     return out
 
 
-def _equal_readings(signal: Signal, least: float) -> list[tuple[int, int, int]]:
-    """Column, first and last sample of equal readings, `least` [s] and READINGS samples long."""
+def _equal_readings(number: int, signal: Signal, least: float) -> list[Frozen]:
+    """Equal readings of a recording, `least` [s] and READINGS samples long."""
     time, out = np.asarray(signal.time), []
     for j, column in enumerate(np.asarray(signal.value).T):
         changes = np.flatnonzero(np.diff(column) != 0.0)
         first, last = np.append(0, changes + 1), np.append(changes, len(column) - 1)
         long = (last - first + 1 >= READINGS) & (time[last] - time[first] >= least)
-        out += [(j, int(a), int(b)) for a, b in zip(first[long], last[long], strict=True)]
+        for a, b in zip(first[long].tolist(), last[long].tolist(), strict=True):
+            out.append(Frozen(number, j, float(time[a]), float(time[b]), float(column[a]), a, b))
     return out
-
-
-def _interval(number: int, signal: Signal, j: int, a: int, b: int) -> Frozen:
-    time, value = signal.time, signal.value
-    return Frozen(number, j, float(time[a]), float(time[b]), float(value[a, j]))
 
 
 def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, level: float) -> Array:

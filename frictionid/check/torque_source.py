@@ -13,14 +13,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.check.facts import noise_of, repeated, unexplained_noise
 from frictionid.check.findings import Finding, finding, percent
-from frictionid.check.fine_structure import (
-    noise_of,
-    quantisation,
-    repeated,
-    unexplained_noise,
-)
 from frictionid.check.hypothesis_tests import HypothesisTests, sampling_findings
+from frictionid.check.motion import DISTINCT, resolution
 from frictionid.check.passive import GravityShares, gravity_shares
 from frictionid.check.regression import Estimate, Regression, row_rms
 from frictionid.data.plants import LINK_TORQUE, LINK_TORQUE_REMEDY
@@ -144,7 +140,7 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
 
 def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterator[Evidence]:
     """Evidence of steps and noise, the clearest first."""
-    step, held = quantisation(value), repeated(value)
+    step, held = resolution(value, DISTINCT), repeated(value)
     if step > COARSE * level:
         yield _of_steps(time, value, level, step)
     if held == 1.0:

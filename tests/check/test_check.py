@@ -16,7 +16,7 @@ from frictionid.__main__ import main
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import clock_of, joints_of
 from frictionid.check.hypothesis_tests import delay_of
-from frictionid.check.motion import adaptive_rows, motions_of, unit_rows
+from frictionid.check.motion import adapted, motions_of, unit_balances, unit_rows
 from frictionid.check.regression import regress
 from frictionid.check.verdict import judge
 from frictionid.comparison.fit_model import fit_model
@@ -35,6 +35,7 @@ from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
 MACHINE = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
+LIGHT = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +51,8 @@ def swings():
         )
         for i in range(40)
     ]
-    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
     curve = Curve((0.25,), (0.25,), viscous=(0.02,))
-    return simulate(Rig("swings", mechanism, Stribeck(curve), Camera(361), tuple(runs), substeps=6))
+    return simulate(Rig("swings", LIGHT, Stribeck(curve), Camera(361), tuple(runs), substeps=6))
 
 
 def drawn(dataset, rng, count=5, noise=1e-3):
@@ -93,13 +93,13 @@ def test_least_squares_return_the_truth_within_their_errors(swings):
 
 def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     """500 Hz and 1e-5 rad of noise: windows with reversals count; 60 Hz and 1 mrad: they do not."""
-    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
     curve = Stribeck(Curve((0.25,), (0.25,), viscous=(0.02,)))
     runs = tuple(Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
     camera = Camera(2001, 500.0, 1e-5)
-    fine = simulate(Rig("fine", mechanism, curve, camera, runs, drive=Drive(500.0), substeps=1))
+    fine = simulate(Rig("fine", LIGHT, curve, camera, runs, drive=Drive(500.0), substeps=1))
     plant = plant_of(fine)
-    rows = adaptive_rows(plant.mechanism, motions_of(fine.recordings))
+    motions = motions_of(fine.recordings)
+    rows = adapted(unit_balances(plant.mechanism, motions), motions)
     assert (rows.moving[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
     torque = rows.means(logged(fine))
     estimate = regress(rows, torque, plant.mechanism, plant.p)
@@ -108,9 +108,8 @@ def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     ).items():
         assert estimate.at(name)[0] == pytest.approx(true, rel=0.01), name
     coarse = motions_of(drawn(swings, np.random.default_rng(0)).recordings)
-    for ours, usual in zip(
-        *(f(plant.mechanism, coarse) for f in (adaptive_rows, unit_rows)), strict=True
-    ):
+    rows = adapted(unit_balances(plant.mechanism, coarse), coarse)
+    for ours, usual in zip(rows, unit_rows(plant.mechanism, coarse), strict=True):
         np.testing.assert_array_equal(ours, usual)
 
 
@@ -131,10 +130,9 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
 
 
 def test_without_torque_only_ratios_are_estimated_and_one_value_is_kept():
-    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
     curve = Stribeck(Curve((0.05,), (0.05,), (0.01,)))
     runs = (Run("a", (1.8,)), Run("b", (-1.2,)), Run("c", (2.2,)))
-    rig = Rig("decay", mechanism, curve, Camera(361, 60.0, 2e-4), runs, substeps=4)
+    rig = Rig("decay", LIGHT, curve, Camera(361, 60.0, 2e-4), runs, substeps=4)
     estimate, _, _, plant = estimated(simulate(rig))
     kept = [name for name in plant.mechanism.base_names if np.isinf(estimate.at(name)[1])]
     assert len(kept) == 1
@@ -151,7 +149,7 @@ def test_parameters_that_look_the_same_are_an_unidentifiable_direction():
     u = u + np.random.default_rng(0).normal(0, 0.02, 600)
     dataset = Dataset(
         "slow",
-        {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}},
+        LIGHT,
         (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
     )
     estimate, *_ = estimated(dataset)
@@ -183,8 +181,7 @@ def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     assert "frozen_torque" in [f.kind for f in check(frozen).findings]
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
     curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
-    mechanism = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
-    held = simulate(Rig("held", mechanism, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
+    held = simulate(Rig("held", LIGHT, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
     assert "frozen_torque" not in [f.kind for f in check(held).findings]
 
 
@@ -195,7 +192,7 @@ def test_slow_recordings_without_decay_ask_for_both():
     u = 0.5 * np.sin(2 * t) + 0.1 * np.sign(np.cos(2 * t))
     dataset = Dataset(
         "slow",
-        {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}},
+        LIGHT,
         (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
     )
     words = " / ".join(check(dataset).next)

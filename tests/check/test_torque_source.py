@@ -11,7 +11,8 @@ from fixtures.one_joint_sets import Setup, sets
 from fixtures.paths import DATA
 
 from frictionid.check import check
-from frictionid.check.fine_structure import deviations, noise_of, resolution, unexplained_noise
+from frictionid.check.facts import deviations, noise_of, unexplained_noise
+from frictionid.check.motion import resolution
 from frictionid.check.torque_source import torque_sources
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset

@@ -41,7 +41,7 @@ from frictionid.excitation.signals import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import Problem, integral_problem, mask_stiction
-from frictionid.friction import Nodes, along
+from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
 from frictionid.report.experiment_design import command_csv, described, design_figure
@@ -132,25 +132,13 @@ def scatter(experiment: Experiment, torque: Array, start: Array) -> tuple[Array,
     e = problem.residual(along(experiment.friction, problem.nodes))
     alone, free = [], []
     for s in range(len(SEEDS)):
-        own = seed == s
-        rows, left = A[own].reshape(-1, A.shape[-1]), e[own].ravel()
+        drawn = seed == s
+        rows, left = A[drawn].reshape(-1, A.shape[-1]), e[drawn].ravel()
         free.append(np.linalg.lstsq(rows, -left, rcond=None)[0])
-        part = _rows(problem, own)
+        part = problem.of_rows(np.flatnonzero(drawn))
         fitted = LeastSquares(CoulombViscous()).fit(part, np.ones((1, len(part.r))), 0)
         alone.append(fitted.theta.ravel())
     return np.std(alone, axis=0, ddof=1), np.std(free, axis=0, ddof=1)
-
-
-def _rows(problem: Problem, own: Array) -> Problem:
-    """Some rows of a problem of static friction, with the nodes that they need."""
-    used, stencil = np.unique(problem.stencil[own], return_inverse=True)
-    nodes = Nodes(
-        problem.nodes.inputs.each(lambda x: x[used]),
-        problem.nodes.time[used],
-        np.array([0, len(used)]),
-    )
-    picked = {k: getattr(problem, k)[own] for k in ("r", "G", "recording", "time", "dt")}
-    return replace(problem, nodes=nodes, stencil=stencil.reshape(-1, 3), **picked)
 
 
 # --- Predictions against measurements ---------------------------------------------------------

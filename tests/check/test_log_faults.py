@@ -54,8 +54,8 @@ def test_a_torque_with_its_sign_is_not_called_unsigned(setup):
 def with_velocity(data, step):
     """The data set with velocities [rad/s] in steps of a share of their root mean square."""
     slopes = [np.gradient(r.angle.value, r.angle.time, axis=0) for r in data.recordings]
-    own = step * np.sqrt(np.mean(np.concatenate(slopes) ** 2))
-    values = [own * np.rint(w / own) if step else w for w in slopes]
+    size = step * np.sqrt(np.mean(np.concatenate(slopes) ** 2))
+    values = [size * np.rint(w / size) if step else w for w in slopes]
     recordings = [
         replace(r, velocity=Signal(r.angle.time, w))
         for r, w in zip(data.recordings, values, strict=True)

@@ -66,9 +66,9 @@ def test_all_signals_are_on_the_corrected_clock():
     time = np.arange(300) / 60
     angle = Signal(1e3 * time, np.cos(5.7 * time)[:, None])
     still = Signal(1e3 * time, np.zeros((300, 1)))
-    one = Recording("r", angle, still, velocity=still, covariates={"temperature": still})
-    corrected, found = in_seconds(Dataset("d", PENDULUM, (one,)))
-    own = corrected.recordings[0]
-    for signal in (own.angle, own.torque, own.velocity, own.covariates["temperature"]):
+    swing = Recording("r", angle, still, velocity=still, covariates={"temperature": still})
+    corrected, found = in_seconds(Dataset("d", PENDULUM, (swing,)))
+    (r,) = corrected.recordings
+    for signal in (r.angle, r.torque, r.velocity, r.covariates["temperature"]):
         np.testing.assert_allclose(signal.time, time)
     assert found[0].numbers["factor"] == 1e-3

@@ -1,13 +1,25 @@
-"""Frozen torques: each is judged by friction fitted to all other windows, at little cost."""
+"""Faults of sensors: gross outliers are named, and frozen torques at little cost.
+
+A frozen torque is judged by friction fitted to all other windows.
+"""
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
-from frictionid.check.motion import Measured, Motion, unit_rows
-from frictionid.check.sensors import FITS, LARGE, WIDTH, WORSE, frozen_torques
+from frictionid.check import check
+from frictionid.check.motion import Measured, Motion, motions_of, windows_of
+from frictionid.check.sensors import (
+    FITS,
+    LARGE,
+    WIDTH,
+    WORSE,
+    frozen_torques,
+    without_outliers,
+)
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
@@ -23,15 +35,15 @@ def _measured(samples: int, frozen: slice = slice(200, 300)) -> Measured:
     needed = 0.25 * a + 0.5 * 9.81 * np.sin(q) + 0.1 * np.sign(w)
     held = np.repeat(needed[::HELD], HELD)[:samples]
     held[frozen] = held[frozen.start]
-    one = np.ones(1)
-    motion = Motion(States(time, q[:, None], w[:, None]), 1e-4 * one, 1e-3 * one, 1e-3 * one)
+    unit = np.ones(1)
+    motion = Motion(States(time, q[:, None], w[:, None]), 1e-4 * unit, 1e-3 * unit, 1e-3 * unit)
     recording = Recording("r", Signal(time, q[:, None]), Signal(time, held[:, None], "previous"))
     return Measured.of_dataset(Dataset("held", MACHINE, (recording,)), [motion])
 
 
 def _is_contradicted(measured: Measured, start: float, stop: float) -> bool:
     """The definition: friction by least squares over all windows apart, and what it leaves."""
-    rows = unit_rows(measured.mechanism, measured.motions, width=WIDTH)
+    rows = windows_of(measured.balances, WIDTH)
     torque = rows.means(measured.torque)[:, 0]
     target, moving = torque - rows.required(measured.nominal)[:, 0], rows.moving[:, 0]
     inside = moving & (rows.start >= start) & (rows.stop <= stop)
@@ -64,3 +76,52 @@ def test_still_torques_cost_no_more_each_in_a_longer_recording():
     short, long = _measured(10_000), _measured(80_000)
     once = min(_seconds(short) for _ in range(3))
     assert min(_seconds(long) for _ in range(2)) < 24 * once  # linear: 8; one fit for each: 64
+
+
+def found(data):
+    return without_outliers(Measured.of_dataset(data, motions_of(data.recordings)))[1]
+
+
+def with_wild(data, name, quantity, rows, column, size):
+    """The data set with some values of one recording off by a size."""
+
+    def wild(recording):
+        if recording.name != name:
+            return recording
+        signal = getattr(recording, quantity)
+        value = np.array(signal.value)
+        value[rows, column] += size
+        return replace(recording, **{quantity: signal._replace(value=value)})
+
+    return replace(data, recordings=tuple(map(wild, data.recordings)))
+
+
+def test_clean_recordings_have_none(clean):
+    assert found(clean) == []
+
+
+def test_angles_are_named_by_recording_and_count(clean):
+    wild = with_wild(clean, "04_sine", "angle", [20, 90, 200], 1, 0.5)
+    wild = with_wild(wild, "03_decay", "angle", [33], 1, -1.0)
+    (finding,) = found(wild)
+    assert (finding.kind, finding.joint, finding.level) == ("angle_outliers", 2, "good")
+    assert "4 gross outliers" in finding.text
+    assert "3 in '04_sine', 1 in '03_decay'" in finding.text
+
+
+def test_many_torques_make_the_data_doubtful(clean):
+    wild = with_wild(clean, "04_sine", "torque", np.arange(10, 330, 20), 1, 1.0)
+    (finding,) = found(wild)
+    assert (finding.kind, finding.joint, finding.level) == ("torque_outliers", 2, "doubtful")
+    assert finding.numbers["outliers"] == 16
+    assert "16 in '04_sine'" in finding.text
+
+
+def test_other_checks_see_torques_without_their_outliers(clean):
+    """Else their misfit would pass for a late, a wrong or a commanded torque."""
+    wild = with_wild(clean, "04_sine", "torque", np.arange(10, 330, 20), 1, 1.0)
+    given, found = check(clean), check(wild)
+    assert {f.kind for f in found.findings} - {f.kind for f in given.findings} == {
+        "torque_outliers"
+    }
+    np.testing.assert_allclose(found.estimate.value, given.estimate.value, rtol=0.02, atol=2e-4)
