@@ -24,7 +24,7 @@ from frictionid.fitting.shooting.data_checks import check_blocks
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sandwich import groups_of, sandwich, shown_once, solve_scaled
-from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
+from frictionid.fitting.shooting.servo_checks import has_actuator, with_servo
 from frictionid.fitting.shooting.window_steps import linearised_at
 from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
 
@@ -87,11 +87,9 @@ def _wider(
     problem: ShootingProblem, estimate: Estimate, blocks: tuple[ParameterBlock, ...]
 ) -> tuple[ShootingProblem, Estimate]:
     """The problem with more blocks, and the estimate with what these free."""
-    intervals, settings = problem.intervals, problem.settings
-    if not has_actuator(blocks):
-        return shooting_problem(intervals, estimate, blocks, settings), estimate
+    intervals = problem.intervals
     estimate = with_servo(estimate, intervals.dataset, blocks)
-    return servo_problem(intervals, estimate, blocks, settings), estimate
+    return shooting_problem(intervals, estimate, blocks, problem.settings), estimate
 
 
 def model_error(omitted: Omitted | None) -> Array | float:

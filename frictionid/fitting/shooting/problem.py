@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, inverse
 from frictionid.data.calibration import calibrated_dataset, calibrated_plant
+from frictionid.data.integrals import pieces_of
 from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
@@ -28,7 +29,9 @@ from frictionid.fitting.parameters.parameter_block import (
     prior_mean,
     prior_precision,
 )
-from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
+from frictionid.fitting.shooting.sample_intervals import Intervals
+from frictionid.fitting.shooting.servo import Drive, drive_of, inside
+from frictionid.fitting.shooting.servo_checks import check_servo, has_actuator, refuse_open
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places, of_last_joints
@@ -98,8 +101,21 @@ class ShootingProblem:
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
-        intervals, n = self.intervals, self.intervals.n
         out = Linearisation.zeros(nodes, self._angle())
+        drive = drive_of(self.intervals, estimate, self.blocks)
+        if drive.B is None:
+            self._linearise(out, estimate, drive, nodes, rows)
+            return out
+        for B in np.unique(drive.B[rows], axis=0):
+            alike = rows[(drive.B[rows] == B).all(axis=1)]
+            self._linearise(out, inside(estimate, B), drive, nodes, alike)
+        return out
+
+    def _linearise(
+        self, out: Linearisation, estimate: Estimate, drive: Drive, nodes: Array, rows: Array
+    ) -> None:
+        """Set the rows (k,) of a linearisation."""
+        intervals, n = self.intervals, self.intervals.n
         plant = self._plant(estimate)
         model = self._model(estimate, plant)
         pieces = self._pieces(estimate, plant)
@@ -107,18 +123,18 @@ class ShootingProblem:
             alike = rows[pieces[rows] == count]
             for some in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
                 start = State(nodes[some, :n], nodes[some, n : 2 * n], self._memory(nodes[some]))
-                own = model._replace(plant=self._plant_at(estimate, plant, some))
-                motor = self._motor_torque(estimate, some, int(count))
+                here = model._replace(plant=self._plant_at(estimate, plant, some))
+                motor = self._motor_torque(estimate, drive, some, int(count))
                 fine = int(np.ceil(float(intervals.dt[some].max()) / count / self.settings.fine))
-                end = end_states(own, start, motor, intervals.dt[some], fine)
+                end = end_states(here, start, motor, intervals.dt[some], fine)
                 if start.memory and estimate.friction.law.sample_time is not None:
-                    later = self._torque_between(estimate, self._following(some), _WHOLE)
-                    end = memory_after_sample(own, end, later, intervals.dt[some])
+                    after = self._following(some)
+                    later = self._torque_between(estimate, drive, after, _WHOLE)
+                    end = memory_after_sample(here, end, later, intervals.dt[some])
                 out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
                 out.by_start[some] = end.by_start
                 by = self._shared(end.by_parameters)
                 out.by[some, :, : by.shape[-1]] = by
-        return out
 
     def initial_nodes(self, estimate: Estimate) -> Array:
         """Nodes (K, s) from the smoothed motion."""
@@ -192,21 +208,27 @@ class ShootingProblem:
         away = step_size_of(plant, friction, longest, longest=_PIECE).pieces / longest
         return np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1).astype(int)
 
-    def _motor_torque(self, estimate: Estimate, rows: Array, pieces: int) -> MotorTorque:
+    def _motor_torque(
+        self, estimate: Estimate, drive: Drive, rows: Array, pieces: int
+    ) -> MotorTorque:
         """Motor torque of some intervals in equal pieces."""
-        whole = self._torque_between(estimate, rows, np.arange(pieces + 1) / pieces)
+        whole = self._torque_between(estimate, drive, rows, np.arange(pieces + 1) / pieces)
 
-        def finer(some: Array, piece: int, parts: int) -> MotorTorque:
+        def finer(part: Array, piece: int, parts: int) -> MotorTorque:
             share = (piece + np.arange(parts + 1) / parts) / pieces
-            return self._torque_between(estimate, rows[some], share)
+            return self._torque_between(estimate, drive, rows[part], share)
 
         return whole._replace(finer=finer)
 
-    def _torque_between(self, estimate: Estimate, rows: Array, share: Array) -> MotorTorque:
+    def _torque_between(
+        self, estimate: Estimate, drive: Drive, rows: Array, share: Array
+    ) -> MotorTorque:
         """Motor torque of some intervals between shares (S + 1,) of their time."""
-        calibration = estimate.calibration
-        logged = logged_torque(self.intervals, calibration, rows, share)
-        driven = estimate.mechanism.motors
+        intervals, calibration = self.intervals, estimate.calibration
+        recording, driven = intervals.recording[rows], estimate.mechanism.motors
+        edges = intervals.time[rows, None] + intervals.dt[rows, None] * share
+        edges = edges - float(calibration.delay)
+        logged = pieces_of(drive.torque, recording, edges)
         u = (calibration.gain * logged.mean + calibration.bias) * driven
         moment = calibration.gain * logged.moment * driven
 
@@ -214,13 +236,39 @@ class ShootingProblem:
             each = (b.block.torque_slope(estimate, b.parameters, u) for b in self.blocks)
             return np.concatenate([np.empty((0, *u.torque.shape)), *each])
 
-        by = slope(Logged(logged.mean, logged.mean_later))
         # without what a bias adds: that has no moment
         zero = Logged(0.0 * moment, 0.0 * moment)
+        by = slope(Logged(logged.mean, logged.mean_later))
         moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
-        return MotorTorque(
-            u, np.moveaxis(by * driven, 0, 1), moment, np.moveaxis(moment_by * driven, 0, 1)
-        )
+        by, moment_by = (np.moveaxis(x * driven, 0, 1) for x in (by, moment_by))
+        for above, below, apart in drive.changes:
+            up, down = (pieces_of(end, recording, edges) for end in (above, below))
+            scale = calibration.gain * driven
+            by = np.append(by, ((up.mean - down.mean) * scale / apart)[:, None], axis=1)
+            more = ((up.moment - down.moment) * scale / apart)[:, None]
+            moment_by = np.append(moment_by, more, axis=1)
+        motor = MotorTorque(u, by, moment, moment_by)
+        return motor if drive.B is None else self._damped(estimate, drive.B, motor, rows, edges)
+
+    def _damped(
+        self, estimate: Estimate, B: Array, motor: MotorTorque, rows: Array, edges: Array
+    ) -> MotorTorque:
+        """The torque of intervals (k,), less what damping B (K, n) takes off between edges.
+
+        A varies within a piece of time, and moves a joint by M^-1 moment further than its mean
+        would: the damping acts on that, too, and takes B M^-1 moment off its impulse.
+        """
+        emf = estimate.calibration.gain * B[rows]
+        if not emf.any():
+            return motor
+        assert motor.moment is not None and motor.moment_by is not None
+        plant = self._plant(estimate)[self.intervals.recording[rows]]
+        M = plant.mechanism.inertia(plant.p, self.intervals.q[rows])
+        width = np.diff(edges, axis=1).T
+        share = emf[..., None] * inverse(M) / width[..., None, None]
+        off = (share @ motor.moment[..., None])[..., 0]
+        off_by = (share[:, None] @ motor.moment_by[..., None])[..., 0]
+        return motor._replace(u=motor.u - off, by=motor.by - off_by)
 
     def _angle(self) -> Array:
         out = np.zeros((self.count, self.intervals.n))
@@ -240,9 +288,22 @@ def memory_of(nodes: Array, mechanism: Mechanism) -> tuple[Array, ...]:
 def shooting_problem(
     intervals: Intervals, estimate: Estimate, blocks: Sequence[ParameterBlock], settings: Settings
 ) -> ShootingProblem:
-    """The problem of fitting the blocks' free parameters to the intervals."""
-    law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
+    """The problem of fitting the blocks' free parameters to the intervals.
+
+    Raises
+    ------
+    InputError
+        For blocks of servos that no data, or not these, can tell apart.
+    """
+    servo, free, friction = has_actuator(blocks), free_blocks(blocks, estimate), estimate.friction
+    if servo:
+        refuse_open(estimate, blocks)
+        friction = inside(estimate, np.zeros(intervals.n)).friction
+    law = friction.law
     check_temperature(law, intervals.temperature if law.uses_temperature else None)
     q, w = intervals.q[:64], intervals.w[:64]
-    reads = reads_of(law, theta, at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q)))
-    return ShootingProblem(intervals, free_blocks(blocks, estimate), settings, reads)
+    x = at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q))
+    reads = reads_of(law, np.asarray(friction.theta), x)
+    if servo:
+        check_servo(intervals, estimate, free, reads.u)
+    return ShootingProblem(intervals, free, settings, reads)

@@ -42,7 +42,7 @@ from frictionid.fitting.shooting.omitted_blocks import (
 )
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.servo_problem import has_actuator, servo_problem, with_servo
+from frictionid.fitting.shooting.servo_checks import with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
 from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction, SpeedRange, constraints_of
@@ -243,10 +243,9 @@ def prepare_fit(
         samples = torque_samples(friction, mechanism, calibration, intervals, use)
         friction, blocks = with_combinations(friction, samples, blocks)
     estimate = Estimate(friction, calibration, mechanism)
-    estimate = with_servo(estimate, intervals.dataset, blocks) if has_actuator(blocks) else estimate
+    estimate = with_servo(estimate, intervals.dataset, blocks)
     check_blocks(blocks, estimate, intervals)
-    made = servo_problem if has_actuator(blocks) else shooting_problem
-    problem = made(intervals, estimate, blocks, settings)
+    problem = shooting_problem(intervals, estimate, blocks, settings)
     check_data(intervals, problem.parameters, settings.windows[-1])
     return problem, estimate
 
