@@ -113,25 +113,20 @@ def hypotheses(
         yield Convention("swapped_angles", "the angles of the joints are swapped", swap, eye)
         if any(driven):
             yield Convention("swapped_torques", "the torques of the joints are swapped", eye, swap)
-            yield Convention(
-                "swapped_joints", "the joints are swapped, angles and torques", swap, swap
-            )
+            words = "the joints are swapped, angles and torques"
+            yield Convention("swapped_joints", words, swap, swap)
     if n > 1 and not slides.any():
         relative = eye - np.diag(np.ones(n - 1), -1)
-        yield Convention(
-            "absolute_angle",
-            "angles are absolute (against the vertical), not relative",
-            relative,
-            eye,
-        )
-    if slides.any():
-        scale = np.diag(np.where(slides, 1e3, 1.0))
-        yield Convention("millimetres", "positions are in mm, not m", np.linalg.inv(scale), eye)
-        yield Convention("metres", "positions are in m, not mm", scale, eye)
-    if not slides.all():
-        turn = np.diag(np.where(slides, 1.0, np.pi / 180))
-        yield Convention("degrees", "angles are in degrees, not rad", turn, eye)
-        yield Convention("radians", "angles are in rad, not degrees", np.linalg.inv(turn), eye)
+        words = "angles are absolute (against the vertical), not relative"
+        yield Convention("absolute_angle", words, relative, eye)
+    for kind, words, unit, joints in (
+        ("millimetres", "positions are in mm, not m", 1e-3, slides),
+        ("metres", "positions are in m, not mm", 1e3, slides),
+        ("degrees", "angles are in degrees, not rad", np.pi / 180, ~slides),
+        ("radians", "angles are in rad, not degrees", 180 / np.pi, ~slides),
+    ):
+        if joints.any():
+            yield Convention(kind, words, np.diag(np.where(joints, unit, 1.0)), eye)
 
 
 def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:

@@ -106,16 +106,19 @@ def torque_sources(
 def _together(joint: int, shown: Sequence[tuple[str, Evidence]]) -> TorqueSource:
     """The statement of all recordings: one column has one source, unless recordings contradict."""
     decided = [(n, e) for n, e in shown if e.source != "cannot tell"]
-    sources = sorted({e.source for _, e in decided})
-    if len(sources) != 1:
-        if not sources:
-            name, evidence = shown[0]
-            return TorqueSource(joint, "cannot tell", evidence.words, (name,))
-        first = [next((n, e) for n, e in decided if e.source == s) for s in sources]
-        words = "; ".join(f"{e.source} in {n!r} ({e.words})" for n, e in first)
-        return TorqueSource(joint, "cannot tell", words, tuple(n for n, _ in first))
-    names = tuple(n for n, _ in decided)
-    return TorqueSource(joint, decided[0][1].source, decided[0][1].words, names)
+    if not decided:
+        name, evidence = shown[0]
+        return TorqueSource(joint, "cannot tell", evidence.words, (name,))
+    first = {e.source: (n, e) for n, e in reversed(decided)}
+    if len(first) == 1:
+        evidence = decided[0][1]
+        return TorqueSource(joint, evidence.source, evidence.words, tuple(n for n, _ in decided))
+    names, words = [], []
+    for source in sorted(first):
+        name, evidence = first[source]
+        names.append(name)
+        words.append(f"{source} in {name!r} ({evidence.words})")
+    return TorqueSource(joint, "cannot tell", "; ".join(words), tuple(names))
 
 
 def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | None:

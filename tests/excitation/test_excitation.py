@@ -87,7 +87,7 @@ def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, 
     return states[:, 0], states[:, 1]
 
 
-def sine(experiment: Experiment, frequency: float) -> tuple[Array, Array]:
+def sine(experiment: Experiment, frequency) -> tuple[Array, Array]:
     """The plain sine at the torque limit, from rest hanging down, in each recording."""
     wave = np.sin(2 * np.pi * frequency * experiment.commands)
     count = experiment.recordings
@@ -145,7 +145,7 @@ def scatter(experiment: Experiment, torque: Array, start: Array) -> tuple[Array,
 
 
 @pytest.mark.parametrize("rig", ["acrobot", "acrobot with a sine", "pendulum"])
-def test_predicted_standard_errors_are_right_within_1_5(rig: str) -> None:
+def test_predicted_standard_errors_are_right_within_1_5(rig):
     """Of friction and of base parameters; the scatter of 40 fits is itself known to 11 %."""
     design = on_acrobot() if rig.startswith("acrobot") else swinging()
     e, predicted, signal = design.experiment, design.monte_carlo, (design.torque, design.start)
@@ -157,7 +157,7 @@ def test_predicted_standard_errors_are_right_within_1_5(rig: str) -> None:
         assert ((ratio > 1 / 1.5) & (ratio < 1.5)).all(), (inertia, ratio)
 
 
-def test_the_information_that_is_searched_promises_what_repetitions_give() -> None:
+def test_the_information_that_is_searched_promises_what_repetitions_give():
     """Within 2, at a tenth of the cost: it knows of one bandwidth of the smoother only."""
     design = on_acrobot()
     e = design.experiment
@@ -170,7 +170,7 @@ def test_the_information_that_is_searched_promises_what_repetitions_give() -> No
 @pytest.mark.parametrize(
     ("rig", "frequency"), [("acrobot", 2.0), ("pendulum", 1.0), ("pendulum", 1.5)]
 )
-def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequency: float) -> None:
+def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig, frequency):
     """With free inertia. Near a resonance of the acrobot the gain is smaller (see `advise`)."""
     design = on_acrobot() if rig == "acrobot" else swinging()
     e = design.experiment
@@ -179,7 +179,7 @@ def test_friction_is_known_twice_as_well_as_from_a_plain_sine(rig: str, frequenc
     assert (design.monte_carlo.errors(inertia=True)[:count] <= 0.5 * plain[:count]).all()
 
 
-def test_the_stiction_mask_is_that_of_a_fit() -> None:
+def test_the_stiction_mask_is_that_of_a_fit():
     design = on_acrobot()
     motions = Concatenated.at_level(design.experiment, design.motions, 0)
     fitted = mask_stiction(motions.problem, design.experiment.velocity_threshold).G
@@ -203,7 +203,7 @@ def test_a_slow_linear_axis_can_be_planned_too():
     assert (error < 0.5 * np.array([12.0, 30.0, 20.0])).all()
 
 
-def test_without_noise_repetitions_differ_by_nothing() -> None:
+def test_without_noise_repetitions_differ_by_nothing():
     """What then remains is bias: what the smoother bends."""
     design = swinging()
     still = replace(design.experiment, angle_noise=1e-9)
@@ -213,7 +213,7 @@ def test_without_noise_repetitions_differ_by_nothing() -> None:
     assert (np.abs(many.bias(inertia=True)) < 0.02 * size).all()
 
 
-def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
+def test_the_smoothers_gains_are_those_of_the_whole_recording():
     samples, dt, decade = 200, 1 / 60, 9.0
     noise = np.random.default_rng(0).normal(size=(samples, 3))
     series = Series(
@@ -229,7 +229,7 @@ def test_the_smoothers_gains_are_those_of_the_whole_recording() -> None:
     assert np.allclose(velocity @ noise, whole[:, :, 1], atol=1e-4)
 
 
-def test_derivatives_by_parameters_are_those_of_numeric_differences() -> None:
+def test_derivatives_by_parameters_are_those_of_numeric_differences():
     design = on_acrobot()
     e = design.experiment
     q, w = design.motions.q[:, 0, 0], design.motions.w[:, 0, 0]
@@ -263,7 +263,7 @@ def test_derivatives_by_parameters_are_those_of_numeric_differences() -> None:
 # --- Limits -----------------------------------------------------------------------------------
 
 
-def test_the_simulated_motion_keeps_the_limits() -> None:
+def test_the_simulated_motion_keeps_the_limits():
     design = on_acrobot()
     limits = design.experiment.limits
     q, w = really(design.experiment, design.torque, design.start)
@@ -273,7 +273,7 @@ def test_the_simulated_motion_keeps_the_limits() -> None:
     assert np.abs(w).max() > 0.5 * limits.velocity.max()  # not by doing nothing
 
 
-def test_a_tight_angle_limit_is_kept_by_weaker_signals() -> None:
+def test_a_tight_angle_limit_is_kept_by_weaker_signals():
     experiment = on_pendulum()
     tight = replace(experiment, limits=experiment.limits._replace(angle=np.array([0.4])))
     design = design_signals(SignalSpace(tight), Search(pool=96, generations=1, children=16))
@@ -282,7 +282,7 @@ def test_a_tight_angle_limit_is_kept_by_weaker_signals() -> None:
     assert "angle     joint 1" in described(design)
 
 
-def test_impossible_limits_are_one_clear_line() -> None:
+def test_impossible_limits_are_one_clear_line():
     experiment = on_pendulum(start=(2.5,))
     slow = replace(experiment, limits=experiment.limits._replace(velocity=np.array([0.1])))
     with pytest.raises(InputError, match="none of 12 signals keeps the limits, velocity"):
@@ -292,7 +292,7 @@ def test_impossible_limits_are_one_clear_line() -> None:
 # --- Laws of the optimum ----------------------------------------------------------------------
 
 
-def test_more_torque_never_hurts() -> None:
+def test_more_torque_never_hurts():
     """Every weaker signal is allowed as well: the best of all tells at least as much."""
     values, pool = [], None
     scale = np.array([0.001, 0.0001, 0.001, 0.01])
@@ -306,7 +306,7 @@ def test_more_torque_never_hurts() -> None:
     assert values[-1] > 1.2 * values[0]
 
 
-def test_mirrored_signals_tell_the_same() -> None:
+def test_mirrored_signals_tell_the_same():
     # the draw of noise is not mirrored; at 1e-3 rad it finds the same bandwidths for both
     experiment = on_pendulum(angle_noise=1e-3)
     space = SignalSpace(experiment)
@@ -320,7 +320,7 @@ def test_mirrored_signals_tell_the_same() -> None:
     assert np.allclose(*variances, rtol=1e-3)
 
 
-def test_two_recordings_halve_the_variance_of_one() -> None:
+def test_two_recordings_halve_the_variance_of_one():
     experiment = on_pendulum()
     space = SignalSpace(experiment)
     x = np.random.default_rng(1).uniform(size=(1, space.size))
@@ -332,7 +332,7 @@ def test_two_recordings_halve_the_variance_of_one() -> None:
     assert np.allclose(e_criterion(twice, np.ones(4)), 2 * e_criterion(once, np.ones(4)))
 
 
-def test_noise_and_standard_errors_are_proportional() -> None:
+def test_noise_and_standard_errors_are_proportional():
     experiment = on_pendulum()
     space = SignalSpace(experiment)
     x = np.random.default_rng(1).uniform(size=(1, space.size))
@@ -345,7 +345,7 @@ def test_noise_and_standard_errors_are_proportional() -> None:
     assert np.allclose(louder / quiet, 1.02, rtol=1e-3)
 
 
-def test_a_machine_that_does_not_move_tells_nothing() -> None:
+def test_a_machine_that_does_not_move_tells_nothing():
     experiment = on_pendulum()
     still = Motions(np.zeros((181, 1, 1, 1)), np.zeros((181, 1, 1, 1)), np.zeros((180, 1, 1)))
     sums = expected_information(experiment, still, 0)
@@ -353,7 +353,7 @@ def test_a_machine_that_does_not_move_tells_nothing() -> None:
     assert e_criterion(sums, np.ones(4)) == 0.0
 
 
-def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal() -> None:
+def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal():
     search = Search(pool=12, generations=2, children=6, seed=5)
     space = SignalSpace(on_pendulum(length=1.5))
     once, again = (design_signals(space, search) for _ in range(2))
@@ -365,7 +365,7 @@ def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal() -> Non
 
 
 @pytest.mark.parametrize("family", ["multisine", "chirp"])
-def test_only_the_families_asked_for_are_used(family: str) -> None:
+def test_only_the_families_asked_for_are_used(family):
     space = SignalSpace(on_pendulum(), (family,))
     x = np.random.default_rng(0).uniform(size=(8, space.size))
     assert space.family(x) == [[family]] * 8
@@ -375,7 +375,7 @@ def test_only_the_families_asked_for_are_used(family: str) -> None:
 # --- Files -----------------------------------------------------------------------
 
 
-def test_the_table_can_be_played_and_the_picture_is_one() -> None:
+def test_the_table_can_be_played_and_the_picture_is_one():
     design = on_acrobot()
     header, *rows = command_csv(design, 0).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])

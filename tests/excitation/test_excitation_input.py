@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
@@ -30,13 +29,13 @@ from frictionid.mechanics import acrobot, mechanism_of, pendulum
         ("torque=0.1,velocty=1", "did you mean 'velocity'"),
     ],
 )
-def test_wrong_limits_are_one_clear_line(text: str, rule: str) -> None:
+def test_wrong_limits_are_one_clear_line(text, rule):
     with pytest.raises(InputError, match=rule) as caught:
         limits_of(text, acrobot())
     assert "\n" not in str(caught.value)
 
 
-def test_a_machine_without_a_motor_gets_no_signal() -> None:
+def test_a_machine_without_a_motor_gets_no_signal():
     with pytest.raises(InputError, match="has no motor"):
         limits_of("torque=1,velocity=1", pendulum(driven=False))
 
@@ -54,12 +53,12 @@ def test_a_machine_without_a_motor_gets_no_signal() -> None:
         ({"angle_noise": 0.0}, "angle noise"),
     ],
 )
-def test_wrong_experiments_are_one_clear_line(changes: dict, rule: str) -> None:
+def test_wrong_experiments_are_one_clear_line(changes, rule):
     with pytest.raises(InputError, match=rule):
         on_pendulum(**changes)
 
 
-def test_wrong_families_priors_and_searches_are_refused() -> None:
+def test_wrong_families_priors_and_searches_are_refused():
     with pytest.raises(InputError, match="family 'sweep' is unknown"):
         SignalSpace(on_pendulum(), ("sweep",))
     with pytest.raises(InputError, match="no family"):
@@ -70,7 +69,7 @@ def test_wrong_families_priors_and_searches_are_refused() -> None:
         Search(pool=0)
 
 
-def test_mechanism_files_say_what_is_wrong(tmp_path: Path) -> None:
+def test_mechanism_files_say_what_is_wrong(tmp_path):
     file = tmp_path / "machine.toml"
     with pytest.raises(InputError, match="cannot be read"):
         load_mechanism(file)
@@ -84,7 +83,7 @@ def test_mechanism_files_say_what_is_wrong(tmp_path: Path) -> None:
     assert mechanism_of(load_mechanism(file)).n == 1
 
 
-def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str, length: float = 0.3) -> int:
+def _run(monkeypatch, folder, *options, length=0.3):
     file = folder / "machine.toml"
     file.write_text(
         f'[mechanism]\nkind = "pendulum"\nparameters = {{ mass = 0.2, length = {length} }}'
@@ -94,9 +93,7 @@ def _run(monkeypatch: pytest.MonkeyPatch, folder: Path, *options: str, length: f
     return main()
 
 
-def test_the_command_writes_one_table_for_each_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_one_table_for_each_recording(tmp_path, monkeypatch, capsys):
     out, figure = tmp_path / "new" / "torque.csv", tmp_path / "new" / "torque.png"
     given = ["--out", str(out), "--figure", str(figure), "--recordings", "2"]
     assert _run(monkeypatch, tmp_path, *given) == 0
@@ -119,31 +116,21 @@ def test_the_command_writes_one_table_for_each_recording(
         (("--seed", "-1"), "seed = -1"),
     ],
 )
-def test_the_command_says_in_one_line_what_is_wrong(
-    options: tuple[str, ...],
-    rule: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_command_says_in_one_line_what_is_wrong(options, rule, tmp_path, monkeypatch, capsys):
     assert _run(monkeypatch, tmp_path, "--out", str(tmp_path / "t.csv"), *options) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and rule in lines[0]
     assert not list(tmp_path.glob("*.csv"))
 
 
-def test_what_cannot_be_written_is_said_before_the_search(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_written_is_said_before_the_search(tmp_path, monkeypatch, capsys):
     (tmp_path / "file").write_text("")
     place = tmp_path / "file" / "torque.csv"
     assert _run(monkeypatch, tmp_path, "--out", str(place)) == 2
     assert "cannot be written" in capsys.readouterr().err
 
 
-def test_a_machine_that_no_torque_moves_is_one_clear_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_machine_that_no_torque_moves_is_one_clear_line(tmp_path, monkeypatch, capsys):
     place = tmp_path / "torque.csv"
     assert _run(monkeypatch, tmp_path, "--out", str(place), length=1e9) == 2
     assert "no signal within the limits shows all of friction" in capsys.readouterr().err
