@@ -21,8 +21,7 @@ from frictionid.fitting.identifiers import (
 )
 from frictionid.fitting.identifiers.regressor import estimator_named
 from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.state_network import StateNetwork
+from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.fitting.parameters import (
     ActuatorBlock,

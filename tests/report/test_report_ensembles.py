@@ -14,8 +14,7 @@ from frictionid.comparison.tasks import Task, document
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import BlackBox, LeastSquares
 from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.state_network import StateNetwork
+from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
 from frictionid.report.figures.curves import friction_curves, spread_caption, spreads

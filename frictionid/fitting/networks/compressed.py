@@ -1,4 +1,4 @@
-"""Static networks by Levenberg-Marquardt on compressed squares: all folds at once, in seconds.
+"""Static networks by Levenberg-Marquardt on compressed squares, in seconds.
 
 A law that depends on its joint's velocity alone sees the rows only through its torques at some
 eighty speeds, in a hat basis (see `compressed_problem`). Its weights have a normal prior about
@@ -13,6 +13,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
+from scipy.linalg import block_diag
 from scipy.sparse import csr_array, diags_array, hstack
 
 from frictionid.arrays import Array
@@ -36,31 +37,27 @@ _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed
 
 
 class Compressed(NamedTuple):
-    """Squares of each fold: A (F, N, N), b (F, N) and c (F,), with N = n V.
+    """Squares of the rows: A (N, N), b (N,) and c, with N = n V.
 
     speeds (n, V) [rad/s]: the velocities of each joint at which its torques stand, negative ones
-    first; both directions have a node at rest. rows (F,): how many rows have a weight.
+    first; both directions have a node at rest. rows: how many rows have a weight.
     """
 
     A: Array
     b: Array
-    c: Array
+    c: float
     speeds: Array
-    rows: Array
+    rows: float
 
-    def cost(self, torque: Array) -> Array:
-        """Weighted squares [rad^2/s^2] of torques (..., F, n, V), shape (..., F)."""
-        T = torque.reshape(*torque.shape[:-2], -1)
-        return self.c + ((self.times(T) - 2 * self.b) * T).sum(-1)
+    def cost(self, torque: Array) -> float:
+        """Weighted squares [rad^2/s^2] of torques (n, V)."""
+        T = torque.ravel()
+        return float(self.c + ((self.A @ T - 2 * self.b) * T).sum())
 
     def without(self, part: Compressed) -> Compressed:
         """Squares of the rows that are in none of a part of them."""
         A, b, c = self.A - part.A, self.b - part.b, self.c - part.c
         return Compressed(A, b, c, self.speeds, self.rows - part.rows)
-
-    def times(self, T: Array) -> Array:
-        """Product A T for T (..., F, N)."""
-        return (self.A @ T[..., None])[..., 0]
 
 
 def node_speeds(problem: Problem, weights: Array, count: int) -> Array:
@@ -77,21 +74,20 @@ def node_speeds(problem: Problem, weights: Array, count: int) -> Array:
 def compressed(
     problem: Problem, weights: Array, speeds: Array, width: float, shape: str
 ) -> Compressed:
-    """Squares of the rows under weights (F, K), for torques at node velocities (n, V).
+    """Squares of the rows under weights (K,), for torques at node velocities (n, V).
 
     width, shape : smoothing of sgn(w), which stays exact between the nodes
     """
     n, V = speeds.shape
     means = [_means(problem, j, speeds[j], width, shape) for j in range(n)]
-    A, b = np.zeros((len(weights), n * V, n * V)), np.zeros((len(weights), n * V))
+    A, b = np.zeros((n * V, n * V)), np.zeros(n * V)
     for i in range(n):
         columns = hstack([diags_array(problem.G[:, i, j]) @ means[j] for j in range(n)], "csr")
-        for f, weight in enumerate(weights):
-            weighted = (diags_array(weight) @ columns).T
-            A[f] += (weighted @ columns).toarray()
-            b[f] += weighted @ problem.r[:, i]
-    c = np.einsum("fk,ki->f", weights, problem.r**2)
-    return Compressed(A, b, c, speeds, (weights > 0).sum(axis=1) * 1.0)
+        weighted = (diags_array(weights) @ columns).T
+        A += (weighted @ columns).toarray()
+        b += weighted @ problem.r[:, i]
+    c = float(np.einsum("k,ki->", weights, problem.r**2))
+    return Compressed(A, b, c, speeds, float((weights > 0).sum()))
 
 
 def _means(problem: Problem, joint: int, speeds: Array, width: float, shape: str) -> Any:
@@ -163,91 +159,111 @@ class CompressedNetwork(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        scales = friction_scales(problem, weights)
-        folds = zip(weights[:, None], scales[:, None], strict=True)
-        each = [self._fitted(problem, own, scale, seed) for own, scale in folds]
-        return together(self.law, [np.concatenate(member) for member in zip(*each, strict=True)])
+        folds = zip(weights, friction_scales(problem, weights), strict=True)
+        each = [self._fitted(problem, weight, scale[None], seed) for weight, scale in folds]
+        return together(self.law, [np.stack(member) for member in zip(*each, strict=True)])
 
     def _fitted(self, problem: Problem, weights: Array, scales: Array, seed: int) -> list[Array]:
-        """Parameters (1, n, P) of each member of one fold, on speeds of its own."""
+        """Parameters (n, P) of each member of one fold with weights (K,), on speeds of its own."""
         law: Any = self.law
-        speeds = node_speeds(problem, weights[0], self.nodes)
-        whole = self._compressed(problem, weights, speeds)
+        speeds = node_speeds(problem, weights, self.nodes)
+        whole = compressed(problem, weights, speeds, law.width, law.shape)
         thetas = []
-        for own in member_seeds(seed, self.members):
-            initial = law.initial_parameters(scales, np.random.default_rng(own))
-            deviation = np.full(len(weights), self.prior_deviations[0])
+        for start in member_seeds(seed, self.members):
+            initial = law.initial_parameters(scales, np.random.default_rng(start))[0]
+            deviation = self.prior_deviations[0]
             if len(self.prior_deviations) > 1:
-                held = held_out(problem, weights, self.share, own)
-                left_out = self._compressed(problem, weights * held, speeds)
+                held = weights * held_out(problem, weights[None], self.share, start)[0]
+                left_out = compressed(problem, held, speeds, law.width, law.shape)
                 deviation = self._best_deviation(whole.without(left_out), left_out, initial)
             thetas.append(self._posterior_mode(whole, initial, deviation))
         return thetas
 
-    def _compressed(self, problem: Problem, weights: Array, speeds: Array) -> Compressed:
-        return compressed(problem, weights, speeds, self.law.width, self.law.shape)
+    def _best_deviation(self, training: Compressed, held: Compressed, initial: Array) -> float:
+        """Prior deviation whose fit to one part of the rows is best on the other."""
+        fits = [self._posterior_mode(training, initial, d) for d in self.prior_deviations]
+        costs = [held.cost(_torque(self.law, theta, held.speeds)) for theta in fits]
+        return self.prior_deviations[int(np.argmin(costs))]
 
-    def _best_deviation(self, training: Compressed, held: Compressed, initial: Array) -> Array:
-        """Prior deviation (F,) whose fit to one part of a fold's rows is best on the other."""
-        fits = [
-            self._posterior_mode(training, initial, np.full(len(initial), deviation))
-            for deviation in self.prior_deviations
-        ]
-        costs = np.stack([held.cost(_torque(self.law, theta, held.speeds)) for theta in fits])
-        return np.asarray(self.prior_deviations)[costs.argmin(axis=0)]
-
-    def _posterior_mode(self, squares: Compressed, initial: Array, deviation: Array) -> Array:
-        """Parameters (F, n, P) of the highest posterior under a prior deviation (F,)."""
-        prior = _Prior(initial, deviation, is_learned(self.law) * 1.0, _precision(squares))
-        state = _state(self.law, squares, prior, initial)
-        damping, active = np.ones(len(initial)), np.ones(len(initial), dtype=bool)
+    def _posterior_mode(self, squares: Compressed, initial: Array, deviation: float) -> Array:
+        """Parameters (n, P) of the highest posterior under a prior about the initial ones."""
+        posterior = _Posterior(self.law, squares, initial, deviation, _precision(squares))
+        point, damping = posterior.at(initial), 1.0
         for _ in range(self.iterations):
-            tried = _state(self.law, squares, prior, _stepped(squares, prior, state, damping))
-            better = active & (tried.cost < state.cost)
-            gain = np.where(better, 1.0 - tried.cost / state.cost, 0.0)
-            damping = np.clip(damping * np.where(better, 0.2, 5.0), *_DAMPING)
-            pairs = zip(tried, state, strict=True)
-            state = _State(*(_where(better, new, old) for new, old in pairs))
-            # each fold stops by itself, so that it is the same alone
-            active &= np.where(better, gain >= self.tolerance, damping < _DAMPING[1])
-            if not active.any():
+            tried = posterior.at(posterior.stepped(point, damping))
+            better, gain = tried.cost < point.cost, 1.0 - tried.cost / point.cost
+            damping = min(max(damping * (0.2 if better else 5.0), _DAMPING[0]), _DAMPING[1])
+            point = tried if better else point
+            if gain < self.tolerance if better else damping >= _DAMPING[1]:
                 break
-        return state.theta
+        return point.theta
 
 
-class _Prior(NamedTuple):
-    """Normal prior of the parameters, and the precision of the data.
+class _Point(NamedTuple):
+    """Parameters (n, P), torques (n, V) at the node speeds, their Jacobian (n, V, P), and cost.
 
-    mean (F, n, P); deviation (F,); learned (P,), whether a parameter changes; precision (F,)
-    [s^2/rad^2], number of rows over the variance of the residual
-    """
-
-    mean: Array
-    deviation: Array
-    learned: Array
-    precision: Array
-
-
-class _State(NamedTuple):
-    """Parameters (F, n, P), torques (F, n, V) at the node speeds, their Jacobian, and cost (F,).
-
-    jacobian (F, n, V, P) is zero for parameters that are not learned.
+    The Jacobian is zero for parameters that are not learned.
     """
 
     theta: Array
     torque: Array
     jacobian: Array
-    cost: Array
+    cost: float
 
 
-def _precision(squares: Compressed) -> Array:
-    """Number of rows over the variance (F,) of the residual that no curve explains."""
-    N = squares.A.shape[-1]
-    curvature = np.einsum("fii->f", squares.A) / N
-    damped = squares.A + (_RIDGE * curvature)[:, None, None] * np.eye(N)
-    T = np.linalg.solve(damped, squares.b[..., None])[..., 0]
-    left = squares.c + ((squares.times(T) - 2 * squares.b) * T).sum(-1)
-    return squares.rows * len(squares.speeds) / np.maximum(left, 1e-12 * squares.c)
+class _Posterior(NamedTuple):
+    """Squares of the rows, and a normal prior of the parameters.
+
+    mean (n, P), and deviation of the prior; precision [s^2/rad^2]: number of rows over the variance
+    of the residual
+    """
+
+    law: Law
+    squares: Compressed
+    mean: Array
+    deviation: float
+    precision: float
+
+    def at(self, theta: Array) -> _Point:
+        """The point at parameters (n, P)."""
+        torque = _torque(self.law, theta, self.squares.speeds)
+        gradient = self.law.with_width(_SHARP).gradient(theta, _inputs(self.squares.speeds))
+        jacobian = np.swapaxes(gradient, 0, 1) * is_learned(self.law)
+        distance = (theta - self.mean) / self.deviation
+        cost = self.precision * self.squares.cost(torque) + float((distance**2).sum())
+        return _Point(theta, torque, jacobian, cost)
+
+    def stepped(self, point: _Point, damping: float) -> Array:
+        """Parameters (n, P) after a damped Gauss-Newton step d.
+
+        With the torques T at the node speeds and their Jacobian J, the prior's h = 1 / deviation^2,
+        the precision p and the damping l, the normal equations
+
+            (h (1 + l) I + p J'A J) d = h (mean - theta) + p J'(b - A T)
+
+        are solved for the change u = J d of the torques (Woodbury identity): with
+        s = 1 / (h (1 + l)), d0 = s h (mean - theta) and K = s p J J',
+
+            (I + K A) u = J d0 + K (b - A T),   d = d0 + s p J'(b - A T - A u)
+        """
+        (n, V, _), A = point.jacobian.shape, self.squares.A
+        h = 1.0 / self.deviation**2
+        s = 1.0 / (h * (1.0 + damping))
+        d0 = (self.mean - point.theta) * (h * s)
+        K = block_diag(*(J @ J.T for J in point.jacobian)) * (self.precision * s)
+        pull = self.squares.b - A @ point.torque.ravel()
+        right = (point.jacobian @ d0[..., None]).ravel() + K @ pull
+        u = np.linalg.solve(np.eye(n * V) + K @ A, right)
+        weighted = (pull - A @ u) * (self.precision * s)
+        return point.theta + d0 + (weighted.reshape(n, 1, V) @ point.jacobian)[:, 0]
+
+
+def _precision(squares: Compressed) -> float:
+    """Number of rows over the variance of the residual that no curve explains."""
+    A, b = squares.A, squares.b
+    T = np.linalg.solve(A + _RIDGE * np.trace(A) / len(A) * np.eye(len(A)), b)
+    left = squares.c + ((A @ T - 2 * b) * T).sum()
+    return float(squares.rows * len(squares.speeds) / np.maximum(left, 1e-12 * squares.c))
 
 
 def _inputs(speeds: Array) -> Inputs:
@@ -258,46 +274,5 @@ def _inputs(speeds: Array) -> Inputs:
 
 
 def _torque(law: Law, theta: Array, speeds: Array) -> Array:
-    """Torque (F, n, V) at the nodes."""
-    sharp = law.with_width(_SHARP)
-    return np.swapaxes(sharp.torque(theta[:, None], _inputs(speeds), ()), 1, 2)
-
-
-def _state(law: Law, squares: Compressed, prior: _Prior, theta: Array) -> _State:
-    torque = _torque(law, theta, squares.speeds)
-    gradient = law.with_width(_SHARP).gradient(theta[:, None], _inputs(squares.speeds))
-    distance = (theta - prior.mean) / prior.deviation[:, None, None]
-    cost = prior.precision * squares.cost(torque) + (distance**2).sum((1, 2))
-    return _State(theta, torque, np.swapaxes(gradient, 1, 2) * prior.learned, cost)
-
-
-def _stepped(squares: Compressed, prior: _Prior, state: _State, damping: Array) -> Array:
-    """Parameters (F, n, P) after a damped Gauss-Newton step d.
-
-    With the torques T at the node speeds and their Jacobian J, the prior's h = 1 / deviation^2, the
-    precision p and the damping l, the normal equations
-
-        (h (1 + l) I + p J'A J) d = h (mean - theta) + p J'(b - A T)
-
-    are solved for the change u = J d of the torques (Woodbury identity): with s = 1 / (h (1 + l)),
-    d0 = s h (mean - theta) and K = s p J J',
-
-        (I + K A) u = J d0 + K (b - A T),   d = d0 + s p J'(b - A T - A u)
-    """
-    F, n, V, _ = state.jacobian.shape
-    h = 1.0 / prior.deviation**2
-    s = 1.0 / (h * (1.0 + damping))
-    d0 = (prior.mean - state.theta) * (h * s)[:, None, None]
-    product = np.zeros((F, n, V, n, V))
-    for j in range(n):
-        product[:, j, :, j] = state.jacobian[:, j] @ np.swapaxes(state.jacobian[:, j], 1, 2)
-    K = product.reshape(F, n * V, n * V) * (prior.precision * s)[:, None, None]
-    pull = squares.b - squares.times(state.torque.reshape(F, -1))
-    right = (state.jacobian @ d0[..., None])[..., 0].reshape(F, -1) + (K @ pull[..., None])[..., 0]
-    u = np.linalg.solve(np.eye(n * V) + K @ squares.A, right[..., None])[..., 0]
-    weighted = (pull - squares.times(u)) * (prior.precision * s)[:, None]
-    return state.theta + d0 + (weighted.reshape(F, n, 1, V) @ state.jacobian)[:, :, 0]
-
-
-def _where(folds: Array, yes: Array, no: Array) -> Array:
-    return np.where(folds.reshape(-1, *(1,) * (yes.ndim - 1)), yes, no)
+    """Torque (n, V) at the nodes."""
+    return np.asarray(law.with_width(_SHARP).torque(theta, _inputs(speeds), ()).T)

@@ -19,12 +19,14 @@ from frictionid.arrays import Array
 from frictionid.config import Count, Positive, check_settings
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.networks.compiled import check_compiler, compiled
+from frictionid.fitting.identifiers.sparse_dynamics import accelerations
 from frictionid.fitting.networks.training import (
     Adam,
     EarlyStopping,
     Share,
     batches,
+    check_compiler,
+    compiled,
     friction_scales,
     held_out,
     member_seeds,
@@ -38,8 +40,11 @@ from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 if TYPE_CHECKING:
-    from frictionid.fitting.networks.fold_stack import FoldStack
-    from frictionid.fitting.networks.training_sets import RowTrainingSet, SequenceTrainingSet
+    from frictionid.fitting.networks.training_sets import (
+        FoldStack,
+        RowTrainingSet,
+        SequenceTrainingSet,
+    )
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,7 @@ class Network(Identifier):
         scales : (F, n, k) of the first k parameters of the law
         costs : in training and on what is held out; means over the members
         """
-        from frictionid.fitting.networks.fold_stack import FoldStack  # imports torch: late
+        from frictionid.fitting.networks.training_sets import FoldStack  # imports torch: late
 
         check_device(self.device)
         if law.sample_time is not None:
@@ -200,3 +205,43 @@ def check_device(device: str) -> None:
             'device = "cuda": PyTorch sees no CUDA device here: leave the device out, or install '
             "PyTorch with CUDA"
         )
+
+
+_SMALLEST = 1e-3  # of the largest speed or torque of any joint
+
+
+@dataclass(frozen=True)
+class StateNetwork(Identifier):
+    """Trains a `StateMLP` or a `StateLSTM`, as `training` trains a network of friction.
+
+    Its law's joints are those of the problem, its sample time that of the samples.
+
+    Raises
+    ------
+    InputError
+        For problems whose rows of joints at rest are masked: here they are to be explained.
+    """
+
+    training: Network
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        weights = normalised(weights, problem)
+        law = replace(self.training.law, joints=problem.r.shape[1])
+        scales = _scales(problem, weights)
+        return self.training.train(law, problem, weights, scales, seed)[0]
+
+
+def _scales(problem: Problem, weights: Array) -> Array:
+    """Root mean squares (F, n, 3) of each joint's acceleration, and of speeds and torques of all.
+
+    Of speeds and torques, the same for all joints, those of the joint that has most of it.
+    """
+    y, _ = accelerations(problem)
+    inputs = problem.nodes.inputs
+    share = weights / weights.sum(axis=1, keepdims=True)
+    out = np.empty((len(weights), y.shape[1], 3))
+    out[..., 0] = np.sqrt(share @ y**2)
+    for i, values in enumerate((inputs.w, inputs.u), start=1):
+        size = np.sqrt((share @ problem.mean(values) ** 2).max(axis=1, keepdims=True))
+        out[..., i] = np.where(size > 0, size, 1.0)
+    return np.maximum(out, _SMALLEST * out.max(axis=1, keepdims=True))

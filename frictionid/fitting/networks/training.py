@@ -1,18 +1,25 @@
-"""Early stopping: recordings held out inside each training fold say when its cost was lowest.
+"""What training networks takes: held-out recordings, scales, batches, steps, compiled costs.
 
 A fold's rows alone decide, together with the seed: so it is the same alone and among others.
+Recordings held out inside each training fold say when its cost was lowest.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import os
+import shutil
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array, times
+from frictionid.errors import InputError, needs
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction.laws import CoulombViscous
@@ -179,3 +186,65 @@ def _clipped(gradient: Any) -> Any:
     """Gradients (F, n, P), those of each fold together no longer than a limit."""
     size = (gradient**2).sum((1, 2), keepdim=True).sqrt()
     return gradient * (_LONGEST / size.clamp(min=_LONGEST))
+
+
+_DEFAULT = {"darwin": "clang++", "win32": "cl"}  # what PyTorch calls where CXX names no other
+
+
+def compiler() -> str:
+    """Path of the C++ compiler that PyTorch calls, which CXX may name; "" if there is none."""
+    return shutil.which(_name()) or ""
+
+
+def _name() -> str:
+    return os.environ.get("CXX") or _DEFAULT.get(sys.platform, "g++")
+
+
+def check_compiler() -> None:
+    """Refuse to compile where there is no C++ compiler.
+
+    Raises
+    ------
+    InputError
+        Saying what to do.
+    """
+    if not compiler():
+        raise InputError(
+            f"compile = true: PyTorch needs a C++ compiler, and {_name()!r} is not found: leave "
+            "compile out, or install one (CXX names another)"
+        )
+
+
+def compiled(cost: Callable[..., Any]) -> Callable[..., Any]:
+    """The cost as a function of tensors that is compiled when it is first called.
+
+    Raises
+    ------
+    InputError
+        In that call, where PyTorch cannot compile it.
+    """
+    with needs("networks"):
+        import torch
+
+    with _without_warnings():
+        fast: Callable[..., Any] = torch.compile(cost)
+
+    def compiled_cost(*tensors: Any) -> Any:
+        try:
+            with _without_warnings():
+                return fast(*tensors)
+        except Exception as error:  # whatever its compilers raise
+            reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+            raise InputError(
+                f"compile = true: PyTorch cannot compile this network ({reason}): leave compile out"
+            ) from None
+
+    return compiled_cost
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """PyTorch warns at length about the libraries that its compilers see."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

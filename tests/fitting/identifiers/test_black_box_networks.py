@@ -17,8 +17,7 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import BlackBox, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.state_network import StateNetwork
+from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along

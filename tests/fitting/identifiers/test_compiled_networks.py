@@ -15,8 +15,8 @@ from frictionid.__main__ import main
 from frictionid.comparison.suite_identifiers import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.compiled import compiled, compiler
 from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.training import compiled, compiler
 from frictionid.friction import along
 from frictionid.friction.laws import MLP
 

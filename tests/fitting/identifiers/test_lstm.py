@@ -12,9 +12,8 @@ from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.fold_stack import FoldStack
 from frictionid.fitting.networks.network import Network, check_device
-from frictionid.fitting.networks.training_sets import Cells, SequenceTrainingSet
+from frictionid.fitting.networks.training_sets import Cells, FoldStack, SequenceTrainingSet
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
 from frictionid.friction.model_files import load_model, save_model

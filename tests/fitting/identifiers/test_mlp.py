@@ -130,15 +130,15 @@ def test_compressed_squares_are_those_of_the_rows():
     problem, law = synthetic_problem(2), MLP((6, 6))
     weights, theta = synthetic_weights(problem), drawn(law)[:, :2]
     speeds = node_speeds(problem, weights.max(axis=0), 200)
-    squares = compressed(problem, weights, speeds, law.width, law.shape)
-    assert squares.speeds.shape == (2, 400)
-    exact = [cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1])) for f in range(3)]
-    np.testing.assert_allclose(
-        squares.cost(_torque(law, theta, speeds)), np.ravel(exact), rtol=1e-3
-    )
     true = true_friction(2)
-    true = Friction(true.law, np.repeat(true.theta[None], 3, axis=0))
-    assert (squares.c > 100 * cost(problem, weights, true)).all()
+    for weight, numbers in zip(weights, theta, strict=True):
+        squares = compressed(problem, weight, speeds, law.width, law.shape)
+        exact, of_truth = (
+            cost(problem, weight[None], friction[None])[0]
+            for friction in (Friction(law, numbers), true)
+        )
+        assert squares.cost(_torque(law, numbers, speeds)) == pytest.approx(exact, rel=1e-3)
+        assert squares.c > 100 * of_truth
 
 
 def test_a_fold_is_the_same_alone_whatever_its_neighbours():

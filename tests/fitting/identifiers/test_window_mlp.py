@@ -15,10 +15,9 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.fold_stack import FoldStack
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.training import Adam, batches
-from frictionid.fitting.networks.training_sets import RowTrainingSet, window
+from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet, window
 from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import (
     MLP,
