@@ -99,28 +99,39 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     at = np.flatnonzero(estimable)
     y = torque - rows.required(np.asarray(nominal, float) - reference) - X @ value
     covariance = np.full((len(names), len(names)), np.nan)
+    error = np.full(len(names), np.inf)
     unidentifiable: tuple[tuple[tuple[str, float], ...], ...] = ()
     if len(at):
-        fit = _solve(X[..., at], y, rows, size[at])
-        value[at] = fit.value
-        slow = friction_columns(rows, SLOW)
-        loaded = (np.abs(torque) * rows.friction[..., 0])[..., None] * np.eye(torque.shape[1])
-        slowly = _solve_beside(X[..., at], y, rows, size[at], slow).value
-        growing = _solve_beside(X[..., at], y, rows, size[at], loaded)
-        error = np.sqrt(np.diag(growing.covariance))
-        grown = np.where(at < len(reference), _beyond(fit.value - growing.value, error), 0.0)
-        y = y - X[..., at] @ fit.value
-        shrunk = _attenuation(torque, y, rows.moving) * fit.value
-        drifts = [fit.value - slowly, grown, shrunk]
+        equations = _Equations(X[..., at], y, rows, size[at])
+        fit = equations.solved()
+        value[at], y = fit.value, y - X[..., at] @ fit.value
+        drifts = [
+            *_drifts(equations, fit, torque, at < len(reference)),
+            _attenuation(torque, y, rows.moving) * fit.value,
+        ]
         covariance[np.ix_(at, at)] = fit.covariance + sum(np.outer(d, d) for d in drifts)
+        error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
         unidentifiable = tuple(_named(v, [names[i] for i in at]) for v in fit.unidentifiable)
     else:
-        covariance = np.diag(np.full(len(names), np.inf))
-    error = np.full(len(names), np.inf)
-    error[at] = np.sqrt(np.maximum(np.diag(covariance)[at], 0.0))
+        covariance = np.diag(error)
     residual = np.where(rows.moving, y, np.nan)
     spread = row_rms(y, rows.moving)
     return Estimate(names, value, error, covariance, residual, spread, unidentifiable)
+
+
+def _drifts(equations: _Equations, fit: _Solved, torque: Array, is_base: Array) -> list[Array]:
+    """How far the estimates (P,) move where friction is free at low speed, or grows with a torque.
+
+    is_base (P,) : of base parameters, the only ones that friction growing with the torque moves
+    """
+    rows = equations.rows
+    slowly = equations.beside(friction_columns(rows, SLOW)).value
+    # of each joint, in its own balance only
+    loaded = (np.abs(torque) * rows.friction[..., 0])[..., None] * np.eye(torque.shape[1])
+    growing = equations.beside(loaded)
+    error = np.sqrt(np.diag(growing.covariance))
+    grown = np.where(is_base, _beyond(fit.value - growing.value, error), 0.0)
+    return [fit.value - slowly, grown]
 
 
 def _named(direction: Array, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
@@ -174,15 +185,6 @@ def _beyond(drift: Array, error: Array) -> Array:
     return np.asarray(np.sign(drift) * np.sqrt(np.maximum(drift**2 - error**2, 0.0)))
 
 
-def _solve_beside(X: Array, y: Array, rows: Rows, size: Array, beside: Array) -> _Solved:
-    """The estimates with further columns (K, n, m) beside them."""
-    beside = beside[..., (np.abs(beside[rows.moving.any(1)]) > 0).any((0, 1))]
-    level = np.full(beside.shape[-1], size[-1] if len(size) else 1.0)
-    fit = _solve(np.concatenate([X, beside], axis=-1), y, rows, np.append(size, level))
-    P = X.shape[-1]
-    return fit._replace(value=fit.value[:P], covariance=fit.covariance[:P, :P])
-
-
 def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
     """Whether each parameter can be estimated at all."""
     out: Array = np.any(np.abs(X[rows.moving]) > 1e-12, axis=0)
@@ -224,28 +226,49 @@ class _Solved(NamedTuple):
     unidentifiable: Array
 
 
-def _solve(X: Array, y: Array, rows: Rows, size: Array) -> _Solved:
-    """Least squares in which each joint is weighted by its own residual, in three rounds."""
-    moving = rows.moving
-    block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
-    joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
-    A, b = X[moving] * size, y[moving]
-    spread = row_rms((np.abs(X) * size).max(-1), moving)
-    for _ in range(3):
-        weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
-        weighted, target = A * weight[:, None], b * weight
-        U, s, V = np.linalg.svd(weighted, full_matrices=False)
-        kept = s > 1e-7 * s[0]
-        x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
-        residual = b - A @ x
-        full = np.zeros(moving.shape)
-        full[moving] = residual
-        spread = row_rms(full, moving)
-    inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
-    covariance = sandwich(weighted, residual * weight, block, inverse)
-    variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
-    return _Solved(x * size, covariance * np.outer(size, size), directions)
+class _Equations(NamedTuple):
+    """Balances of the rows, X x = y [N m], with what counts as one of each parameter.
+
+    X (K, n, P) ; y (K, n) ; size (P,)
+    """
+
+    X: Array
+    y: Array
+    rows: Rows
+    size: Array
+
+    def beside(self, columns: Array) -> _Solved:
+        """The estimates with further columns (K, n, m) beside them."""
+        columns = columns[..., (np.abs(columns[self.rows.moving.any(1)]) > 0).any((0, 1))]
+        level = np.full(columns.shape[-1], self.size[-1])
+        X = np.concatenate([self.X, columns], axis=-1)
+        fit = self._replace(X=X, size=np.append(self.size, level)).solved()
+        P = len(self.size)
+        return fit._replace(value=fit.value[:P], covariance=fit.covariance[:P, :P])
+
+    def solved(self) -> _Solved:
+        """Least squares in which each joint is weighted by its own residual, in three rounds."""
+        X, y, rows, size = self
+        moving = rows.moving
+        block = np.broadcast_to(block_numbers(rows)[:, None], moving.shape)[moving]
+        joint = np.broadcast_to(np.arange(moving.shape[1]), moving.shape)[moving]
+        A, b = X[moving] * size, y[moving]
+        spread = row_rms((np.abs(X) * size).max(-1), moving)
+        for _ in range(3):
+            weight = 1.0 / np.where(spread > 0, spread, 1.0)[joint]
+            weighted, target = A * weight[:, None], b * weight
+            U, s, V = np.linalg.svd(weighted, full_matrices=False)
+            kept = s > 1e-7 * s[0]
+            x = V[kept].T @ ((U[:, kept].T @ target) / s[kept])
+            residual = b - A @ x
+            full = np.zeros(moving.shape)
+            full[moving] = residual
+            spread = row_rms(full, moving)
+        inverse = (V[kept].T / s[kept] ** 2) @ V[kept]
+        covariance = sandwich(weighted, residual * weight, block, inverse)
+        variance, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+        directions = np.concatenate([V[~kept], vectors.T[variance > UNIDENTIFIABLE**2]])
+        return _Solved(x * size, covariance * np.outer(size, size), directions)
 
 
 def _sizes(rows: Rows, torque: Array, base: Array) -> Array:
