@@ -22,8 +22,7 @@ import pandas as pd
 from scipy.optimize import minimize_scalar
 
 import frictionid as fid
-from frictionid.simulate.axis_log import LooseAxis
-from frictionid.simulate.servo_log import ServoPendulum
+from frictionid.simulate.drive_logs import LooseAxis, ServoPendulum
 
 GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15), "held out": (6.0, 0.1)}
 RUNS, SECONDS = 3, 6.0

@@ -22,7 +22,7 @@ import pandas as pd
 
 import frictionid as fid
 from frictionid.deploy.pooling.random_effects import random_effects
-from frictionid.simulate.servo_log import ServoPendulum
+from frictionid.simulate.drive_logs import ServoPendulum
 
 COUNT, SEED = 1000, 0
 SPECIMENS, SPREADS = (2, 3, 5, 10), (0.0, 0.5, 1.0, 3.0)

@@ -22,7 +22,7 @@ def mjcf(parameters: Mapping[str, float]) -> str:
     Parameters
     ----------
     parameters : mapping of str to float, SI
-        Those of `frictionid.mechanics.acrobot`, printed inertias.
+        Those of `frictionid.mechanics.two_links`, printed inertias.
 
     Raises
     ------

@@ -35,25 +35,25 @@ def two_mass_axis(
     ------
     ValueError
         Unless `hanging` is true or false, and `gap` is zero or a positive number.
-    InputError
-        For a parameter that is no finite number.
 
     >>> two_mass_axis(motor_inertia=0.01, load_inertia=0.05, stiffness=300.0).base_names
     ('motor_inertia', 'load_inertia', 'stiffness')
     """
-    given = {name: value for name, value in locals().items() if value is not None}
-    if given.pop("hanging") not in (False, True):
+    arguments = dict(locals())
+    if hanging not in (False, True):
         raise ValueError(f"two_mass_axis: hanging = {hanging!r} must be true or false")
-    if isinstance(gap, bool) or not isinstance(given.pop("gap"), int | float) or not 0 <= gap < 1e3:
+    if isinstance(gap, bool) or not isinstance(gap, int | float) or not 0 <= gap < 1e3:
         raise ValueError(f"two_mass_axis: gap = {gap!r} must be zero or a positive angle [rad]")
-    options = {**({"hanging": True} if hanging else {}), **({"gap": gap} if gap else {})}
-    return SymbolicMechanism.of(_two_mass_description(bool(hanging), float(gap)), given, options)
+    description = _two_mass_description(bool(hanging), float(gap))
+    return SymbolicMechanism.of(description, arguments, {"hanging": False, "gap": 0.0})
 
 
 @cache
 def _two_mass_description(hanging: bool, gap: float) -> Description:
     motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
     spring = k * _energy(q1 - q2, gap)
+    meaning = "of motor and gear about the axis, at the load"
+    of_motor = Parameter("motor_inertia", 0.01, "kg m^2", meaning, required=True)
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
     return Description(
         kind="two_mass_axis",
@@ -61,14 +61,10 @@ def _two_mass_description(hanging: bool, gap: float) -> Description:
         q=(q1, q2),
         gravity=0,
         parameters=(
-            Parameter(
-                "motor_inertia",
-                0.01,
-                "kg m^2",
-                "of motor and gear about the axis, at the load",
-                True,
+            *(
+                of_motor,
+                Parameter("load_inertia", 0.05, "kg m^2", "of the load about its axis", True),
             ),
-            Parameter("load_inertia", 0.05, "kg m^2", "of the load about its axis", required=True),
             Parameter("stiffness", 300.0, "N m/rad", "of gear, belt or shaft", required=True),
             *(weight if hanging else ()),
         ),
@@ -112,18 +108,13 @@ def linear_axis(
     ------
     ValueError
         Unless `driven` is true or false.
-    InputError
-        For a parameter that is no finite number.
 
     >>> linear_axis(mass=20.0).base_names
     ('mass',)
     """
     if driven not in (False, True):
         raise ValueError(f"linear_axis: driven = {driven!r} must be true or false")
-    given = {name: value for name, value in (("mass", mass), ("g", g)) if value is not None}
-    return SymbolicMechanism.of(
-        _axis_description(driven), given, {} if driven else {"driven": False}
-    )
+    return SymbolicMechanism.of(_axis_description(driven), locals(), {"driven": True})
 
 
 @cache

@@ -15,8 +15,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics.description import Body, Description, Expression
 from frictionid.mechanics.rigid_body.kinematics import placements
-from frictionid.mechanics.rigid_body.robot import moved
-from frictionid.mechanics.rigid_body.tree import Tree
+from frictionid.mechanics.rigid_body.robot import Tree, moved
 
 _SAME = 1e-9  # [m], or [1] of turns
 

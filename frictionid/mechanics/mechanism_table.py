@@ -9,12 +9,11 @@ from typing import Any
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.mechanics.acrobot import acrobot
 from frictionid.mechanics.axes import linear_axis, two_mass_axis
-from frictionid.mechanics.double_pendulum import double_pendulum
 from frictionid.mechanics.mechanism import Mechanism
 from frictionid.mechanics.pendulum import pendulum
 from frictionid.mechanics.rigid_body.described import FORMATS
+from frictionid.mechanics.two_links import acrobot, double_pendulum
 
 # From `module:function` to the function.
 Code = Callable[[str], Any]

@@ -45,39 +45,32 @@ def pendulum(
     >>> pendulum(mass=0.4, length=0.25).base_names
     ('inertia', 'gravity')
     """
-    given = {name: value for name, value in locals().items() if value is not None}
-    options = {name: given.pop(name) for name in ("driven", "motor")}
-    for name, value in options.items():
-        if value not in (False, True):
-            raise ValueError(f"pendulum: {name} = {value!r} must be true or false")
-    other = options.items() - {"driven": True, "motor": False}.items()
-    return SymbolicMechanism.of(_description(driven, motor), given, dict(other))
+    arguments = dict(locals())
+    for name in ("driven", "motor"):
+        if arguments[name] not in (False, True):
+            raise ValueError(f"pendulum: {name} = {arguments[name]!r} must be true or false")
+    usual = {"driven": True, "motor": False}
+    return SymbolicMechanism.of(_description(driven, motor), arguments, usual)
 
 
 @cache
 def _description(driven: bool, motor: bool) -> Description:
-    m, length, J, rotor, gear, g = symbols = sp.symbols("mass length inertia rotor gear g")
+    m, length, J, rotor, gear, g = sp.symbols("mass length inertia rotor gear g")
     q = sp.Symbol("q1")
-    defaults = (1.0, 1.0, 0.0, 0.0, 1.0, 9.81)
-    required = (True, True, False, False, False, False)
-    units = ("kg", "m", "kg m^2", "kg m^2", "1", "m/s^2")
-    meanings = (
-        "mass of all that the joint carries",
-        "joint to centre of mass",
-        "inertia about the centre of mass",
-        "rotor inertia on the motor side",
-        "gear ratio",
-        "gravity",
+    parameters = (
+        Parameter("mass", 1.0, "kg", "mass of all that the joint carries", required=True),
+        Parameter("length", 1.0, "m", "joint to centre of mass", required=True),
+        Parameter("inertia", 0.0, "kg m^2", "inertia about the centre of mass"),
+        Parameter("rotor", 0.0, "kg m^2", "rotor inertia on the motor side"),
+        Parameter("gear", 1.0, "1", "gear ratio"),
+        Parameter("g", 9.81, "m/s^2", "gravity"),
     )
     return Description(
         kind="pendulum",
         joints=("joint 1",),
         q=(q,),
         gravity=g,
-        parameters=(
-            *map(Parameter, map(str, symbols), defaults, units, meanings, required),
-            *(_MOTOR if motor else ()),
-        ),
+        parameters=(*parameters, *(_MOTOR if motor else ())),
         bodies=(Body(m, length * sp.sin(q), -length * sp.cos(q), J, q, 0),),
         rotors=((rotor, gear * q),),
         driven=(driven,),

@@ -84,14 +84,19 @@ class SymbolicMechanism(Mechanism):
     @staticmethod
     def of(
         description: Description,
-        values: Mapping[str, float] | None = None,
+        arguments: Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> SymbolicMechanism:
-        """Mechanism of a description with given values and the options that it was made with."""
-        d = description
+        """Mechanism of a description, by the arguments of the function that makes it.
+
+        options : those arguments that are no parameters, with their defaults; a parameter that is
+            None is not given
+        """
+        d, arguments, options = description, arguments or {}, options or {}
         rotors = {
             str(symbol) for inertia, _ in d.rotors for symbol in sp.sympify(inertia).free_symbols
         }
+        values = {k: v for k, v in arguments.items() if k not in options and v is not None}
         return SymbolicMechanism(
             kind=d.kind,
             joints=d.joints,
@@ -101,8 +106,8 @@ class SymbolicMechanism(Mechanism):
             base_names=tuple(b.name for b in d.base),
             base_units=tuple(b.unit for b in d.base),
             base_meanings=tuple(str(b.expression) for b in d.base),
-            values=dict(values or {}),
-            options=dict(options or {}),
+            values=values,
+            options={k: arguments[k] for k, usual in options.items() if arguments[k] != usual},
             description=d,
         )
 

@@ -12,7 +12,7 @@ import frictionid as fid
 from frictionid.mechanics import check_mechanism, pendulum, two_mass_axis
 from frictionid.mechanics.mechanism_table import mechanism_of
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
-from frictionid.simulate.axis_log import LooseAxis
+from frictionid.simulate.drive_logs import LooseAxis
 
 NUMBERS = dict(motor_inertia=0.01, load_inertia=0.04, stiffness=80.0)
 

@@ -15,8 +15,7 @@ from frictionid.fitting.torque_balance.solve import (
     TorqueSolution,
     solve,
 )
-from frictionid.mechanics.rigid_body.consistent import nearest_consistent
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
 
 _HELD = 1e6  # how much better than the data know the others base parameters are held that are fixed
 

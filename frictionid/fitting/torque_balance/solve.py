@@ -160,7 +160,7 @@ class TorqueSettings:
     significance : a block of sensors (delay, gain, bias) whose deviation from an ideal sensor has a
         larger p-value is left out, and the fit repeated without it; 1 keeps all
     consistent : whether base parameters must be those of bodies that there can be, of a URDF or
-        MJCF, see `mechanics.rigid_body.consistent`
+        MJCF, see `mechanics.rigid_body.rigid_body_tree`
     """
 
     window: float = 0.05

@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.mechanics.rigid_body import loops
 from frictionid.mechanics.rigid_body.loops import Geometry
-from frictionid.mechanics.rigid_body.tree import MOMENT_UNITS, MOMENTS, Tree
+from frictionid.mechanics.rigid_body.robot import MOMENT_UNITS, MOMENTS, Tree
 
 # A column that this little of the largest one is left of, beyond the columns before, is dependent:
 # files round right angles to four digits or more, and an axis that is off by that much has
@@ -57,8 +57,8 @@ class BaseParameters:
         return bool(self.silent.any())
 
 
-def base_parameters(tree: Tree, own: Array) -> BaseParameters:
-    """Base parameters of a tree whose inertial parameters are own (N,), with N = 10 n + rotors."""
+def base_parameters(tree: Tree, inertial: Array) -> BaseParameters:
+    """Base parameters of a tree of inertial parameters (N,), with N = 10 n + rotors."""
     Y = _scaled_regressor(tree)
     scale = _scales(tree)
     order = np.fromiter(_preference(tree), dtype=int)
@@ -67,9 +67,9 @@ def base_parameters(tree: Tree, own: Array) -> BaseParameters:
     K[np.abs(K) < 1e-11] = 0.0
     K[:, leading] = np.eye(len(leading))
     regrouping = K * (scale[leading][:, None] / scale)
-    p = regrouping @ own
+    p = regrouping @ inertial
     carrier = int(np.argmax(np.abs(p) / scale[leading]))
-    silent = own.copy()
+    silent = inertial.copy()
     silent[leading] -= p
     silent /= p[carrier] or 1.0  # a machine of no mass at all is refused elsewhere
     heard = np.abs(Y @ (silent / scale)).max() > _UNHEARD * np.abs(Y[:, leading[carrier]]).max()
@@ -79,7 +79,7 @@ def base_parameters(tree: Tree, own: Array) -> BaseParameters:
         tuple(units[i] for i in leading),
         leading,
         regrouping,
-        silent if heard else np.zeros(len(own)),
+        silent if heard else np.zeros(len(inertial)),
         carrier,
     )
 
@@ -148,16 +148,16 @@ def _independent(Y: Array, order: Array) -> Array:
     """Columns of Y, in this order, that those before do not give; by orthogonalisation."""
     largest = np.linalg.norm(Y, axis=0).max()
     Q = np.empty((len(Y), 0))
-    found = []
+    columns = []
     for c in order:
         rest = Y[:, c]
         for _ in range(2):
             rest = rest - Q @ (Q.T @ rest)
         size = np.linalg.norm(rest)
         if size > _TOLERANCE * largest:
-            found.append(c)
+            columns.append(c)
             Q = np.column_stack([Q, rest / size])
-    return np.sort(np.array(found, dtype=int))
+    return np.sort(np.array(columns, dtype=int))
 
 
 def _preference(tree: Tree) -> Iterator[int]:

@@ -1,8 +1,6 @@
 """Loops over samples: the algorithms of this folder at K states, compiled.
 
 Base parameters p have shape (1, nb) or (K, nb); results are written to the arrays that come last.
-Numba keeps this file's code with what it calls: whoever changes an algorithm next door changes
-`VERSION`, by which Numba notices.
 """
 
 from __future__ import annotations
@@ -27,8 +25,6 @@ from frictionid.mechanics.rigid_body.rnea import (
     torques,
 )
 from frictionid.programs.loops import compiled, inlined
-
-VERSION = 1
 
 
 class Geometry(NamedTuple):
@@ -68,68 +64,59 @@ def _expand(tree: Any, p: Any, pi: Any, rotor: Any) -> None:
 @inlined
 def _scratch(tree: Any) -> Any:
     """Arrays for pi, rotors, R, o, S, inertia, v, dS, a, force of one sample."""
-    n = len(tree.parent)
-    return (
-        np.empty(len(tree.silent)),
-        np.empty((n, n)),
-        np.empty((n, 3, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 6)),
-        np.empty((n, 10)),
-        np.empty((n, 6)),
-        np.empty((n, 6)),
-        np.empty((n, 6)),
-        np.empty((n, 6)),
-    )
+    n, pi = len(tree.parent), np.empty(len(tree.silent))
+    rotor, R, o = np.empty((n, n)), np.empty((n, 3, 3)), np.empty((n, 3))
+    S, bodies, v = np.empty((n, 6)), np.empty((n, 10)), np.empty((n, 6))
+    return pi, rotor, R, o, S, bodies, v, np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6))
 
 
 @compiled
 def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
     """Mass matrices M (K, n, n)."""
-    pi, rotor, R, o, S, own, _, _, _, _ = _scratch(tree)
+    pi, rotor, R, o, S, bodies, _, _, _, _ = _scratch(tree)
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor)
         placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, own)
-        add_to_parents(tree.parent, own, 10)
+        world_inertias(pi, R, o, bodies)
+        add_to_parents(tree.parent, bodies, 10)
         M[k] = rotor
-        add_mass_matrix(tree.parent, S, own, M[k])
+        add_mass_matrix(tree.parent, S, bodies, M[k])
 
 
 @compiled
 def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -> None:
     """Mass matrices M (K, n, n) and h (K, n)."""
-    pi, rotor, R, o, S, own, v, dS, a, force = _scratch(tree)
+    pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree)
     rate = np.zeros(q.shape[1])
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor)
         placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, own)
+        world_inertias(pi, R, o, bodies)
         motion(tree, S, w[k], rate, v, dS, a)
-        torques(tree.parent, S, v, a, own, force, h[k])
+        torques(tree.parent, S, v, a, bodies, force, h[k])
         for i in range(len(rate)):
             h[k, i] = -h[k, i]
-        add_to_parents(tree.parent, own, 10)
+        add_to_parents(tree.parent, bodies, 10)
         M[k] = rotor
-        add_mass_matrix(tree.parent, S, own, M[k])
+        add_mass_matrix(tree.parent, S, bodies, M[k])
 
 
 @compiled
 def lagrangian(tree: Geometry, p: Array, q: Array, w: Array, slope: Array, energy: Array) -> None:
     """dL/dq (K, n) and potential energies (K,) [J]."""
-    pi, rotor, R, o, S, own, v, dS, a, moving = _scratch(tree)
-    carried = np.empty_like(own)
+    pi, rotor, R, o, S, bodies, v, dS, a, moving = _scratch(tree)
+    carried = np.empty_like(bodies)
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor)
         placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, own)
+        world_inertias(pi, R, o, bodies)
         motion(tree, S, w[k], w[k], v, dS, a)
-        carried[:] = own
+        carried[:] = bodies
         add_to_parents(tree.parent, carried, 10)
-        energy[k] = lagrangian_slopes(tree, S, v, dS, own, carried, moving, slope[k])
+        energy[k] = lagrangian_slopes(tree, S, v, dS, bodies, carried, moving, slope[k])
 
 
 @compiled
@@ -137,18 +124,18 @@ def derivatives(
     tree: Geometry, p: Array, q: Array, w: Array, rate: Array, by_q: Array, by_w: Array
 ) -> None:
     """Derivatives of M dw/dt - h by q and w (K, n, n)."""
-    pi, rotor, R, o, S, own, v, dS, a, force = _scratch(tree)
+    pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree)
     B, twice, out = np.empty((len(o), 12)), np.empty_like(S), np.empty(len(o))
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor)
         placements(tree, q[k], R, o, S)
-        world_inertias(pi, R, o, own)
+        world_inertias(pi, R, o, bodies)
         motion(tree, S, w[k], rate[k], v, dS, a)
-        torques(tree.parent, S, v, a, own, force, out)
-        prepare(tree, S, v, dS, a, own, B, twice)
-        add_to_parents(tree.parent, own, 10)
-        torque_derivatives(tree.parent, S, dS, twice, own, B, force, by_q[k], by_w[k])
+        torques(tree.parent, S, v, a, bodies, force, out)
+        prepare(tree, S, v, dS, a, bodies, B, twice)
+        add_to_parents(tree.parent, bodies, 10)
+        torque_derivatives(tree.parent, S, dS, twice, bodies, B, force, by_q[k], by_w[k])
 
 
 @compiled

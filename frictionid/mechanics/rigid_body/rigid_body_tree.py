@@ -1,4 +1,13 @@
-"""Mechanisms of any number of joints: trees of rigid bodies, as URDF and MJCF describe them."""
+"""Mechanisms of any number of joints: trees of rigid bodies, as URDF and MJCF describe them.
+
+Their base parameters are consistent where bodies with masses that are distributed in space, and
+rotors of no negative inertia, have them; then M(q) is positive for all q. The moments of a body are
+those of a distribution of mass where its pseudo-inertia
+
+    J = [[tr(I)/2 1 - I, m c], [(m c)', m]]    (4, 4)
+
+is positive semidefinite [Wensing2018].
+"""
 
 from __future__ import annotations
 
@@ -9,6 +18,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from frictionid.arrays import Array, solve, times
 from frictionid.errors import InputError
@@ -21,8 +31,7 @@ from frictionid.mechanics.rigid_body.base_parameters import (
 )
 from frictionid.mechanics.rigid_body.kinematics import placements
 from frictionid.mechanics.rigid_body.loops import Geometry
-from frictionid.mechanics.rigid_body.robot import Attached, moved
-from frictionid.mechanics.rigid_body.tree import Tree
+from frictionid.mechanics.rigid_body.robot import Attached, Tree, moved
 
 PAYLOAD = (
     ("mass", "kg", "mass of the payload"),
@@ -88,10 +97,10 @@ class RigidBodyTree(Mechanism):
         n, reduction = self.n, self.reduction
         by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
         lead = by_q.shape[:-2]
-        states = [_flat(x, lead) for x in (q, w, a)]
-        by_p = regressor(self.tree, states[0], states[1], states[2], reduction.leading)
+        q, w, a = (_flat(x, lead) for x in (q, w, a))
+        by_p = regressor(self.tree, q, w, a, reduction.leading)
         if reduction.rounded:
-            by_p[..., reduction.carrier] += self._silent_torques(states[0], states[1], states[2])
+            by_p[..., reduction.carrier] += self._silent_torques(q, w, a)
         return Partials(by_q, by_w, by_p.reshape((*lead, *by_p.shape[1:])))
 
     def _silent_torques(self, q: Array, w: Array, a: Array) -> Array:
@@ -161,9 +170,9 @@ class RigidBodyTree(Mechanism):
         rotors = self._rotor_inertias(values)
         bodies = np.broadcast_to(self.tree.inertia, (*rotors.shape[:-1], self.n, 10))
         if self.payload is not None and self.payload.body >= 0:
-            own = _payload_inertia(values, self.payload)
-            bodies = np.broadcast_to(bodies, (*own.shape[:-1], self.n, 10)).copy()
-            bodies[..., self.payload.body, :] += own
+            payload = _payload_inertia(values, self.payload)
+            bodies = np.broadcast_to(bodies, (*payload.shape[:-1], self.n, 10)).copy()
+            bodies[..., self.payload.body, :] += payload
         lead = np.broadcast_shapes(rotors.shape[:-1], bodies.shape[:-2])
         return np.concatenate(
             [
@@ -189,10 +198,9 @@ class RigidBodyTree(Mechanism):
                 )
         p, *states = arrays
         lead = np.broadcast_shapes(*(np.shape(x)[:-1] for x in arrays))
-        one = math.prod(np.shape(p)[:-1]) == 1
-        own = _flat(p, (1,)) if one else _flat(p, lead)
+        p = _flat(p, (1,) if math.prod(np.shape(p)[:-1]) == 1 else lead)
         out = [np.empty((math.prod(lead), *shape)) for shape in shapes]
-        loop(self._geometry, own, *(_flat(x, lead) for x in states), *out)
+        loop(self._geometry, p, *(_flat(x, lead) for x in states), *out)
         return [x.reshape((*lead, *x.shape[1:])) for x in out]
 
 
@@ -213,18 +221,85 @@ def _payload_inertia(values: Mapping[str, Any], at: Attached) -> Array:
     out = np.empty((*table.shape[:-1], 10))
     for k in np.ndindex(table.shape[:-1]):
         mass, center, six = table[k][0], table[k][1:4], table[k][4:]
-        own = np.array([mass, 0.0, 0.0, 0.0, *six])
-        out[k] = moved(moved(own, np.eye(3), center), at.turn, at.shift)
+        at_centre = np.array([mass, 0.0, 0.0, 0.0, *six])
+        out[k] = moved(moved(at_centre, np.eye(3), center), at.turn, at.shift)
     return out
 
 
 def parameters_of_tree(tree: Tree, rotors: Array, payload: bool) -> tuple[Parameter, ...]:
     """Physical parameters: the rotors' inertias, with these defaults, and those of a payload."""
-    own = zip(tree.rotor_names, rotors, tree.rotor_units, strict=True)
+    meaning = "inertia of a rotor, seen at its joint"
+    rows = zip(tree.rotor_names, rotors.tolist(), tree.rotor_units, strict=True)
     return (
-        *(
-            Parameter(name, float(value), unit, "inertia of a rotor, seen at its joint", rotor=True)
-            for name, value, unit in own
-        ),
+        *(Parameter(name, value, unit, meaning, rotor=True) for name, value, unit in rows),
         *(Parameter(f"payload_{n}", 0.0, unit, what) for n, unit, what in PAYLOAD if payload),
     )
+
+
+_LOWER = np.tril_indices(4)
+_LEAST = 1e-6  # of a typical body, which every body has
+_WEAK = 1e-4  # [standard errors] pull to the nominal bodies, where the data tell none apart
+
+
+def pseudo_inertia(moments: Array) -> Array:
+    """J (..., 4, 4) of moments (..., 10) about the origin of the body's frame, as of a `Tree`.
+
+    >>> pseudo_inertia(np.array([2.0, 0.2, 0, 0, 0.01, 0, 0, 0.04, 0, 0.04])).diagonal()
+    array([0.035, 0.005, 0.005, 2.   ])
+    """
+    mass, first, second = moments[..., 0], moments[..., 1:4], moments[..., 4:]
+    turning = second[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    half = np.trace(turning, axis1=-2, axis2=-1)[..., None, None] / 2
+    J = np.empty((*moments.shape[:-1], 4, 4))
+    J[..., :3, :3] = half * np.eye(3) - turning
+    J[..., :3, 3] = J[..., 3, :3] = first
+    J[..., 3, 3] = mass
+    return J
+
+
+def moments_of(J: Array) -> Array:
+    """Moments (..., 10) of pseudo-inertias (..., 4, 4), the inverse of `pseudo_inertia`."""
+    S = J[..., :3, :3]
+    turning = np.trace(S, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - S
+    second = turning[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    return np.concatenate([J[..., 3:, 3], J[..., :3, 3], second], axis=-1)
+
+
+def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> Array:
+    """Consistent base parameters p (nb,) with the least (p - wanted)' metric (p - wanted).
+
+    wanted : (nb,) ; metric : (nb, nb), such as the information of a fit
+
+    Cholesky factors of the pseudo-inertias, and roots of the rotors' inertias, are free: what they
+    make is consistent by itself [Rucker2022].
+    """
+    tree, regrouping = mechanism.tree, mechanism.reduction.regrouping
+    rotors = mechanism.with_parameters(mechanism.nominal())[1]
+    J = pseudo_inertia(tree.inertia)
+    size = np.maximum(np.trace(J, axis1=1, axis2=2), 1e-12)
+    typical = np.median(size)
+    floor = _LEAST * typical * np.eye(4)
+    scale = np.sqrt(np.maximum(size, 1e-3 * typical))
+    values, vectors = np.linalg.eigh(J - floor)
+    positive = (vectors * np.maximum(values, floor[0, 0])[:, None]) @ np.swapaxes(vectors, 1, 2)
+    most = max(float(np.abs(rotors).max(initial=0.0)), 1e-3 * typical)
+    start = np.concatenate(
+        [
+            (np.linalg.cholesky(positive) / scale[:, None, None])[:, *_LOWER].ravel(),
+            np.sqrt(np.maximum(rotors / most, 1e-3)),
+        ]
+    )
+    spread, axes = np.linalg.eigh(metric)
+    root = axes * np.sqrt(np.maximum(spread, 0.0))
+
+    def base(free: Array) -> Array:
+        factors = np.zeros((tree.n, 4, 4))
+        factors[:, *_LOWER] = free[: 10 * tree.n].reshape(tree.n, 10) * scale[:, None]
+        bodies = moments_of(factors @ np.swapaxes(factors, 1, 2) + floor)
+        return np.asarray(regrouping @ np.append(bodies, most * free[10 * tree.n :] ** 2))
+
+    def residual(free: Array) -> Array:
+        return np.append((base(free) - wanted) @ root, _WEAK * (free - start))
+
+    solution = least_squares(residual, start, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300)
+    return base(solution.x)

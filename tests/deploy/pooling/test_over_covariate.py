@@ -13,7 +13,7 @@ from frictionid.deploy.pooling.random_effects import meta_regression
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model
-from frictionid.simulate.servo_log import ServoPendulum
+from frictionid.simulate.drive_logs import ServoPendulum
 
 WARM = np.array([20.0, 26.0, 32.0, 38.0, 44.0])
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import frictionid as fid
-from frictionid.simulate.servo_log import ServoPendulum
+from frictionid.simulate.drive_logs import ServoPendulum
 
 GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15)}
 BACKLASH = np.radians(0.5)

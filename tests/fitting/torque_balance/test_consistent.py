@@ -14,7 +14,7 @@ from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import configurations, pendulum
-from frictionid.mechanics.rigid_body.consistent import (
+from frictionid.mechanics.rigid_body.rigid_body_tree import (
     moments_of,
     nearest_consistent,
     pseudo_inertia,

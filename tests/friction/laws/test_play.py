@@ -13,7 +13,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
 from frictionid.mechanics import Plant, pendulum
-from frictionid.simulate.servo_log import ServoPendulum
+from frictionid.simulate.drive_logs import ServoPendulum
 
 GAP, LEVEL = 0.02, 0.1
 THETA = np.array([[LEVEL, 0.02, GAP]])

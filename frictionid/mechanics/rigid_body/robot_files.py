@@ -1,17 +1,18 @@
-"""Robots described in URDF, the format of ROS."""
+"""Robots described in URDF, the format of ROS, and in MJCF, that of MuJoCo, which reads it."""
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics.rigid_body.robot import Joint, Robot, moved
+from frictionid.mechanics.rigid_body.robot import Joint, Robot, moved, rotation
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LARGEST_FILE = 20_000_000  # bytes
@@ -36,15 +37,13 @@ def read_urdf(path: Path) -> Robot:
     for element in root.findall("link"):
         name = _name(element, links, place)
         links[name] = _inertia(element, f"{place}: link {name!r}")
-    names: dict[str, None] = {}
-    joints = []
+    joints: dict[str, Joint] = {}
     for element in root.findall("joint"):
-        name = _name(element, names, place)
-        names[name] = None
-        joints.append(_joint(element, name, f"{place}: joint {name!r}"))
+        name = _name(element, joints, place)
+        joints[name] = _joint(element, name, f"{place}: joint {name!r}")
     if not links:
         raise InputError(f"{place}: the robot has no <link>; a mechanism needs links and joints")
-    return Robot(root.get("name") or path.stem, place, links, tuple(joints))
+    return Robot(root.get("name") or path.stem, place, links, tuple(joints.values()))
 
 
 def _root(path: Path) -> ET.Element:
@@ -64,9 +63,7 @@ def _root(path: Path) -> ET.Element:
         )
     try:
         return ET.fromstring(text)
-    except ET.ParseError as error:
-        raise InputError(f"{path}: is no XML ({error}); name a URDF file") from None
-    except ValueError as error:
+    except (ET.ParseError, ValueError) as error:
         raise InputError(f"{path}: is no XML ({error}); name a URDF file") from None
 
 
@@ -104,8 +101,8 @@ def _joint(element: ET.Element, name: str, where: str) -> Joint:
 
 
 def _axis(element: ET.Element, where: str) -> Array:
-    found = element.find("axis")
-    axis = np.array([1.0, 0.0, 0.0] if found is None else _numbers(found, "xyz", 3, where))
+    entry = element.find("axis")
+    axis = np.array([1.0, 0.0, 0.0] if entry is None else _numbers(entry, "xyz", 3, where))
     length = np.linalg.norm(axis)
     if not length > 0:
         raise InputError(f'{where}: its axis has no direction; <axis xyz="0 0 1"/> is one')
@@ -117,15 +114,14 @@ def _inertia(element: ET.Element, where: str) -> Array:
     inertial = element.find("inertial")
     if inertial is None:
         return np.zeros(10)
-    mass = inertial.find("mass")
-    own = inertial.find("inertia")
-    if mass is None or own is None:
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None:
         missing = "mass" if mass is None else "inertia"
         raise InputError(f"{where}: its <inertial> has no <{missing}>; give it, or remove both")
     weight = _numbers(mass, "value", 1, where)[0]
     if weight < 0:
         raise InputError(f"{where}: mass = {weight:g} kg is negative; masses are 0 or more")
-    six = [_numbers(own, f"i{k}", 1, where)[0] for k in ("xx", "xy", "xz", "yy", "yz", "zz")]
+    six = [_numbers(inertia, f"i{k}", 1, where)[0] for k in ("xx", "xy", "xz", "yy", "yz", "zz")]
     turn, shift = _origin(inertial, where)
     return moved(np.array([weight, 0.0, 0.0, 0.0, *six]), turn, shift)
 
@@ -161,3 +157,100 @@ def _numbers(
         what = "a number" if count == 1 else f"{count} numbers"
         raise InputError(f"{where}: <{element.tag} {key}={text[:60]!r}> must be {what}")
     return values
+
+
+_KINDS = ("floating", "ball", "prismatic", "revolute")  # in the order of mjtJoint
+
+
+def read_mjcf(path: Path) -> Robot:
+    """Robot of an MJCF file: bodies, hinges, slides, armatures, gravity; actuators are left out.
+
+    Raises
+    ------
+    InputError
+        Where MuJoCo is not installed or cannot read the file, where the robot is no tree.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise InputError(
+            f"{path}: MJCF is read by MuJoCo, which is not installed: pip install mujoco, or name "
+            "a URDF of the robot"
+        ) from None
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: MuJoCo cannot read it: {reason}") from None
+    mimics = _mimics(mujoco, model, str(path))
+    names = ["world", *(_name_in_mujoco(model.body(b), "body", b) for b in range(1, model.nbody))]
+    links: dict[str, Array] = {"world": np.zeros(10)}
+    joints: list[Joint] = []
+    anchor = np.zeros((model.nbody, 3))  # of the link's frame in the body's
+    for b in range(1, model.nbody):
+        carrying, anchor[b] = _joints_of(model, b, names, anchor, mimics)
+        joints += carrying
+        links |= {joint.child: np.zeros(10) for joint in carrying}
+        links[names[b]] = _body_inertia(model, b, anchor[b])
+    return Robot(path.stem, str(path), links, tuple(joints), tuple(model.opt.gravity.tolist()))
+
+
+def _joints_of(
+    model: Any, b: int, names: list[str], anchor: Array, mimics: Mapping[int, str]
+) -> tuple[list[Joint], Array]:
+    """Joints of a body, the last of which carries it, and the anchor of its frame."""
+    carrier = int(model.body_parentid[b])
+    parent, place = names[carrier], np.zeros(3)
+    turn, shift = _matrix(model.body_quat[b]), model.body_pos[b] - anchor[carrier]
+    first, count = int(model.body_jntadr[b]), int(model.body_jntnum[b])
+    if not count:
+        return [Joint(names[b], "fixed", parent, names[b], turn, shift, np.eye(3)[2])], place
+    out = []
+    for j in range(first, first + count):
+        joint = model.joint(j)
+        kind, axis = _KINDS[int(model.jnt_type[j])], np.array(model.jnt_axis[j])
+        name = _name_in_mujoco(joint, "joint", j)
+        child = names[b] if j == first + count - 1 else f"{names[b]}/{name}"
+        shift = shift + turn @ (model.jnt_pos[j] - place)
+        place = np.array(model.jnt_pos[j])
+        if kind == "prismatic":
+            shift = shift - float(joint.qpos0[0]) * turn @ axis
+        elif kind == "revolute":
+            turn = turn @ rotation(axis, -float(joint.qpos0[0]))
+        rotor = float(model.dof_armature[model.jnt_dofadr[j]])
+        out.append(Joint(name, kind, parent, child, turn, shift, axis, mimics.get(j), rotor))
+        parent, turn, shift = child, np.eye(3), np.zeros(3)
+    return out, place
+
+
+def _body_inertia(model: Any, b: int, anchor: Array) -> Array:
+    xx, yy, zz = model.body_inertia[b]
+    at_centre = np.array([model.body_mass[b], 0.0, 0.0, 0.0, xx, 0.0, 0.0, yy, 0.0, zz])
+    return moved(at_centre, _matrix(model.body_iquat[b]), model.body_ipos[b] - anchor)
+
+
+def _matrix(quaternion: Array) -> Array:
+    w, x, y, z = quaternion
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2.0 * w * K + 2.0 * K @ K
+
+
+def _name_in_mujoco(element: Any, kind: str, index: int) -> str:
+    return str(element.name) or f"{kind}_{index}"
+
+
+def _mimics(mujoco: Any, model: Any, place: str) -> dict[int, str]:
+    """Joints that follow others by an equality constraint, with the names of those."""
+    out = {}
+    for k in range(model.neq):
+        if int(model.eq_type[k]) != int(mujoco.mjtEq.mjEQ_JOINT):
+            raise InputError(
+                f"{place}: equality constraint {k} closes a chain, which is no tree; remove it"
+            )
+        other = int(model.eq_obj2id[k])
+        out[int(model.eq_obj1id[k])] = (
+            _name_in_mujoco(model.joint(other), "joint", other) if other >= 0 else ""
+        )
+    return out

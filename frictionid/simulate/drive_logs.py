@@ -1,19 +1,26 @@
-"""Logs of a simulated servo: a pendulum under PD gains, targets late, the encoder behind a play.
+"""Logs of simulated drives: a servo's pendulum under PD gains, and an axis whose gears have play.
 
-Friction is set-valued: an impulse that stops the joint within a substep at most, after a symmetric
-drift and kick. Nothing here is shared with the physics step or the servos that are fitted.
+Friction is set-valued: an impulse that stops a joint within a substep at most, after a symmetric
+drift and kick. Nothing here is shared with the mechanism, the physics step or the servos that are
+fitted.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled
+from frictionid.programs.loops import compiled, inlined
 
 _FINE = 1e-5  # [s], substeps
+
+
+@inlined
+def _slowed(w: float, most: float) -> float:
+    """Velocity after an impulse of friction that takes off at most this much: zero, or less."""
+    return 0.0 if abs(w) <= most else w - np.sign(w) * most
 
 
 @dataclass(frozen=True)
@@ -66,15 +73,15 @@ class ServoPendulum:
         late = round(self.delay * self.rate * parts)
         rest = (self.backlash / 2, self.gap / 2, self.limit, 1 / self.rate / parts)
         middle = t + 0.5 / self.rate  # of each sample, whose friction is that at one temperature
-        T, own = (15.0 + self.warming * (1.0 - np.exp(-3.0 * x / seconds)) for x in (t, middle))
-        share = np.stack([1.0 + self.slope * (own - 25.0), np.exp(-self.decay * (own - 25.0))])
-        q, u = _motion(target, (parts, late, every), np.array([*numbers, *rest]), share)
+        T, warm = (15.0 + self.warming * (1.0 - np.exp(-3.0 * x / seconds)) for x in (t, middle))
+        share = np.stack([1.0 + self.slope * (warm - 25.0), np.exp(-self.decay * (warm - 25.0))])
+        q, u = _servo_motion(target, (parts, late, every), np.array([*numbers, *rest]), share)
         log = {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
         return log | ({"T": T} if self.warming else {})
 
 
 @compiled
-def _motion(
+def _servo_motion(
     target: Array, counts: tuple[int, int, int], numbers: Array, share: Array
 ) -> tuple[Array, Array]:
     """Angles and torques (T,) at the samples of a target (T,), from rest at its start.
@@ -103,8 +110,70 @@ def _motion(
         drag = drag if rubs else 0.0
         wanted = w + h / inertia * (u - gravity * np.sin(q) - drag * w)
         most = h / inertia * (level + load * abs(u)) if rubs else 0.0
-        w = 0.0 if abs(wanted) <= most else wanted - np.sign(wanted) * most
+        w = _slowed(wanted, most)
         q += h / 2 * w
         z = min(max(z + h / 2 * w, -half), half)
         y = min(max(y + h / 2 * w, -reach), reach)
     return angle, torque
+
+
+_SIZES = np.array([1.0, 0.8, 0.6])  # of the sines of the torque
+_RATES = np.array([[0.5, 1.5, 3.0], [1.5, 3.0, 6.0]])  # [1/s], between which they are drawn
+
+
+@dataclass(frozen=True)
+class LooseAxis:
+    """Motor q1, as seen at the load, and load q2; the gears press beyond a `gap` [rad].
+
+    inertias [kg m^2], Coulomb [N m] and viscous [N m s/rad] friction of motor and load; stiffness
+    [N m/rad] of the gears
+    """
+
+    motor_inertia: float = 0.01
+    load_inertia: float = 0.04
+    stiffness: float = 150.0
+    gap: float = 0.02
+    motor_coulomb: float = 0.06
+    motor_viscous: float = 0.01
+    load_coulomb: float = 0.03
+    load_viscous: float = 0.02
+
+    def log(
+        self, seed: int, seconds: float = 6.0, rate: float = 400.0, noise: float = 1e-4
+    ) -> dict[str, Array]:
+        """A recording: time "t" [s], angles "q1", "q2" [rad], torques "u1", "u2" [N m], (T,).
+
+        The motor's torque is a sum of three sines that the seed draws, held between samples; noise
+        [rad] is that of the angles.
+
+        >>> sorted(LooseAxis().log(seed=1, seconds=0.5))
+        ['q1', 'q2', 't', 'u1', 'u2']
+        """
+        rng = np.random.default_rng(seed)
+        t = np.arange(round(seconds * rate)) / rate
+        rates, phases = rng.uniform(*_RATES), rng.uniform(0.0, 2 * np.pi, 3)
+        u = 0.35 * _SIZES @ np.sin(2 * np.pi * rates[:, None] * t + phases[:, None])
+        parts = round(1 / rate / _FINE)
+        q = _axis_motion(u, parts, np.array([*astuple(self), 1 / rate / parts]))
+        q = q + noise * rng.normal(size=q.shape)
+        return {"t": t, "q1": q[:, 0], "q2": q[:, 1], "u1": u, "u2": 0.0 * u}
+
+
+@compiled
+def _axis_motion(u: Array, parts: int, numbers: Array) -> Array:
+    """Angles (T, 2) at the samples of the motor's torque (T,), from rest amid the gap."""
+    J1, J2, stiffness, gap, coulomb1, viscous1, coulomb2, viscous2, h = numbers
+    q1, q2, w1, w2 = 0.0, 0.0, 0.0, 0.0
+    out = np.empty((len(u), 2))
+    for i in range(len(u) * parts):
+        if i % parts == 0:
+            out[i // parts] = q1, q2
+        q1, q2 = q1 + h / 2 * w1, q2 + h / 2 * w2
+        twist = q1 - q2
+        press = stiffness * (twist - min(max(twist, -gap / 2), gap / 2))
+        wanted1 = w1 + h / J1 * (u[i // parts] - press - viscous1 * w1)
+        wanted2 = w2 + h / J2 * (press - viscous2 * w2)
+        most1, most2 = h / J1 * coulomb1, h / J2 * coulomb2
+        w1, w2 = _slowed(wanted1, most1), _slowed(wanted2, most2)
+        q1, q2 = q1 + h / 2 * w1, q2 + h / 2 * w2
+    return out

@@ -1,0 +1,263 @@
+"""Two links in a vertical plane: the acrobot of a study, and the double pendulum.
+
+q1 = 0 hangs down, counter-clockwise positive; q2 is relative to link 1. The acrobot, with a geared
+motor at joint 2 only, is that of [DeMeester2020]. The symbols of the double pendulum are those of
+the published models of the DFKI double pendulum [Wiebe2024]: I1 and I2 are about the joints, the
+rotor of the second motor sits on link 1 and turns against its joint (M12 gets - gr Ir).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+
+import sympy as sp
+
+from frictionid.mechanics.description import Base, Body, Description, Expression
+from frictionid.mechanics.mechanism import Parameter
+from frictionid.mechanics.symbolic import SymbolicMechanism
+
+_Q1, _Q2 = sp.symbols("q1 q2")
+
+
+def _at(first: Expression, second: Expression) -> tuple[Expression, Expression]:
+    """Place (x, y) at these distances along link 1 and then along link 2."""
+    x = first * sp.sin(_Q1) + second * sp.sin(_Q1 + _Q2)
+    return x, -first * sp.cos(_Q1) - second * sp.cos(_Q1 + _Q2)
+
+
+_LINKS = (
+    Parameter("m1", 0.5, "kg", "mass of link 1", required=True),
+    Parameter("m2", 0.5, "kg", "mass of link 2", required=True),
+    Parameter("l1", 0.2, "m", "joint 1 to joint 2", required=True),
+    Parameter("r1", 0.1, "m", "joint 1 to centre of mass of link 1", required=True),
+    Parameter("r2", 0.1, "m", "joint 2 to centre of mass of link 2", required=True),
+    Parameter("I1", 0.01, "kg m^2", "inertia of link 1 about joint 1", required=True),
+    Parameter("I2", 0.01, "kg m^2", "inertia of link 2 about joint 2", required=True),
+    Parameter("Ir", 0.0, "kg m^2", "rotor inertia on the motor side"),
+    Parameter("gr", 1.0, "1", "gear ratio"),
+    Parameter("g", 9.81, "m/s^2", "gravity"),
+)
+
+
+def double_pendulum(
+    driven: tuple[bool, bool] = (True, True),
+    *,
+    m1: float | None = None,
+    m2: float | None = None,
+    l1: float | None = None,
+    r1: float | None = None,
+    r2: float | None = None,
+    I1: float | None = None,
+    I2: float | None = None,
+    Ir: float | None = None,
+    gr: float | None = None,
+    g: float | None = None,
+) -> SymbolicMechanism:
+    """Double pendulum with motors at the joints where `driven` is true.
+
+    A rotor is counted at each driven joint only. Without one at joint 2, M12 and M22 have the same
+    constant part: inertia_12 is then no base parameter.
+
+    m1, m2, ... : values of its parameters, SI; `frictionid mechanisms double_pendulum` lists them
+
+    Raises
+    ------
+    ValueError
+        Unless `driven` is a pair of true and false.
+
+    >>> double_pendulum().base_names
+    ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
+    """
+    arguments = dict(locals())
+    if driven not in product((False, True), repeat=2):
+        raise ValueError(f"double_pendulum: driven = {driven!r} must be a pair of true and false")
+    return SymbolicMechanism.of(_double_pendulum(driven), arguments, {"driven": (True, True)})
+
+
+@cache
+def _double_pendulum(driven: tuple[bool, bool]) -> Description:
+    m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = (sp.Symbol(p.name) for p in _LINKS)
+    first, second = (sp.Integer(bool(d)) for d in driven)
+    bodies = (
+        Body(m1, *_at(r1, 0), I1 - m1 * r1**2, _Q1, 0),
+        Body(m2, *_at(l1, r2), I2 - m2 * r2**2, _Q1 + _Q2, 1),
+    )
+    reflected = first * gr**2 * Ir + second * Ir
+    inertia_12 = Base("inertia_12", I2 - gr * Ir, "kg m^2")
+    base = (
+        Base("inertia_11", I1 + I2 + m2 * l1**2 + reflected, "kg m^2"),
+        *((inertia_12,) if second else ()),
+        Base("inertia_22", I2 + second * gr**2 * Ir, "kg m^2"),
+        Base("coupling", m2 * l1 * r2, "kg m^2"),
+        Base("gravity_1", g * (m1 * r1 + m2 * l1), "N m"),
+        Base("gravity_2", g * m2 * r2, "N m"),
+    )
+    return Description(
+        kind="double_pendulum",
+        joints=("joint 1", "joint 2"),
+        q=(_Q1, _Q2),
+        gravity=g,
+        parameters=_LINKS,
+        bodies=bodies,
+        rotors=((first * Ir, gr * _Q1), (second * Ir, _Q1 - gr * _Q2)),
+        driven=(bool(driven[0]), bool(driven[1])),
+        base=base,
+        drawing=((0, 0), _at(l1, 0), _at(l1, r2)),
+    )
+
+
+_PARTS = (
+    Parameter("m1", 0.135, "kg", "link 1"),
+    Parameter("m2", 0.44, "kg", "motor assembly, a point mass at joint 2"),
+    Parameter("m3", 0.12, "kg", "link 2"),
+    Parameter("m4", 0.084, "kg", "extra point mass on link 2"),
+    Parameter("L1", 0.0875, "m", "shaft to centre of mass of link 1"),
+    Parameter("L2", 0.153, "m", "shaft to joint 2"),
+    Parameter("L3", 0.093, "m", "joint 2 to centre of mass of link 2"),
+    Parameter("L4", 0.175, "m", "joint 2 to the extra mass"),
+    Parameter("rotor", 0.0, "kg m^2", "rotor inertia on the motor side (not in the study)"),
+    Parameter("gear", 18.0, "1", "gear ratio"),
+    Parameter("g", 9.81, "m/s^2", "gravity"),
+)
+_PRINTED = (
+    Parameter("J_shaft", 6.91e-5, "kg m^2", "supporting shaft"),
+    Parameter("J_clamp", 2.24e-5, "kg m^2", "slip-ring clamp"),
+    Parameter("J_bush", 3.81e-5, "kg m^2", "clamping bush"),
+    Parameter("J_link1", 3.73e-4, "kg m^2", "link 1 about its centre of mass"),
+    Parameter("J2", 3.39e-4, "kg m^2", "link 2 about its centre of mass"),
+)
+_SHAPES = (
+    Parameter("M_shaft", 1.38, "kg", "supporting shaft, solid cylinder"),
+    Parameter("R_shaft", 0.01, "m", "its radius"),
+    Parameter("M_clamp", 0.097, "kg", "slip-ring clamp, hollow cylinder"),
+    Parameter("R_clamp", 0.019, "m", "its outer radius"),
+    Parameter("r_clamp", 0.01, "m", "its inner radius"),
+    Parameter("M_bush", 0.26, "kg", "clamping bush, hollow cylinder"),
+    Parameter("R_bush", 0.014, "m", "its outer radius"),
+    Parameter("r_bush", 0.01, "m", "its inner radius"),
+    Parameter("H1", 0.175, "m", "height of link 1, a plate"),
+    Parameter("W1", 0.05, "m", "width of link 1"),
+    Parameter("H2", 0.185, "m", "height of link 2, a plate"),
+    Parameter("W2", 0.025, "m", "width of link 2"),
+)
+
+
+def acrobot(
+    inertias: str = "printed",
+    link2_rate: str = "absolute",
+    *,
+    m1: float | None = None,
+    m2: float | None = None,
+    m3: float | None = None,
+    m4: float | None = None,
+    L1: float | None = None,
+    L2: float | None = None,
+    L3: float | None = None,
+    L4: float | None = None,
+    rotor: float | None = None,
+    gear: float | None = None,
+    g: float | None = None,
+    J_shaft: float | None = None,
+    J_clamp: float | None = None,
+    J_bush: float | None = None,
+    J_link1: float | None = None,
+    J2: float | None = None,
+    M_shaft: float | None = None,
+    R_shaft: float | None = None,
+    M_clamp: float | None = None,
+    R_clamp: float | None = None,
+    r_clamp: float | None = None,
+    M_bush: float | None = None,
+    R_bush: float | None = None,
+    r_bush: float | None = None,
+    H1: float | None = None,
+    W1: float | None = None,
+    H2: float | None = None,
+    W2: float | None = None,
+) -> SymbolicMechanism:
+    """Acrobot with the parts of [DeMeester2020].
+
+    Parameters
+    ----------
+    inertias : "printed" or "shapes"
+        Moments of inertia as printed, or by the shapes of the parts (the printed one of the bush
+        differs by 1 %).
+    link2_rate : "absolute" or "relative"
+        Link 2 turns at w1 + w2; the printed energy has the relative rate w2.
+    m1, m2, ... : float, optional
+        Values of its parameters, SI; `frictionid mechanisms acrobot` lists their meanings.
+
+    The rotor sits on link 1 and turns against its joint, at w1 - gear w2.
+
+    Raises
+    ------
+    ValueError
+        For another option.
+    InputError
+        For a parameter that is no finite number, or that the other kind of inertias has.
+
+    >>> acrobot().base_names
+    ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
+    >>> acrobot(m4=0.1)
+    acrobot(m4=0.1)
+    """
+    arguments, usual = dict(locals()), {"inertias": "printed", "link2_rate": "absolute"}
+    return SymbolicMechanism.of(_acrobot(inertias, link2_rate), arguments, usual)
+
+
+@cache
+def _acrobot(inertias: str, link2_rate: str) -> Description:
+    for value, allowed in (
+        (inertias, ("printed", "shapes")),
+        (link2_rate, ("absolute", "relative")),
+    ):
+        if value not in allowed:
+            raise ValueError(f"acrobot: option {value!r} must be one of {', '.join(allowed)}")
+    parameters = _PARTS + (_PRINTED if inertias == "printed" else _SHAPES)
+    s = {p.name: sp.Symbol(p.name) for p in parameters}
+    J1, J2 = _printed(s) if inertias == "printed" else _shapes(s)
+    m1, m2, m3, m4, L1, L2, L3, L4, rotor, gear, g = (s[p.name] for p in _PARTS)
+    turn = sp.Integer(link2_rate == "absolute")
+    bodies = (
+        Body(m1, *_at(L1, 0), J1, _Q1, 0),
+        Body(m2, *_at(L2, 0), 0, _Q1, 0),
+        Body(m3, *_at(L2, L3), J2, turn * _Q1 + _Q2, 1),
+        Body(m4, *_at(L2, L4), 0, _Q1 + _Q2, 1),
+    )
+    swing = m3 * L3**2 + m4 * L4**2
+    fixed = J1 + m1 * L1**2 + (m2 + m3 + m4) * L2**2
+    base = (
+        Base("inertia_11", fixed + swing + turn * J2 + rotor, "kg m^2"),
+        Base("inertia_12", swing + turn * J2 - gear * rotor, "kg m^2"),
+        Base("inertia_22", swing + J2 + gear**2 * rotor, "kg m^2"),
+        Base("coupling", L2 * (m3 * L3 + m4 * L4), "kg m^2"),
+        Base("gravity_1", g * (m1 * L1 + (m2 + m3 + m4) * L2), "N m"),
+        Base("gravity_2", g * (m3 * L3 + m4 * L4), "N m"),
+    )
+    return Description(
+        kind="acrobot",
+        joints=("joint 1", "joint 2"),
+        q=(_Q1, _Q2),
+        gravity=g,
+        parameters=parameters,
+        bodies=bodies,
+        rotors=((rotor, _Q1 - gear * _Q2),),
+        driven=(False, True),
+        base=base,
+    )
+
+
+def _printed(s: dict[str, sp.Symbol]) -> tuple[sp.Expr, sp.Expr]:
+    return s["J_shaft"] + s["J_clamp"] + s["J_bush"] + s["J_link1"], s["J2"]
+
+
+def _shapes(s: dict[str, sp.Symbol]) -> tuple[sp.Expr, sp.Expr]:
+    def hollow(part: str) -> sp.Expr:
+        return s[f"M_{part}"] * (s[f"R_{part}"] ** 2 + s[f"r_{part}"] ** 2) / 2
+
+    def plate(mass: str, link: int) -> sp.Expr:
+        return s[mass] * (s[f"H{link}"] ** 2 + s[f"W{link}"] ** 2) / 12
+
+    shaft = s["M_shaft"] * s["R_shaft"] ** 2 / 2
+    return shaft + hollow("clamp") + hollow("bush") + plate("m1", 1), plate("m3", 2)
