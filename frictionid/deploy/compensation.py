@@ -15,7 +15,7 @@ from frictionid.config import NotNegative, Positive, check_settings
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
-from frictionid.friction.temperature import refuse_temperature
+from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside, WrappedLaw
 
 

@@ -17,9 +17,8 @@ import numpy as np
 from frictionid.arrays import Array, like, namespace, plain
 from frictionid.data.calibration import Calibration
 from frictionid.friction.constraints import Constraints
-from frictionid.friction.law import Inputs, Law, Memory, at_rest
+from frictionid.friction.law import Inputs, Law, Memory, at_rest, check_temperature
 from frictionid.friction.provenance import Provenance, read_provenance
-from frictionid.friction.temperature import check_temperature
 from frictionid.programs.loops import compiled
 
 

@@ -1,7 +1,11 @@
-"""Law: what a friction law declares and computes, with the defaults of a static law."""
+"""Law: what a friction law declares and computes, with the defaults of a static law.
+
+With the smooth stand-ins for sgn(w), of a width in rad/s, and the checks of temperatures in degC.
+"""
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -13,15 +17,17 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, namespace
 from frictionid.config import check_settings
 from frictionid.errors import InputError
-from frictionid.friction.smooth_sign import check_smoothing
 
 Memory = tuple[Array, ...]
 
 NUMERICAL_WIDTH = 0.02  # [rad/s]: narrower smoothing of sgn(w) is no part of friction
 SHARP_WIDTH = 1e-7  # [rad/s], smoothing of a law that is made sharp
+SHAPES = ("tanh", "arctan")  # of smooth signs
+_COLDEST, _HOTTEST = -100.0, 200.0  # [degC] of a machine; in kelvin a cold one is above
+_LEAST = 1.0  # [K]: who changes less shows no dependence
 
 
 class LawParameter(NamedTuple):
@@ -300,3 +306,71 @@ class Law(ABC):
         it is finite; without `position_units` of the joints all are "rad".
         """
         return []
+
+
+def smooth_sign(w: Array, width: float, shape: str = "tanh") -> Array:
+    """sgn(w) smoothed over `width`: tanh(w/width), or (2/pi) arctan(w/width).
+
+    Published models often write cf arctan(100 w): their Coulomb level is cf pi/2, not cf.
+
+    >>> smooth_sign(np.array([-1.0, 0.0, 1.0]), 0.01)
+    array([-1.,  0.,  1.])
+    """
+    xp = namespace(w)
+    if shape == "tanh":
+        return xp.tanh(w / width)
+    if shape == "arctan":
+        return xp.atan(w / width) * (2.0 / math.pi)
+    raise ValueError(f"the shape of a smooth sign must be 'tanh' or 'arctan', got {shape!r}")
+
+
+def check_smoothing(law: str, width: float, shape: str) -> None:
+    """Raise InputError, naming the law, for settings of a smooth sign that mean nothing.
+
+    >>> check_smoothing("Stribeck", 0.0, "tanh")
+    Traceback (most recent call last):
+    frictionid.errors.InputError: Stribeck: width = 0.0 rad/s must be positive and finite
+    """
+    if not 0 < width < math.inf:
+        raise InputError(f"{law}: width = {width} rad/s must be positive and finite")
+    if shape not in SHAPES:
+        raise InputError(f"{law}: shape = {shape!r} is unknown; known are {', '.join(SHAPES)}")
+
+
+def check_temperature(law: Law, temperature: Array | float | None, *, fitted: bool = False) -> None:
+    """Refuse recorded motion without a temperature in degC, for a law that depends on it.
+
+    fitted : whether the law is fitted to it, so that it must change
+
+    """
+    if not law.uses_temperature:
+        return
+    name = type(law).__name__.lower()
+    if temperature is None:
+        raise InputError(
+            f"{name}: friction depends on the temperature, and not all recordings have one: name "
+            'its column, e.g. columns.covariates = {temperature = "T"}, in degC'
+        )
+    T: Array = np.asarray(temperature, dtype=float)
+    if not np.isfinite(T).all():
+        raise InputError(f"{name}: a temperature is {T[~np.isfinite(T)][0]}: give it in degC")
+    low, high = float(T.min()), float(T.max())
+    if low < _COLDEST or high > _HOTTEST:
+        raise InputError(
+            f"{name}: temperatures from {low:g} to {high:g} cannot be in degC: convert the column, "
+            "from kelvin less 273.15"
+        )
+    if fitted and high - low < _LEAST:
+        raise InputError(
+            f"{name}: the temperature changes by {high - low:.2g} K only, which shows nothing of "
+            "what it does: record a warm-up, or fit the law without temperature"
+        )
+
+
+def refuse_temperature(law: Law, what: str) -> None:
+    """Raise InputError for a law that depends on the temperature, where one must be chosen."""
+    if law.uses_temperature:
+        raise InputError(
+            f"{what} knows no temperature, on which this friction depends: take it at one, by "
+            "--temperature 30 of frictionid export, or fit.friction.at_temperature(30) in Python"
+        )

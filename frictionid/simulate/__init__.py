@@ -4,11 +4,17 @@ It shares the mechanics with the identified models, but neither the physics step
 """
 
 from frictionid.simulate.dataset_folder import check_dataset_folder, write_dataset
-from frictionid.simulate.modes import LoadFriction
 from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
 from frictionid.simulate.rig_file import load_rig
 from frictionid.simulate.simulation import simulate
 from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
 from frictionid.simulate.tracking import Controller, Fourier, sampled_loop, track
-from frictionid.simulate.true_friction import Curve, FilmLag, LuGre, Stribeck, TrueFriction
+from frictionid.simulate.true_friction import (
+    Curve,
+    FilmLag,
+    LoadFriction,
+    LuGre,
+    Stribeck,
+    TrueFriction,
+)
 from frictionid.simulate.variation import Variation

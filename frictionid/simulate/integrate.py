@@ -3,21 +3,162 @@
 Between two events every joint keeps its mode and the right-hand side is smooth: it is integrated by
 the classical Runge-Kutta method of order 4 with a fine fixed step. An event is a slipping velocity
 that crosses zero, or a holding torque that leaves the break-away band. Its instant within a step is
-found by a root search over the length of the step; the next mode follows from `next_modes`.
+found by a root search over the length of the step; the next mode follows from `next_modes`:
+
+M dw/dt = h + B u - Tf,   Tf in the break-away band where w = 0
+
+A mode has one entry per joint: +1 or -1 slips that way, 0 sticks. Arrays have a leading axis of
+recordings, shape (R, n).
 """
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
 
+import numpy as np
+from numpy.typing import NDArray
+
+from frictionid.arrays import solve
 from frictionid.data.signals import Array
-from frictionid.simulate.modes import TrueSystem, accelerations, margins, next_modes
+from frictionid.mechanics import Mechanism
+from frictionid.simulate.true_friction import Load, LoadFriction, TrueFriction
 
 # A joint that neither slips nor sticks, to within rounding, would change its mode endlessly: after
 # this many events within one step (0.3 ms) the joints at rest stay at rest until its end.
 _MAX_EVENTS = 12
 _ITERATIONS = 80
 _TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class TrueSystem:
+    """A mechanism with its true base parameters p, shape (nb,), and its true friction.
+
+    parameters : the true physical ones, which bearing forces need
+    """
+
+    mechanism: Mechanism
+    p: Array
+    friction: TrueFriction
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def combinations(self, rests: NDArray[np.bool_]) -> Array:
+        """All modes (C, n) of the joints that rest (n,), zero elsewhere.
+
+        C = 3^k of k such joints, or 2^k without stick; sticking first: it wins ties.
+        """
+        each = (0.0, 1.0, -1.0) if self.friction.sticks else (1.0, -1.0)
+        choices = [each if rest else (0.0,) for rest in rests]
+        return np.array(list(product(*choices)))
+
+    def torque(self, y: Array, u: Array, mode: Array, w: Array | None = None) -> Array:
+        """Friction torque (..., n) [N m] in a mode at states y (3, R, n) under motor torques u.
+
+        w : (..., n), velocities of the joints in place of those of y, under the same load
+        """
+        w = y[1] if w is None else w
+        Tf = self.friction.torque(w, y[2], mode)
+        if not isinstance(self.friction, LoadFriction):
+            return Tf
+        bearing = self.mechanism.load(self.parameters, y[0], y[1], u)
+        load = Load(bearing, u, -self.friction.moment * np.sin(y[0]))
+        loaded: Array = Tf + mode * self.friction.loaded_level(w, load)
+        return loaded
+
+
+def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:
+    """dw/dt of slipping joints while the others stick, shape (..., n) [rad/s^2].
+
+    Rows and columns of sticking joints are replaced by those of the identity, so that their
+    acceleration is exactly zero; their holding torque is f - M dw/dt.
+
+    Parameters
+    ----------
+    M : array, shape (..., n, n) [kg m^2]
+    f, Tf : array, shape (..., n) [N m]
+        All torques but friction, and friction of the slipping joints.
+    slips : array of bool, shape (..., n)
+
+    Examples
+    --------
+    >>> M, f = np.array([[2.0, 1.0], [1.0, 1.0]]), np.array([3.0, 0.5])
+    >>> accelerations(M, f, 0.0 * f, np.array([True, False]))
+    array([1.5, 0. ])
+    """
+    if slips.all():
+        return np.asarray(solve(M, f - Tf))
+    both = slips[..., :, None] & slips[..., None, :]
+    a: Array = solve(np.where(both, M, np.eye(M.shape[-1])), np.where(slips, f - Tf, 0.0))
+    return a
+
+
+def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
+    """Margin of each joint before its mode ends, negative where it has ended; shape (R, n).
+
+    The velocity in the direction of slip [rad/s], or for a sticking joint the distance of its
+    holding torque to the break-away level [N m].
+
+    Parameters
+    ----------
+    y : array, shape (3, R, n)
+        Angles, velocities and friction memory.
+    u : array, shape (R, n) [N m]
+    mode : array, shape (R, n)
+    """
+    margin: Array = mode * y[1]
+    sticks = (mode == 0).any(axis=-1)
+    if sticks.any():
+        held = _hold_margins(system, y[:, sticks], u[sticks], mode[sticks])
+        margin[sticks] = np.where(mode[sticks] == 0, held, margin[sticks])
+    return margin
+
+
+def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
+    """Consistent modes at a state, shape (R, n).
+
+    A moving joint slips in its direction. For joints at rest all combinations of sticking and
+    slipping are tried: a joint may stick if its holding torque lies within the break-away band, and
+    slip only in the direction of its acceleration. Apart from ties exactly one combination is
+    consistent, because M is positive definite and break-away equals the level at the onset of slip.
+    With rounding, the combination with the smallest violation is taken.
+
+    Parameters
+    ----------
+    y : array, shape (3, R, n)
+    u : array, shape (R, n) [N m]
+    """
+    q, w, _ = y
+    M, h = system.mechanism.dynamics(system.p, q, w)
+    f = h + u
+    rests = w == 0
+    mode = np.where(rests, system.combinations(rests.any(axis=0))[:, None, :], np.sign(w))
+    a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
+    hold = f - (M * a[..., None, :]).sum(-1)
+    sticking = -_within(system, y, u, hold)
+    # both violations as torques
+    slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
+    wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
+    best = np.maximum(wrong, 0.0).max(axis=-1).argmin(axis=0)
+    chosen: Array = mode[best, np.arange(len(best))]
+    return chosen
+
+
+def _hold_margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
+    M, h = system.mechanism.dynamics(system.p, y[0], y[1])
+    f = h + u
+    a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
+    return _within(system, y, u, f - (M * a[..., None, :]).sum(-1))
+
+
+def _within(system: TrueSystem, y: Array, u: Array, hold: Array) -> Array:
+    """Distance of a holding torque to the nearer end of the break-away band, negative outside."""
+    rest, one = np.zeros_like(y[1]), np.ones_like(y[1])
+    upper = system.torque(y, u, one, rest)
+    lower = system.torque(y, u, -one, rest)
+    within: Array = np.minimum(upper - hold, hold - lower)
+    return within
 
 
 def integrate_motion(
@@ -140,7 +281,7 @@ def _first_event(
     last = margins(system, end, u, mode)
     near, far = np.zeros_like(left), np.ones_like(left)
     at_near, at_far = _relative(system, y, u, mode, last), -np.ones_like(left)
-    found, rows, side = end.copy(), np.arange(len(left)), np.zeros_like(left)
+    state_there, rows, side = end.copy(), np.arange(len(left)), np.zeros_like(left)
     for _ in range(_ITERATIONS):
         a, b, fa, fb = near[rows], far[rows], at_near[rows], at_far[rows]
         # a joint that has just begun to slip starts at zero, which would hide the later root
@@ -149,18 +290,19 @@ def _first_event(
         state = runge_kutta(system, y[:, rows], u[rows], mode[rows], guess * left[rows])
         f = _relative(system, state, u[rows], mode[rows], last[rows]) + 0.5 * _TOLERANCE
         ended = f < 0
-        found[:, rows[ended]] = state[:, ended]
+        state_there[:, rows[ended]] = state[:, ended]
         near[rows], far[rows] = np.where(ended, a, guess), np.where(ended, guess, b)
         twice = np.where(side[rows] == np.where(ended, 1.0, -1.0), 0.5, 1.0)
         at_near[rows], at_far[rows] = np.where(ended, twice * fa, f), np.where(ended, f, twice * fb)
         side[rows] = np.where(ended, 1.0, -1.0)
         close = np.abs(f) < 0.5 * _TOLERANCE
-        found[:, rows[close]], far[rows[close]] = state[:, close], guess[close]
+        state_there[:, rows[close]], far[rows[close]] = state[:, close], guess[close]
         rows = rows[~close & (far[rows] - near[rows] > _TOLERANCE)]
         if not rows.size:
             break
-    found[1] = np.where((mode != 0) & (mode * found[1] < 0), 0.0, found[1])
-    return far * left, found
+    w = state_there[1]
+    state_there[1] = np.where((mode != 0) & (mode * w < 0), 0.0, w)
+    return far * left, state_there
 
 
 def _relative(system: TrueSystem, y: Array, u: Array, mode: Array, last: Array) -> Array:

@@ -12,10 +12,10 @@ from frictionid.config import Count, NotNegative, Positive, check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
-from frictionid.simulate.modes import LoadFriction, TrueSystem
+from frictionid.simulate.integrate import TrueSystem
 from frictionid.simulate.torques import AnyCommand
 from frictionid.simulate.tracking import Controller, Fourier
-from frictionid.simulate.true_friction import FilmLag, LuGre, Stribeck
+from frictionid.simulate.true_friction import FilmLag, LoadFriction, LuGre, Stribeck
 from frictionid.simulate.variation import Variation, varied
 
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]

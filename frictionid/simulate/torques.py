@@ -1,12 +1,10 @@
-"""Torque commands of the simulated drive: one family of wave forms per class.
-
-Each wave form has a method `values(time, generator)`: the command at the times, shape (T,) [N m].
-"""
+"""Torque commands of the simulated drive: one family of wave forms per class."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,16 +14,19 @@ from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
 
-class Command(Protocol):
+class Command(ABC):
     """A wave form of the torque."""
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+    @abstractmethod
     def values(self, time: Array, generator: np.random.Generator) -> Array:
         """Command at increasing times (T,) [s], shape (T,) [N m]."""
-        ...
 
 
 @dataclass(frozen=True)
-class Sine:
+class Sine(Command):
     """offset + amplitude sin(2 pi frequency t + phase); [N m], [Hz], [rad].
 
     >>> generator = np.random.default_rng(0)
@@ -39,16 +40,13 @@ class Sine:
     offset: float = 0.0
     kind: Literal["sine"] = "sine"
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
         wave: Array = np.sin(2 * np.pi * self.frequency * time + self.phase)
         return self.offset + self.amplitude * wave
 
 
 @dataclass(frozen=True)
-class Chirp:
+class Chirp(Command):
     """Sine whose frequency [Hz] changes linearly from the first to the last sample.
 
     >>> Chirp(0.1, 1.0, 2.0).values(np.array([0.0, 1.0]), np.random.default_rng(0)).round(6) + 0.0
@@ -60,9 +58,6 @@ class Chirp:
     stop_frequency: Positive
     kind: Literal["chirp"] = "chirp"
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
         since = time - time[0]
         growth = (self.stop_frequency - self.start_frequency) / max(since[-1], 1e-9)
@@ -72,7 +67,7 @@ class Chirp:
 
 
 @dataclass(frozen=True)
-class Steps:
+class Steps(Command):
     """Levels drawn evenly from -amplitude to amplitude, each held for `hold` [s].
 
     >>> generator = np.random.default_rng(0)
@@ -84,9 +79,6 @@ class Steps:
     hold: Positive
     kind: Literal["steps"] = "steps"
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def values(self, time: Array, generator: np.random.Generator) -> Array:
         # a sample at a change belongs to the new level, also after rounding
         number = np.floor((time - time[0]) / self.hold + 1e-9).astype(int)
@@ -95,7 +87,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Multisine:
+class Multisine(Command):
     """Sines of equal height and random phase at some frequencies [Hz], with the amplitude as peak.
 
     >>> generator = np.random.default_rng(0)
@@ -107,17 +99,15 @@ class Multisine:
     frequencies: Annotated[tuple[Positive, ...], Field(min_length=1)]
     kind: Literal["multisine"] = "multisine"
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     def values(self, time: Array, generator: np.random.Generator) -> Array:
         phases = generator.uniform(0.0, 2 * np.pi, len(self.frequencies))
         turns = np.outer(time, self.frequencies)
-        return _scaled(np.sin(2 * np.pi * turns + phases).sum(axis=1), self.amplitude)
+        wave: Array = np.sin(2 * np.pi * turns + phases).sum(axis=1)
+        return wave * (self.amplitude / np.abs(wave).max())
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Command):
     """White noise between two frequencies [Hz] with half the amplitude as deviation, cut off at it.
 
     >>> generator = np.random.default_rng(0)
@@ -130,7 +120,7 @@ class Noise:
     kind: Literal["noise"] = "noise"
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         if not 0 <= self.band[0] < self.band[1]:
             raise InputError(f"band must be two increasing frequencies, not {list(self.band)}")
 
@@ -148,8 +138,3 @@ class Noise:
 
 
 AnyCommand = Annotated[Sine | Chirp | Steps | Multisine | Noise, Field(discriminator="kind")]
-
-
-def _scaled(wave: Array, amplitude: float) -> Array:
-    scaled: Array = wave * (amplitude / np.abs(wave).max())
-    return scaled

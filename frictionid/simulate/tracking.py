@@ -20,8 +20,7 @@ from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 from frictionid.progress import report_step
-from frictionid.simulate.integrate import advance, modes_after_jump
-from frictionid.simulate.modes import TrueSystem, next_modes
+from frictionid.simulate.integrate import TrueSystem, advance, modes_after_jump, next_modes
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ single-valued and its joints never stick, but |w| has a kink at zero.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,42 +27,6 @@ from frictionid.errors import InputError
 # One number per joint.
 Numbers = tuple[NotNegative, ...]
 PositiveNumbers = tuple[Positive, ...]
-
-
-class TrueFriction(Protocol):
-    """Friction of all joints with one memory state z per joint; arrays have shape (..., n).
-
-    Attributes
-    ----------
-    curve : Curve
-    sticks : bool
-        Whether friction is set-valued at w = 0.
-    """
-
-    @property
-    def curve(self) -> Curve: ...
-
-    @property
-    def sticks(self) -> bool: ...
-
-    def start(self, w: Array) -> Array:
-        """Memory after a long time at the velocity w."""
-        ...
-
-    def torque(self, w: Array, z: Array, mode: Array) -> Array:
-        """Friction torque [N m] in a mode, extended smoothly beyond w = 0.
-
-        At w = 0 the modes +1 and -1 give both ends of the break-away band.
-        """
-        ...
-
-    def rate(self, w: Array, z: Array, mode: Array) -> Array:
-        """dz/dt in a mode."""
-        ...
-
-    def table(self) -> dict[str, Any]:
-        """The [truth] table of a data set with this friction."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -115,13 +80,7 @@ class Curve:
 
     def level(self, speed: Array, side: Array) -> Array:
         """Friction level without the viscous term at a speed in the direction of `side` [N m]."""
-        positive, negative, _, peak_positive, peak_negative, width = self._arrays
-        forward = side >= 0
-        peak = np.where(forward, peak_positive, peak_negative)
-        level: Array = np.where(forward, positive, negative) + peak * np.exp(
-            -((speed / width) ** 2)
-        )
-        return level
+        return level_of(self._arrays, speed, side)
 
     def torque(self, w: Array, side: Array) -> Array:
         """Friction torque [N m] at w for the direction `side` (+1, -1 or 0), shape (..., n)."""
@@ -133,26 +92,62 @@ class Curve:
         return {field.name: list(getattr(self, field.name)) for field in fields(self)}
 
 
-class MemoryFree:
-    """Friction that follows a steady-state curve and remembers nothing."""
+def level_of(numbers: Sequence[Array], speed: Array, side: Array) -> Array:
+    """Level [N m] of curves whose fields are these numbers, at a speed in the direction of side."""
+    positive, negative, _, peak_positive, peak_negative, width = numbers
+    forward = side >= 0
+    peak = np.where(forward, peak_positive, peak_negative)
+    level: Array = np.where(forward, positive, negative) + peak * np.exp(-((speed / width) ** 2))
+    return level
+
+
+class TrueFriction:
+    """Friction of all joints with one memory state z per joint; arrays have shape (..., n).
+
+    By default it follows its curve and remembers nothing.
+
+    Attributes
+    ----------
+    curve : Curve
+    kind : str
+        Its name in files.
+    sticks : bool
+        Whether friction is set-valued at w = 0.
+    per_joint : tuple of str
+        Fields that have one number for each joint.
+    """
 
     curve: Curve
+    kind: str
+    sticks: ClassVar[bool] = True
+    per_joint: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        check_joints(self, self.curve.n, self.per_joint)
 
     def start(self, w: Array) -> Array:
-        """Memory: none."""
+        """Memory after a long time at the velocity w."""
         return np.zeros_like(w)
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        """Friction torque [N m] of the curve."""
+        """Friction torque [N m] in a mode, extended smoothly beyond w = 0.
+
+        At w = 0 the modes +1 and -1 give both ends of the break-away band.
+        """
         return self.curve.torque(w, mode)
 
     def rate(self, w: Array, z: Array, mode: Array) -> Array:  # noqa: ARG002
-        """dz/dt: none."""
+        """dz/dt in a mode."""
         return np.zeros_like(w)
+
+    def table(self) -> dict[str, Any]:
+        """The [truth] table of a data set with this friction."""
+        lists = {name: list(getattr(self, name)) for name in self.per_joint}
+        return {"kind": self.kind, **self.curve.table(), **lists}
 
 
 @dataclass(frozen=True)
-class Stribeck(MemoryFree):
+class Stribeck(TrueFriction):
     """Memory-free friction: the steady-state curve, set-valued at rest.
 
     Examples
@@ -163,14 +158,10 @@ class Stribeck(MemoryFree):
 
     curve: Curve
     kind: Literal["stribeck"] = "stribeck"
-    sticks: ClassVar[bool] = True
-
-    def table(self) -> dict[str, Any]:
-        return {"kind": self.kind, **self.curve.table()}
 
 
 @dataclass(frozen=True)
-class FilmLag:
+class FilmLag(TrueFriction):
     """Frictional lag: the lubricating film follows the speed with a lag, the torque without.
 
     dz/dt = (|w| - z) / lag,   Tf = level(z) sgn(w) + viscous w
@@ -187,36 +178,26 @@ class FilmLag:
     curve: Curve
     lag: PositiveNumbers
     kind: Literal["film_lag"] = "film_lag"
-    sticks: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        check_joints(self, self.curve.n, ["lag"])
+    per_joint = ("lag",)
 
     @cached_property
-    def _lag(self) -> Array:
-        return np.array(self.lag)
-
-    @cached_property
-    def _viscous(self) -> Array:
-        return np.array(self.curve.viscous)
+    def _arrays(self) -> tuple[Array, Array]:
+        return np.array(self.lag), np.array(self.curve.viscous)
 
     def start(self, w: Array) -> Array:
         return np.abs(w)
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
-        torque: Array = mode * self.curve.level(z, mode) + self._viscous * w
+        torque: Array = mode * self.curve.level(z, mode) + self._arrays[1] * w
         return torque
 
     def rate(self, w: Array, z: Array, mode: Array) -> Array:
-        rate: Array = (mode * w - z) / self._lag
+        rate: Array = (mode * w - z) / self._arrays[0]
         return rate
-
-    def table(self) -> dict[str, Any]:
-        return {"kind": self.kind, **self.curve.table(), "lag": list(self.lag)}
 
 
 @dataclass(frozen=True)
-class LuGre:
+class LuGre(TrueFriction):
     """LuGre friction: a bristle of stiffness s0 and deflection z that slides at the curve's level.
 
     dz/dt = w - s0 |w| z / level(w),   Tf = s0 z + s1(w) dz/dt + viscous w [CanudasDeWit1995]
@@ -247,16 +228,14 @@ class LuGre:
     bristle_damping: Numbers
     damping_velocity: PositiveNumbers
     kind: Literal["lugre"] = "lugre"
-    sticks: ClassVar[bool] = False
+    sticks = False
+    per_joint = ("bristle_stiffness", "bristle_damping", "damping_velocity")
 
     def __post_init__(self) -> None:
-        check_joints(
-            self, self.curve.n, ["bristle_stiffness", "bristle_damping", "damping_velocity"]
-        )
+        super().__post_init__()
         for joint in range(self.curve.n):
-            most = (
-                self.bristle_damping[joint] * self.damping_velocity[joint] / math.sqrt(2 * math.e)
-            )
+            damping, width = self.bristle_damping[joint], self.damping_velocity[joint]
+            most = damping * width / math.sqrt(2 * math.e)
             least = min(self.curve.coulomb_positive[joint], self.curve.coulomb_negative[joint])
             if not 0 < least or most > 4 * least:
                 raise InputError(
@@ -267,8 +246,9 @@ class LuGre:
 
     @cached_property
     def _arrays(self) -> tuple[Array, ...]:
-        names = (self.bristle_stiffness, self.bristle_damping, self.damping_velocity)
-        return *(np.array(v) for v in names), np.array(self.curve.viscous)
+        return *(np.array(getattr(self, name)) for name in self.per_joint), np.array(
+            self.curve.viscous
+        )
 
     def start(self, w: Array) -> Array:
         side = np.sign(w)
@@ -285,20 +265,81 @@ class LuGre:
         rate: Array = w - self._arrays[0] * mode * w * z / self.curve.level(w, mode)
         return rate
 
-    def table(self) -> dict[str, Any]:
-        own = ("bristle_stiffness", "bristle_damping", "damping_velocity")
-        lists = {name: list(getattr(self, name)) for name in own}
-        return {"kind": self.kind, **self.curve.table(), **lists}
+
+class Load(NamedTuple):
+    """What loads the joints, (..., n) each: bearing force [N], motor and external torque [N m]."""
+
+    bearing: Array
+    motor: Array
+    external: Array
 
 
-def check_joints(settings: Any, n: int, names: list[str]) -> None:
-    """Check the settings, and that each of some fields has one number for each of n joints.
+@dataclass(frozen=True)
+class LoadFriction(TrueFriction):
+    """Memory-free friction whose level grows with the load, set-valued at rest.
 
-    Raises
-    ------
-    InputError
-        Naming the field.
+        Tf = (level(w) + bearing N + |motor u - external te| + left (|peak_motor u - peak_external
+             te| + square)) sgn(w) + viscous w,    left = exp(-(w / stribeck_velocity)^2)
+
+    with the bearing force N of friction-free motion, the motor's torque u and that of gravity on a
+    pendulum, te = -moment sin q. `square` is quadratic_external te^2 where |u| > |te|, otherwise
+    quadratic_motor u^2, and only where u and te oppose each other [Duclusaud2025].
+
+    Parameters
+    ----------
+    curve : Curve
+        Friction without load.
+    bearing : tuple of float [N m/N]
+    motor, external, peak_motor, peak_external : tuple of float
+        One coefficient per joint, zero by default.
+    quadratic_motor, quadratic_external : tuple of float [1/(N m)]
+    moment : float [N m]
+        Of the pendulum that each joint carries.
     """
+
+    curve: Curve
+    bearing: Numbers = ()
+    motor: Numbers = ()
+    external: Numbers = ()
+    peak_motor: Numbers = ()
+    peak_external: Numbers = ()
+    quadratic_motor: Numbers = ()
+    quadratic_external: Numbers = ()
+    moment: NotNegative = 0.0
+    kind: Literal["load"] = "load"
+    per_joint = (
+        *("bearing", "motor", "external", "peak_motor", "peak_external"),
+        *("quadratic_motor", "quadratic_external"),
+    )
+
+    def __post_init__(self) -> None:
+        for name in self.per_joint:
+            if not getattr(self, name):
+                object.__setattr__(self, name, (0.0,) * self.curve.n)
+        super().__post_init__()
+
+    @cached_property
+    def _coefficients(self) -> tuple[Array, ...]:
+        return tuple(np.array(getattr(self, name)) for name in self.per_joint)
+
+    def loaded_level(self, w: Array, load: Load) -> Array:
+        """What the load adds to the level [N m] at velocities w, (..., n)."""
+        bearing, motor, external, peak_motor, peak_external, of_motor, of_external = (
+            self._coefficients
+        )
+        N, u, te = load
+        square = np.where(np.abs(u) > np.abs(te), of_external * te**2, of_motor * u**2)
+        peak = np.abs(peak_motor * u - peak_external * te) + np.where(u * te < 0, square, 0.0)
+        left = np.exp(-((w / np.array(self.curve.stribeck_velocity)) ** 2))
+        level: Array = bearing * N + np.abs(motor * u - external * te) + left * peak
+        return level
+
+    def table(self) -> dict[str, Any]:
+        return {**super().table(), "moment": self.moment}
+
+
+def check_joints(settings: Any, n: int, names: Sequence[str]) -> None:
+    """Raise InputError for wrong settings, or unless these fields have one number per joint."""
     check_settings(settings)
     for name in names:
         values = getattr(settings, name)

@@ -8,10 +8,11 @@ the levels from some recording on.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +20,7 @@ from pydantic import Field
 from frictionid.config import check_settings
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
-from frictionid.simulate.true_friction import Curve, MemoryFree, Stribeck
+from frictionid.simulate.true_friction import Curve, Stribeck, TrueFriction, level_of
 
 _LEVELS = ("coulomb_positive", "coulomb_negative", "peak_positive", "peak_negative")
 
@@ -54,13 +55,7 @@ class Variation:
         check_settings(self)
 
     def check(self, joints: int, recordings: int) -> None:
-        """Check the numbers of joints and recordings.
-
-        Raises
-        ------
-        InputError
-            Where a list has another length.
-        """
+        """Raise InputError where a list does not fit the numbers of joints and recordings."""
         for name, wanted in (("wear", joints), ("temperature", recordings)):
             given = getattr(self, name)
             if given and len(given) != wanted:
@@ -70,8 +65,6 @@ class Variation:
 
     def factors(self, names: Sequence[str], joints: int, seed: int) -> tuple[Array, Array]:
         """Factors (R, n) of all friction, and (R, n) of the levels alone, of named recordings."""
-        import zlib
-
         count = len(names)
         draws = [
             np.random.default_rng([seed, zlib.crc32(f"{name} friction".encode())]) for name in names
@@ -87,7 +80,7 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class RecordingFriction(MemoryFree):
+class RecordingFriction(TrueFriction):
     """Memory-free friction with a curve of its own in each recording.
 
     The memory of a joint is the number of its recording: the integrator picks recordings, and their
@@ -96,7 +89,6 @@ class RecordingFriction(MemoryFree):
 
     curve: Curve
     curves: tuple[Curve, ...]
-    sticks: ClassVar[bool] = True
 
     @cached_property
     def _arrays(self) -> tuple[Array, ...]:
@@ -110,14 +102,9 @@ class RecordingFriction(MemoryFree):
         return np.broadcast_to(np.arange(len(self.curves), dtype=float)[:, None], w.shape)
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
-        own = z[..., 0].astype(int)
-        positive, negative, viscous, peak_positive, peak_negative, width = (
-            values[own] for values in self._arrays
-        )
-        forward = mode >= 0
-        peak = np.where(forward, peak_positive, peak_negative)
-        level = np.where(forward, positive, negative) + peak * np.exp(-((w / width) ** 2))
-        return np.asarray(mode * level + viscous * w)
+        recording = z[..., 0].astype(int)
+        numbers = [values[recording] for values in self._arrays]
+        return np.asarray(mode * level_of(numbers, w, mode) + numbers[2] * w)
 
     def table(self) -> dict[str, Any]:
         return Stribeck(self.curve).table()
@@ -136,8 +123,8 @@ def varied(
     """
     every, levels = variation.factors(names, friction.curve.n, seed)
     curves = []
-    for own, worn in zip(every, levels, strict=True):
-        factor = {name: own * worn for name in _LEVELS} | {"viscous": own}
+    for factors, worn in zip(every, levels, strict=True):
+        factor = {name: factors * worn for name in _LEVELS} | {"viscous": factors}
         new = {name: f * getattr(friction.curve, name) for name, f in factor.items()}
         numbers = {name: tuple(values.tolist()) for name, values in new.items()}
         curves.append(replace(friction.curve, **numbers))

@@ -21,8 +21,8 @@ from frictionid.friction.laws import (
     Stribeck,
 )
 from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
+from frictionid.simulate.integrate import TrueSystem
 from frictionid.simulate.integrate import integrate_motion as simulated
-from frictionid.simulate.modes import TrueSystem
 from frictionid.simulate.true_friction import Curve
 from frictionid.simulate.true_friction import Stribeck as Truth
 

@@ -10,9 +10,9 @@ import pytest
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.initial_states import estimate_initial_states
 from frictionid.friction import Friction, Law
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import CoulombViscous, FilmLag
 from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.friction.smooth_sign import smooth_sign
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 CURVE = Curve((0.02,), (0.02,), (0.002,))

@@ -47,8 +47,7 @@ from frictionid.mechanics import Plant, acrobot, linear_axis
 from frictionid.report.experiment_design import command_csv, described, design_figure
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve, Stribeck
-from frictionid.simulate.integrate import integrate_motion
-from frictionid.simulate.modes import TrueSystem
+from frictionid.simulate.integrate import TrueSystem, integrate_motion
 
 SEEDS = range(1000, 1040)  # of the noise in measurements
 COULOMB, VISCOUS = (0.165, 0.0525), (0.004, 0.0008)

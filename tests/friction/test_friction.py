@@ -7,13 +7,13 @@ from fixtures.memory_laws import Follower, Sampled
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along, at_rest, memory_along
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
     CoulombViscous,
     FilmLag,
     NoFriction,
     Stribeck,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {

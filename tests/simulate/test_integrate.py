@@ -12,8 +12,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, acrobot, pendulum
 from frictionid.simulate import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction
 from frictionid.simulate import integrate as engine
-from frictionid.simulate.integrate import derivative, integrate_motion
-from frictionid.simulate.modes import TrueSystem, next_modes
+from frictionid.simulate.integrate import TrueSystem, derivative, integrate_motion, next_modes
 
 ACROBOT = acrobot()
 CURVE = Curve(

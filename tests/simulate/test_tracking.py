@@ -8,8 +8,7 @@ import pytest
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, double_pendulum
 from frictionid.simulate import Camera, Drive, Rig, Run, simulate
-from frictionid.simulate.integrate import integrate_motion
-from frictionid.simulate.modes import TrueSystem
+from frictionid.simulate.integrate import TrueSystem, integrate_motion
 from frictionid.simulate.tracking import Controller, Fourier, track
 from frictionid.simulate.true_friction import Curve, Stribeck
 

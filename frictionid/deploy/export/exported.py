@@ -18,7 +18,7 @@ from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
-from frictionid.friction.temperature import refuse_temperature
+from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside
 from frictionid.programs.program import Program, Value
 from frictionid.programs.trace import chained, traced

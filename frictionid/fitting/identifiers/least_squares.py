@@ -22,7 +22,7 @@ from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import huber_factors, normalised
 from frictionid.friction import Friction, Groups, Law
-from frictionid.friction.temperature import check_temperature
+from frictionid.friction.law import check_temperature
 
 _ROUNDS = 2  # of weights
 _ENOUGH = 100_000  # rows to begin with, where there are more

@@ -29,9 +29,9 @@ from frictionid.fitting.networks.training import (
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import normalised
 from frictionid.friction import Friction, Inputs, Law, at_rest
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.ensemble import together
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
-from frictionid.friction.smooth_sign import smooth_sign
 
 _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed
 

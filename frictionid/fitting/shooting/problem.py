@@ -35,7 +35,7 @@ from frictionid.fitting.shooting.servo_checks import check_servo, has_actuator, 
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places, of_last_joints
-from frictionid.friction.temperature import check_temperature
+from frictionid.friction.law import check_temperature
 from frictionid.mechanics import Mechanism, Plant
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz

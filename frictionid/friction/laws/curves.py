@@ -22,6 +22,7 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.levels import (
     SIDES,
     Speeds,
@@ -30,7 +31,6 @@ from frictionid.friction.laws.levels import (
     check_increasing,
     on_side,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)

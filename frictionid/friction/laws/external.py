@@ -15,9 +15,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import needs
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.layers import laid, stacked, unlaid
 from frictionid.friction.laws.network_law import LevelNetwork, side_of, within
-from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
     COULOMB,
@@ -29,7 +30,6 @@ from frictionid.friction.laws.levels import (
     LevelLaw,
     Term,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)

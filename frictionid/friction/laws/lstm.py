@@ -13,11 +13,11 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.layers import Hidden, cells_after, count, input_slopes, stacked
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.network_law import Features, LevelNetwork, fine, side_of, within
-from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)

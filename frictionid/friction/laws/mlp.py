@@ -19,6 +19,7 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, NotNegative, Positive
 from frictionid.friction import Inputs, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.layers import Hidden, slopes, stacked
 from frictionid.friction.laws.levels import above_zero
 from frictionid.friction.laws.network_law import (
@@ -30,7 +31,6 @@ from frictionid.friction.laws.network_law import (
     side_of,
     within,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.layers import count, drawn, drawn_gates, outputs, rise
 from frictionid.friction.laws.levels import above_zero, on_side
-from frictionid.friction.smooth_sign import smooth_sign
 
 _FINE = 30.0  # how much finer slow speeds are resolved than fast ones: friction peaks there
 

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
     COULOMB,
@@ -35,7 +36,6 @@ from frictionid.friction.laws.levels import (
     Level,
     stribeck_factor,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 PRESLIDING = LawParameter("presliding", "rad", 1e-5, 1.0, (0.002, 0.006, 0.02, 0.06))
 # what is faster than a millisecond is no memory

@@ -20,10 +20,10 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.layers import Hidden, cells_after, count, outputs, stacked
 from frictionid.friction.laws.library import written_sums
 from frictionid.friction.laws.network_law import Features, NetworkLaw
-from frictionid.friction.smooth_sign import smooth_sign
 
 _LARGEST = 2000
 

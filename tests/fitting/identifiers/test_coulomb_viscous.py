@@ -18,9 +18,9 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.friction import Friction
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
-from frictionid.friction.smooth_sign import smooth_sign
 
 LAW = CoulombViscous()
 TRUTH = np.array([[0.10, 0.02], [0.05, 0.01]])

@@ -7,6 +7,7 @@ from fixtures.memory_laws import Sampled
 
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
     CoulombViscous,
     Dahl,
@@ -22,7 +23,6 @@ from frictionid.friction.laws import (
     Sum,
     check_law,
 )
-from frictionid.friction.smooth_sign import smooth_sign
 
 LAWS = [
     NoFriction(),
