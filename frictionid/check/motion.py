@@ -139,7 +139,7 @@ def sliding_speeds(mechanism: Mechanism, motions: Sequence[Motion]) -> Speeds:
 
 def unit_balances(mechanism: Mechanism, motions: Sequence[Motion]) -> Balances:
     """Balances of the motions for the units of the base parameters: responses to them."""
-    samples = Samples.of([motion.states for motion in motions])
+    samples = Samples.joined([motion.states for motion in motions])
     return balances_of(mechanism, samples, None, *sliding_speeds(mechanism, motions))
 
 

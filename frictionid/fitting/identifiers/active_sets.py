@@ -120,8 +120,8 @@ def compatible_sets(conflict: bytes, limit: int) -> tuple[Array, ...]:
         smaller, larger = sizes[-1], []
         last = smaller[:, -1] if smaller.shape[1] else np.full(len(smaller), -1)
         for i in range(P):
-            own = smaller[(last < i) & ~excludes[i][smaller].any(axis=1)]
-            larger.append(np.concatenate([own, np.full((len(own), 1), i)], axis=1))
+            sets = smaller[(last < i) & ~excludes[i][smaller].any(axis=1)]
+            larger.append(np.concatenate([sets, np.full((len(sets), 1), i)], axis=1))
         sizes.append(np.concatenate(larger))
     return tuple(sizes[:-1])
 
@@ -138,9 +138,9 @@ def best_sets_of_joint(
     All sets of a joint are tried up to the size at which they become too many. Larger ones grow by
     one column at a time, after each of which columns are exchanged. Proposals are tried as well.
     """
-    own, kept = np.flatnonzero(constraints.joint == joint), np.array(sorted(others), dtype=int)
-    every = compatible_sets(constraints.conflict[np.ix_(own, own)].tobytes(), _LIMIT)
-    tried = [own[sets][constraints.usable[own[sets]].all(axis=1)] for sets in every]
+    owned, kept = np.flatnonzero(constraints.joint == joint), np.array(sorted(others), dtype=int)
+    every = compatible_sets(constraints.conflict[np.ix_(owned, owned)].tobytes(), _LIMIT)
+    tried = [owned[sets][constraints.usable[owned[sets]].all(axis=1)] for sets in every]
     tried += [np.array([columns], dtype=int) for columns in proposals]
     best = _by_size(_best(T, constraints, _joined(kept, sets)) for sets in tried)
     size = len(kept) + len(every) - 1
@@ -156,9 +156,9 @@ def best_sets_of_joint(
 def _by_size(sets: Iterable[ActiveSet | None]) -> dict[int, ActiveSet]:
     """Of the active sets of each size the first one with the lowest cost."""
     best: dict[int, ActiveSet] = {}
-    for one in sets:
-        if one and (len(one.columns) not in best or one.cost < best[len(one.columns)].cost):
-            best[len(one.columns)] = one
+    for fit in sets:
+        if fit and (len(fit.columns) not in best or fit.cost < best[len(fit.columns)].cost):
+            best[len(fit.columns)] = fit
     return best
 
 
@@ -224,12 +224,12 @@ def search(
     what a joint does not need shows best where the others have all that they may need.
     """
     T = G.sum(0)
-    active = max((one.columns for one in best_proposals(T, constraints, proposals)), key=len)
+    active = max((part.columns for part in best_proposals(T, constraints, proposals)), key=len)
     for _ in range(_SWEEPS):
         before = active
         for joint in np.unique(constraints.joint):
             others = [i for i in active if constraints.joint[i] != joint]
-            parts = [[i for i in one if constraints.joint[i] == joint] for one in proposals]
+            parts = [[i for i in part if constraints.joint[i] == joint] for part in proposals]
             sets = best_sets_of_joint(T, constraints, others, int(joint), parts)
             active = selected(G, sets, n_standard_errors) if sets else active
         if active == before:
@@ -258,11 +258,11 @@ def selected(G: Array, sets: Sequence[ActiveSet], n_standard_errors: float) -> t
     """
     G = G[np.einsum("cii->c", G) > 0]
     floor = _EXACT * np.maximum(G[:, -1, -1], G[:, -1, -1].mean())
-    costs = [np.maximum(held_out_costs(G, one.columns), floor) for one in sets]
+    costs = [np.maximum(held_out_costs(G, active.columns), floor) for active in sets]
     best = int(np.argmin([cost.sum() for cost in costs]))
-    for one, cost in zip(sets[:best], costs, strict=False):
+    for active, cost in zip(sets[:best], costs, strict=False):
         excess = np.log(cost / costs[best])
         error = np.sqrt(excess.var(ddof=1) / len(excess)) if len(excess) > 1 else 0.0
         if excess.mean() <= n_standard_errors * error:
-            return one.columns
+            return active.columns
     return sets[best].columns

@@ -168,10 +168,10 @@ def _others_changed(problem: Problem, weights: Array) -> Problem:
     )
 
 
-def _fills(given: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+def _fills(actual: tuple[int, ...], shape: tuple[int, ...]) -> bool:
     """Whether an array of the given shape broadcasts to a shape."""
     try:
-        return np.broadcast_shapes(given, shape) == shape
+        return np.broadcast_shapes(actual, shape) == shape
     except ValueError:
         return False
 

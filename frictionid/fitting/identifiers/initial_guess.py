@@ -50,10 +50,10 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
         check_rows(fit, weights, np.zeros(fit.problem.r.shape, dtype=bool))
     values = _values(fit)
     grams = _grams(fit, values, weights)
-    found = [
-        _best_of_fold(_Candidates(values, *own)) for own in zip(grams, *fit.bounds, strict=True)
+    pairs = [
+        _best_of_fold(_Candidates(values, *fold)) for fold in zip(grams, *fit.bounds, strict=True)
     ]
-    initial, stepped = (np.reshape(each, (len(weights), -1)) for each in zip(*found, strict=True))
+    initial, stepped = (np.reshape(each, (len(weights), -1)) for each in zip(*pairs, strict=True))
     return np.clip(initial, *fit.bounds), stepped
 
 
@@ -79,9 +79,9 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
     B, F = S * (P + 1), len(weights)
     blocks, right = np.zeros((F, n, B, n, B)), np.zeros((F, n, B))
     size, slides = np.zeros(F), np.zeros(fit.problem.r.shape, dtype=bool)
-    for rows, own in fit.stretches(S):
-        b, G, r = _torques(own, values), own.problem.G, own.problem.r
-        own.check_finite(b, G, r)
+    for rows, part in fit.stretches(S):
+        b, G, r = _torques(part, values), part.problem.G, part.problem.r
+        part.check_finite(b, G, r)
         slides[rows] = (G != 0).any(axis=1) & b.reshape(n, -1, S, P + 1)[..., :P].any((2, 3)).T
         pairs = np.einsum("kij,kil->jlk", G, G)
         onto = np.einsum("kij,ki->jk", G, r)

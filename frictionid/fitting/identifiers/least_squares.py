@@ -72,7 +72,9 @@ class LeastSquares(Identifier):
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_temperature(self.law, problem.nodes.inputs.temperature, fitted=True)
         weights = normalised(weights, problem)
-        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
+        law = Linearised.within(
+            self.law, problem, weights, Given(self.bounds, self.prior, self.equal)
+        )
         return replace(law.friction(self._fitted(law, weights)), law=self.law)
 
     def _fitted(self, law: Linearised, weights: Array) -> Array:

@@ -57,7 +57,9 @@ class Linear(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        law = Linearised.of(self.law, problem, weights, Given(self.bounds, self.prior, self.equal))
+        law = Linearised.within(
+            self.law, problem, weights, Given(self.bounds, self.prior, self.equal)
+        )
         A = columns(law.law, problem)
         size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
         check_rows(law, weights, size.max(axis=(1, 3)) > 0)

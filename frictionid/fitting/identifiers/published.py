@@ -38,8 +38,8 @@ class Published(Identifier):
                 f"the published friction has theta of shape {tuple(theta.shape)}, the data "
                 f"{problem.r.shape[-1]} joints: give one friction with as many joints as the data"
             )
-        own, count = self.friction.calibration, len(weights)
-        calibration = None if own is None else stack_calibrations([own] * count)
+        calibrated, count = self.friction.calibration, len(weights)
+        calibration = None if calibrated is None else stack_calibrations([calibrated] * count)
         return replace(
             self.friction,
             theta=np.repeat(theta[None], count, axis=0),

@@ -98,10 +98,10 @@ class Regressor(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        x, torque, known = torques(problem)
+        x, torque, slides = torques(problem)
         F, n = len(weights), x.w.shape[-1]
         sets = [
-            _training_set(x, torque, weights[f] * known[:, j], (f, j)) for f, j in np.ndindex(F, n)
+            _training_set(x, torque, weights[f] * slides[:, j], (f, j)) for f, j in np.ndindex(F, n)
         ]
         trained = [self._trained(data, seed) for data in sets]
         if self.inputs != ("w",):
@@ -162,8 +162,8 @@ def _training_set(x: Inputs, torque: Array, weight: Array, place: tuple[int, int
             f"joint {joint + 1} slides in no row of fold {fold}: give recordings in which it "
             "moves, or use fewer folds"
         )
-    own = x.each(lambda part: part[rows, joint])
-    return TrainingSet(own, torque[rows, joint], weight[rows] / weight.max())
+    inputs = x.each(lambda part: part[rows, joint])
+    return TrainingSet(inputs, torque[rows, joint], weight[rows] / weight.max())
 
 
 def _binned(data: TrainingSet, bins: int) -> TrainingSet:
@@ -270,10 +270,10 @@ def estimator_named(estimator: str, settings: Mapping[str, Any] = MappingProxyTy
     KNeighborsRegressor()
     """
     name, defaults = NAMED.get(estimator, (estimator, {}))
-    made = _imported(name)
+    build = _imported(name)
     usual = {key: value() if callable(value) else value for key, value in defaults.items()}
     try:
-        regressor = made(**{**usual, **settings})
+        regressor = build(**{**usual, **settings})
         if hasattr(regressor, "_validate_params"):  # of scikit-learn: now, not in the first fit
             regressor._validate_params()
     except (TypeError, ValueError) as error:
@@ -293,9 +293,9 @@ def _imported(name: str) -> Any:
     if not is_installed(module):
         raise InputError(f"sklearn: estimator {name!r} is of no installed package: install it")
     try:
-        found = getattr(importlib.import_module(module), last)
+        kind = getattr(importlib.import_module(module), last)
     except (ImportError, AttributeError) as error:
         raise InputError(f"sklearn: estimator {name!r} cannot be imported ({error})") from None
-    if not (isinstance(found, type) and hasattr(found, "fit") and hasattr(found, "predict")):
+    if not (isinstance(kind, type) and hasattr(kind, "fit") and hasattr(kind, "predict")):
         raise InputError(f"sklearn: estimator {name!r} is no class with fit and predict")
-    return found
+    return kind

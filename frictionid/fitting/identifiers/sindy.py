@@ -179,9 +179,9 @@ class SINDy(Identifier):
     def _inclusion_lines(self, share: Array) -> list[str]:
         """A line for each joint: in what share of the draws each candidate was, largest first."""
         lines = []
-        for j, own in enumerate(share.reshape(-1, len(self.library.names))):
-            order = [k for k in np.argsort(-own, kind="stable") if own[k] > 0]
-            terms = ", ".join(f"{self.library.names[k]} {100 * own[k]:.0f} %" for k in order)
+        for j, shares in enumerate(share.reshape(-1, len(self.library.names))):
+            order = [k for k in np.argsort(-shares, kind="stable") if shares[k] > 0]
+            terms = ", ".join(f"{self.library.names[k]} {100 * shares[k]:.0f} %" for k in order)
             lines.append(f"joint {j + 1}: {terms or 'none'}")
         return lines
 

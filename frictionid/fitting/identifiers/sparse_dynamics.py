@@ -64,8 +64,8 @@ class SparseDynamics(Identifier):
         labels = clusters(problem)
         for f, G in enumerate(grams(A[:, None], normalised(weights, problem), labels)):
             for j in range(n):
-                own = np.r_[:P, P + j]
-                theta[f, j] = self._joint(G[:, own[:, None], own])
+                columns = np.r_[:P, P + j]
+                theta[f, j] = self._joint(G[:, columns[:, None], columns])
         return Friction(law, theta)
 
     def _joint(self, G: Array) -> Array:
@@ -77,7 +77,7 @@ class SparseDynamics(Identifier):
         T = G.sum(0)
         proposals = self._proposals(T, length[:-1] > _NO_COLUMN * length[:-1].max())
         sets = [ActiveSet(float(best_fits(T, np.array([s]))[0][0]), s) for s in proposals if s]
-        sets.sort(key=lambda one: (len(one.columns), one.columns))
+        sets.sort(key=lambda active_set: (len(active_set.columns), active_set.columns))
         empty = ActiveSet(float(T[-1, -1]), ())
         active = np.array(selected(G, [empty, *sets], self.n_standard_errors), dtype=int)
         if active.size:
@@ -89,11 +89,11 @@ class SparseDynamics(Identifier):
         with needs("sindy"):
             from pysindy import STLSQ
 
-        own = np.flatnonzero(usable)
+        columns = np.flatnonzero(usable)
         optimizers = (STLSQ(threshold=t, alpha=self.ridge, unbias=False) for t in self.thresholds)
-        both = np.append(own, len(usable))
-        found = proposed_coefficients(T[np.ix_(both, both)], optimizers)
-        return {tuple(own[np.flatnonzero(c)].tolist()) for c in found}
+        both = np.append(columns, len(usable))
+        coefficients = proposed_coefficients(T[np.ix_(both, both)], optimizers)
+        return {tuple(columns[np.flatnonzero(c)].tolist()) for c in coefficients}
 
 
 def _columns(law: StateLibrary, problem: Problem) -> Array:

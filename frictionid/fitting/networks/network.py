@@ -119,12 +119,12 @@ class Network(Identifier):
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
         seeds = member_seeds(seed, self.members)
-        draws = [np.random.default_rng(own) for own in seeds]
+        draws = [np.random.default_rng(start) for start in seeds]
         initial = np.concatenate([law.initial_parameters(scales, rng) for rng in draws])
-        held = np.concatenate([held_out(problem, weights, self.share, own) for own in seeds])
+        held = np.concatenate([held_out(problem, weights, self.share, start) for start in seeds])
         weights = np.tile(weights, (self.members, 1))
         stack = FoldStack(law, problem, initial, self.device)
-        by_fold = [own for own in seeds for _ in range(len(scales))]
+        by_fold = [start for start in seeds for _ in range(len(scales))]
         theta, costs = self._descended(stack, weights * ~held, weights * held, by_fold)
         friction = together(law, np.split(theta, self.members))
         return friction, np.mean(np.split(costs, self.members, axis=1), axis=0)

@@ -174,8 +174,8 @@ class SequenceTrainingSet:
         self.rows = WeightedRows(stack, weights)
         self.coefficients = [float(c) for c in problem.coefficients]
         self.first = stack.first_nodes()[:, None, None]
-        of = stack.law.features(stack.theta[:, None], problem.nodes.inputs)
-        parts: Any = ((of.read, 2), (of.z, 2), (of.share, 1), (of.sign, 1))
+        node = stack.law.features(stack.theta[:, None], problem.nodes.inputs)
+        parts: Any = ((node.read, 2), (node.z, 2), (node.share, 1), (node.sign, 1))
         self.read, self.z, self.share, self.sign = (stack.by_fold(*part) for part in parts)
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:
@@ -203,8 +203,8 @@ class SequenceTrainingSet:
         h = self._cells(theta, torch.cat([sign * read for sign in signs], dim=1))
         h = h.repeat_interleave(self.per_sample, dim=2)[:, :, : share.shape[2]]
         levels = []
-        for own in h.chunk(len(signs), dim=1):
-            features = torch.cat([z, own], dim=-1).flatten(1, 2)
+        for outputs in h.chunk(len(signs), dim=1):
+            features = torch.cat([z, outputs], dim=-1).flatten(1, 2)
             level: Any = self.law.level(theta[:, None], features, share.flatten(1, 2))
             levels.append(level.unflatten(1, share.shape[1:3]))
         return sum(levels) / len(levels)
@@ -259,8 +259,8 @@ class RowTrainingSet:
         self.coefficients = stack.tensor(problem.coefficients)[:, None]
         self.first = stack.first_nodes()[:, None]
         memory = window(stack.law, problem.nodes)
-        of = stack.law.features(stack.theta[:, None], problem.nodes.inputs, memory)
-        parts = ((of.z, 2), (of.share, 1), (of.sign, 1))
+        node = stack.law.features(stack.theta[:, None], problem.nodes.inputs, memory)
+        parts = ((node.z, 2), (node.share, 1), (node.sign, 1))
         self.features = [stack.by_fold(part, axes) for part, axes in parts]
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:

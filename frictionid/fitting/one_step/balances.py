@@ -115,7 +115,7 @@ class Samples(NamedTuple):
     ends: Array
 
     @staticmethod
-    def of(states: Sequence[States]) -> Samples:
+    def joined(states: Sequence[States]) -> Samples:
         """The samples of some recordings."""
         time, q, w = (np.concatenate(x) for x in zip(*(s.motion for s in states), strict=True))
         wild = [s.left_out is not None and bool(s.left_out.any()) for s in states]

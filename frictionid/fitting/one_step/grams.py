@@ -44,9 +44,9 @@ def clusters(problem: Problem) -> Array:
     pieces = 1 if count >= FEW else -(-_STRETCHES // count)
     labels = np.empty(len(recording), dtype=int)
     for i in range(count):
-        own = np.flatnonzero(recording == i)
-        own = own[np.argsort(problem.time[own], kind="stable")]
-        labels[own] = i * pieces + np.arange(len(own)) * pieces // max(len(own), 1)
+        rows = np.flatnonzero(recording == i)
+        rows = rows[np.argsort(problem.time[rows], kind="stable")]
+        labels[rows] = i * pieces + np.arange(len(rows)) * pieces // max(len(rows), 1)
     return labels
 
 
@@ -67,8 +67,8 @@ def grams(A: Array, weights: Array, labels: Array | None = None) -> Array:
     of_cells = _by(cell, len(first), A)
     out = np.zeros((len(weights), count, M * M))
     for c in range(count):
-        own = labels[first] == c
-        out[:, c] = weights[:, first[own]] @ of_cells[own].reshape(int(own.sum()), M * M)
+        cells = labels[first] == c
+        out[:, c] = weights[:, first[cells]] @ of_cells[cells].reshape(int(cells.sum()), M * M)
     return out.reshape(len(weights), count, M, M)
 
 

@@ -45,8 +45,8 @@ class Linearised(NamedTuple):
 
     Equal joints have the same parameters, which are there once: theta of all is tie @ theta then.
 
-    constraints : bounds and priors (F, n, P), see `Linearised.of`; tie : (n P, N), None where all
-        joints have parameters of their own
+    constraints : bounds and priors (F, n, P), see `within`; tie : (n P, N), None where all joints
+        have parameters of their own
     """
 
     law: Law
@@ -55,14 +55,16 @@ class Linearised(NamedTuple):
     tie: Array | None = None
 
     @staticmethod
-    def of(law: Law, problem: Problem, weights: Array, given: Given) -> Linearised:
+    def within(law: Law, problem: Problem, weights: Array, settings: Given) -> Linearised:
         """A law on a problem, bounded by what the rows of each fold resolve, weights (F, K).
 
         Where the rows of joints at rest are projected out, all others slide: there numerical
         smoothing of sgn(w) would only blur slow ones.
         """
-        own = constraints_of(law, speed_range(problem, weights), *given)
-        return Linearised(law.sharpened() if problem.masked else law, problem, own, own.tie)
+        constraints = constraints_of(law, speed_range(problem, weights), *settings)
+        return Linearised(
+            law.sharpened() if problem.masked else law, problem, constraints, constraints.tie
+        )
 
     @property
     def untied(self) -> Linearised:
@@ -111,9 +113,9 @@ class Linearised(NamedTuple):
         """Friction with the parameters theta."""
         theta = theta if self.tie is None else theta @ self.tie.T
         theta = theta.reshape(len(theta), self.joints, len(self.law.names))
-        own = self.constraints
-        known = own is not None and own.low.shape == theta.shape
-        return Friction(self.law, theta, constraints=own if known else None)
+        limits = self.constraints
+        fits = limits is not None and limits.low.shape == theta.shape
+        return Friction(self.law, theta, constraints=limits if fits else None)
 
     def stretches(self, thetas: int = 1) -> Iterator[tuple[slice, Linearised]]:
         """Rows, some at a time, and the law on them: long recordings need no more memory.
@@ -131,7 +133,7 @@ class Linearised(NamedTuple):
             return
         for first in range(0, K, most):
             rows = slice(first, min(first + most, K))
-            yield rows, self._replace(problem=_some(self.problem, rows))
+            yield rows, self._replace(problem=_some_rows(self.problem, rows))
 
     def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
         """Rows of recordings that follow each other, as many as have so many rows, or one."""
@@ -139,16 +141,16 @@ class Linearised(NamedTuple):
         ends = [*(1 + np.flatnonzero(np.diff(problem.recording))).tolist(), len(problem.r)]
         for end, next_end in zip(ends, [*ends[1:], np.inf], strict=True):
             if next_end - first > most:
-                own = problem.of_rows(np.arange(first, end))
-                yield slice(first, end), self._replace(problem=own)
+                part = problem.of_rows(np.arange(first, end))
+                yield slice(first, end), self._replace(problem=part)
                 first = end
 
     def every(self, step: int) -> Linearised:
         """The same on every `step`-th row only, with the nodes that these need; without memory."""
         problem = self.problem
-        own, stencil = np.unique(problem.stencil[::step], return_inverse=True)
-        inputs = problem.nodes.inputs.each(lambda x: x[own])
-        nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, len(own)]))
+        places, stencil = np.unique(problem.stencil[::step], return_inverse=True)
+        inputs = problem.nodes.inputs.each(lambda x: x[places])
+        nodes = Nodes(inputs, problem.nodes.time[places], np.array([0, len(places)]))
         arrays = {name: getattr(problem, name)[::step] for name in _ROW_ARRAYS}
         return self._replace(problem=replace(problem, nodes=nodes, stencil=stencil, **arrays))
 
@@ -156,8 +158,8 @@ class Linearised(NamedTuple):
         """Residuals e, shape (F, K, n) [rad/s]."""
         friction = self.friction(theta)
         out = np.empty((len(theta), *self.problem.r.shape))
-        for rows, own in self.stretches():
-            out[:, rows] = own.problem.residual(along(friction, own.problem.nodes))
+        for rows, part in self.stretches():
+            out[:, rows] = part.problem.residual(along(friction, part.problem.nodes))
         return out
 
     def jacobian(self, theta: Array) -> Array:
@@ -191,12 +193,12 @@ class Linearised(NamedTuple):
         descent, hessian = np.zeros((F, N)), np.zeros((F, N, N))
         for first in range(0, F, folds_at_once):
             part = slice(first, first + folds_at_once)
-            for rows, own in self.stretches():
-                slopes, e = own.slopes(theta[part]), residual[part, rows]
+            for rows, stretch in self.stretches():
+                slopes, e = stretch.slopes(theta[part]), residual[part, rows]
                 # fold by fold: a batch of them would be rounded otherwise than each one alone
                 for f, weight in enumerate(weights[part, rows], first):
                     k = f - first
-                    onto, square = _weighted_squares(own.problem.G, slopes[k], e[k], weight)
+                    onto, square = _weighted_squares(stretch.problem.G, slopes[k], e[k], weight)
                     descent[f] += onto if self.tie is None else self.tie.T @ onto
                     hessian[f] += square if self.tie is None else self.tie.T @ square @ self.tie
         self.check_finite(descent, hessian)
@@ -243,13 +245,13 @@ def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple
     return descent.ravel(), squares.reshape(n * P, n * P)
 
 
-def _some(problem: Problem, rows: slice) -> Problem:
+def _some_rows(problem: Problem, rows: slice) -> Problem:
     """The problem of some rows that follow each other, with the nodes that they need."""
     stencil = problem.stencil[rows]
     low, high = int(stencil.min()), int(stencil.max()) + 1
-    own = slice(low, high)
-    inputs = problem.nodes.inputs.each(lambda x: x[own])
-    nodes = Nodes(inputs, problem.nodes.time[own], np.array([0, high - low]))
+    places = slice(low, high)
+    inputs = problem.nodes.inputs.each(lambda x: x[places])
+    nodes = Nodes(inputs, problem.nodes.time[places], np.array([0, high - low]))
     arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
     return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
 

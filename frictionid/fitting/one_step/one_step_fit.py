@@ -78,7 +78,7 @@ def covariance_of_fit(
     by one.
     """
     theta, own = np.reshape(friction.theta, (1, -1)), friction.constraints
-    # as it was fitted, see `Linearised.of`
+    # as it was fitted, see `Linearised.within`
     law = Linearised(friction.law.sharpened() if problem.masked else friction.law, problem)
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
     residual = law.residual(theta)

@@ -87,8 +87,10 @@ class Problem:
         )
         stencil = self.stencil[rows] + (begin[:-1] - first[which])[place][:, None]
         slowest = self.slowest if not np.ndim(self.slowest) else np.asarray(self.slowest)[which]
-        own = {name: getattr(self, name)[rows] for name in ("r", "G", "time", "dt")}
-        return replace(self, nodes=nodes, stencil=stencil, recording=place, slowest=slowest, **own)
+        arrays = {name: getattr(self, name)[rows] for name in ("r", "G", "time", "dt")}
+        return replace(
+            self, nodes=nodes, stencil=stencil, recording=place, slowest=slowest, **arrays
+        )
 
     def residual(self, torque: Array) -> Array:
         """Residual e (..., K, n) [rad/s] of friction torques at the nodes, (..., S, n)."""
@@ -135,11 +137,11 @@ def speed_range(problem: Problem, weights: Array) -> SpeedRange:
     """Speeds (F, n) that the rows with weights (F, K) resolve: usual slowest, and fastest one."""
     use = weights > 0
     w = np.abs(problem.nodes.inputs.w[problem.stencil]).max(axis=1)
-    fastest = np.stack([w[own].max(axis=0, initial=0.0) for own in use])
+    fastest = np.stack([w[rows].max(axis=0, initial=0.0) for rows in use])
     if not np.ndim(problem.slowest):
         return SpeedRange(_SLOWEST * fastest, fastest)
-    recordings = [np.unique(problem.recording[own]) for own in use]
-    slowest = [np.median(np.asarray(problem.slowest)[own], axis=0) for own in recordings]
+    recordings = [np.unique(problem.recording[rows]) for rows in use]
+    slowest = [np.median(np.asarray(problem.slowest)[which], axis=0) for which in recordings]
     return SpeedRange(np.maximum(np.stack(slowest), 1e-6 * fastest), fastest)
 
 
@@ -185,7 +187,7 @@ def stiction_mask(problem: Problem, velocity_threshold: float | Array | None) ->
     if velocity_threshold is None:
         first = problem.nodes.first
         each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]
-        usual = _RESTING * np.stack([np.quantile(own, 0.95, axis=0) for own in each])
+        usual = _RESTING * np.stack([np.quantile(speeds, 0.95, axis=0) for speeds in each])
         threshold = np.maximum(problem.slowest, usual)[problem.recording][:, None]
     slow = (np.abs(w) < threshold).any(1)
     return np.asarray(slow | ((w > 0).any(1) & (w < 0).any(1)))
@@ -268,9 +270,6 @@ def _assemble(
     nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
     c = np.array(coefficients)
     slowest = np.stack([slowest_speeds(s) for s in states])
-    if (places := r.shape[-1]) > slowest.shape[
-        -1
-    ]:  # coupled parts are as slow as the slowest joint
-        more = places - slowest.shape[-1]
-        slowest = np.pad(slowest, ((0, 0), (0, more)), constant_values=slowest.max())
+    parts_beyond = r.shape[-1] - slowest.shape[-1]  # coupled, as slow as the slowest joint
+    slowest = np.pad(slowest, ((0, 0), (0, parts_beyond)), constant_values=slowest.max())
     return Problem(nodes, r, G, stencil, c, recording, time, dt, max(before), slowest)

@@ -44,7 +44,7 @@ def huber_factors(residual: Array, weights: Array, clip: float) -> Array:
     >>> huber_factors(residual, np.ones((1, 5)), clip=3.0)[0].round(3)
     array([1.   , 1.   , 1.   , 1.   , 0.089])
     """
-    return np.stack([_factors(*own, clip) for own in zip(residual, weights, strict=True)])
+    return np.stack([_factors(*pair, clip) for pair in zip(residual, weights, strict=True)])
 
 
 def _factors(residual: Array, weights: Array, clip: float) -> Array:

@@ -47,10 +47,10 @@ def torque_outliers(dataset: Dataset, plant: Plant, states: Sequence[States]) ->
     """
     out = [np.zeros(np.shape(r.torque.value), dtype=bool) for r in dataset.recordings]
     for _ in range(_ROUNDS):
-        more = _found(dataset, plant, states)
-        if not any(mask.any() for mask in more):
+        masks = _outliers(dataset, plant, states)
+        if not any(mask.any() for mask in masks):
             break
-        out = [a | b for a, b in zip(out, more, strict=True)]
+        out = [a | b for a, b in zip(out, masks, strict=True)]
         dataset = with_torques_replaced(dataset, out)
     return tuple(out)
 
@@ -68,7 +68,7 @@ def with_torques_replaced(dataset: Dataset, masks: Sequence[Array]) -> Dataset:
     return replace(dataset, recordings=tuple(_mended(r, mask) for r, mask in pairs))
 
 
-def _found(dataset: Dataset, plant: Plant, states: Sequence[States]) -> list[Array]:
+def _outliers(dataset: Dataset, plant: Plant, states: Sequence[States]) -> list[Array]:
     """Outliers (T, n) of each recording that show with the torques as they stand."""
     driven = np.array(plant.mechanism.driven, dtype=bool)
     off = [_off(r.torque) * driven * (r.servo is None) for r in dataset.recordings]

@@ -49,8 +49,8 @@ class CombinationLaw(SmoothedLaw):
         return self._combined(self.inner.gradient(self.numbers(theta), x))
 
     def slopes(self, theta: Array, x: Inputs, memory: Memory) -> tuple[Array, Memory] | None:
-        known = self.inner.slopes(self.numbers(theta), x, memory)
-        return None if known is None else (self._combined(known[0]), known[1])
+        parts = self.inner.slopes(self.numbers(theta), x, memory)
+        return None if parts is None else (self._combined(parts[0]), parts[1])
 
     def _combined(self, gradient: Array) -> Array:
         """Derivatives (K, n, r) in the combinations, of those (K, n, P) in the law's numbers."""
@@ -112,14 +112,14 @@ def torque_samples(
     K = len(intervals.dt)
     run = np.arange(K) - np.maximum.accumulate(np.where(intervals.joined, 0, np.arange(K)))
     link = min(_LINK, int(run.max())) if friction.law.has_memory else 0
-    known = np.flatnonzero((run >= link) & use)
-    some = known[np.unique(np.linspace(0, len(known) - 1, _COUNT).astype(int))]
+    usable = np.flatnonzero((run >= link) & use)
+    rows = usable[np.unique(np.linspace(0, len(usable) - 1, _COUNT).astype(int))]
     plant = calibrated_plant(intervals.dataset, calibration)
     driven = mechanism.motors
     path = []
-    for at in (some - back for back in range(link, -1, -1)):
+    for at in (rows - back for back in range(link, -1, -1)):
         logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]
         u = (calibration.gain * logged + calibration.bias) * driven
         state = State(intervals.q[at] - calibration.offset, intervals.w[at])
         path.append(inputs(plant[intervals.recording[at]], friction, state, u))
-    return TorqueSamples(tuple(path), intervals.dt[some][:, None])
+    return TorqueSamples(tuple(path), intervals.dt[rows][:, None])

@@ -289,9 +289,9 @@ def _move(
     precision, value = problem.prior_precision, values_of(point.estimate, problem.blocks)
     H = normal.H.sum(axis=0) + np.diag(precision)
     g = normal.g.sum(axis=0) + precision * (problem.prior_mean - value)
-    known = H + _missing_information(H, problem.parameters)
+    regular = H + _missing_information(H, problem.parameters)
     low, high = (end - value for end in problem.bounds)
-    return H, share * box_step(known[None], g[None], low[None], high[None], damping)[0]
+    return H, share * box_step(regular[None], g[None], low[None], high[None], damping)[0]
 
 
 def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
@@ -301,15 +301,15 @@ def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
     """
     information, kinds = np.diag(H), [(p.block, p.unit) for p in parameters]
     pairs = list(zip(kinds, information, strict=True))
-    most = {kind: max(known for other, known in pairs if other == kind) for kind in set(kinds)}
+    most = {kind: max(size for other, size in pairs if other == kind) for kind in set(kinds)}
     return np.diag(np.maximum([_TRACE * most[kind] for kind in kinds] - information, 0.0))
 
 
 def _noise(residual: Array, share: Array, leverage: Array, sigma: Array) -> Array:
     """Angle noise (n,) [rad] from the residuals, each corrected for its leverage."""
-    known = share > 0
+    counts = share > 0
     clean = residual / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    return np.maximum(MAD * np.median(np.abs(clean[known]), axis=0), 1e-3 * sigma)
+    return np.maximum(MAD * np.median(np.abs(clean[counts]), axis=0), 1e-3 * sigma)
 
 
 def _errors(solution: Solution, H: Array, precision: Array) -> Array:
@@ -330,10 +330,10 @@ def _errors(solution: Solution, H: Array, precision: Array) -> Array:
     score = (normal.g - normal.H @ solution.move)[:, free] @ inverse
     variance = np.diag(inverse)
     by_data = np.clip(1.0 - precision[free] * variance, 0.0, 1.0)
-    known = (variance > 0.0) & (by_data > 0.0)
+    shown = (variance > 0.0) & (by_data > 0.0)
     scatter = np.einsum("wd,wd->d", score, score)
     error = np.full(len(free), np.inf)
-    error[np.flatnonzero(free)[known]] = np.sqrt(
-        np.maximum(variance, scatter)[known] / by_data[known]
+    error[np.flatnonzero(free)[shown]] = np.sqrt(
+        np.maximum(variance, scatter)[shown] / by_data[shown]
     )
     return error

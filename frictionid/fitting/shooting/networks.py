@@ -24,8 +24,8 @@ def on_arrays(friction: Friction) -> Friction:
     """The friction on NumPy arrays, with slopes by reverse mode where its law has none to give."""
     law, theta = friction.law, friction.theta
     if not hasattr(theta, "detach"):
-        known = law.reads_window or not law.has_memory
-        if not law.is_network or (law.has_gradient and known):
+        differentiable = law.reads_window or not law.has_memory
+        if not law.is_network or (law.has_gradient and differentiable):
             return friction
         with needs("networks"):
             from torch import as_tensor  # late: who has no such law need not wait for torch
@@ -36,15 +36,15 @@ def on_arrays(friction: Friction) -> Friction:
     return replace(friction, law=law, theta=like.cpu().numpy().copy())
 
 
-def as_given(friction: Friction, given: Friction) -> Friction:
+def as_given(friction: Friction, start: Friction) -> Friction:
     """The friction with the law and the kind of numbers that were given."""
     theta = friction.theta
     if isinstance(friction.law, CombinationLaw):
         theta = friction.law.numbers(theta)
-    like = given.theta
+    like = start.theta
     if hasattr(like, "detach"):
         theta = namespace(like).asarray(theta, dtype=like.dtype, device=like.device)
-    return replace(friction, law=given.law, theta=theta, constraints=None)
+    return replace(friction, law=start.law, theta=theta, constraints=None)
 
 
 def with_combinations(
@@ -55,12 +55,12 @@ def with_combinations(
     Weights with bounds, the scales of inputs and outputs, stay as they are.
     """
     law = friction.law
-    given = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
-    fixed = law.names if given is None else given.fixed
+    block = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
+    fixed = law.names if block is None else block.fixed
     pairs = zip(law.names, law.bounds, strict=True)
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
-    deviation = _DEVIATION if given is None or given.prior is None else given.prior
-    own = CombinationBlock(
+    deviation = _DEVIATION if block is None or block.prior is None else block.prior
+    few = CombinationBlock(
         np.array(friction.theta), samples, free, deviation, min(_MOST, int(free.sum()))
     )
-    return own.of(friction), tuple(own if b is given else b for b in blocks)
+    return few.of(friction), tuple(few if b is block else b for b in blocks)

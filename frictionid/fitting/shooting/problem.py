@@ -121,20 +121,20 @@ class ShootingProblem:
         pieces = self._pieces(estimate, plant)
         for count in np.unique(pieces[rows]):
             alike = rows[pieces[rows] == count]
-            for some in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
-                start = State(nodes[some, :n], nodes[some, n : 2 * n], self._memory(nodes[some]))
-                here = model._replace(plant=self._plant_at(estimate, plant, some))
-                motor = self._motor_torque(estimate, drive, some, int(count))
-                fine = int(np.ceil(float(intervals.dt[some].max()) / count / self.settings.fine))
-                end = end_states(here, start, motor, intervals.dt[some], fine)
+            for part in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
+                start = State(nodes[part, :n], nodes[part, n : 2 * n], self._memory(nodes[part]))
+                here = model._replace(plant=self._plant_at(estimate, plant, part))
+                motor = self._motor_torque(estimate, drive, part, int(count))
+                fine = int(np.ceil(float(intervals.dt[part].max()) / count / self.settings.fine))
+                end = end_states(here, start, motor, intervals.dt[part], fine)
                 if start.memory and estimate.friction.law.sample_time is not None:
-                    after = self._following(some)
+                    after = self._following(part)
                     later = self._torque_between(estimate, drive, after, _WHOLE)
-                    end = memory_after_sample(here, end, later, intervals.dt[some])
-                out.end[some] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
-                out.by_start[some] = end.by_start
+                    end = memory_after_sample(here, end, later, intervals.dt[part])
+                out.end[part] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
+                out.by_start[part] = end.by_start
                 by = self._shared(end.by_parameters)
-                out.by[some, :, : by.shape[-1]] = by
+                out.by[part, :, : by.shape[-1]] = by
 
     def initial_nodes(self, estimate: Estimate) -> Array:
         """Nodes (K, s) from the smoothed motion."""
@@ -169,7 +169,7 @@ class ShootingProblem:
         return memory_of(nodes, self.intervals.dataset.mechanism)
 
     def _entering(self, enters: str) -> list[Parameter]:
-        return [p for own in self.blocks if own.block.enters == enters for p in own.parameters]
+        return [p for free in self.blocks if free.block.enters == enters for p in free.parameters]
 
     def _shared(self, by: Array) -> Array:
         """Derivatives by the free parameters, from those by each of their places, last axis."""
@@ -193,10 +193,10 @@ class ShootingProblem:
 
     def _plant_at(self, estimate: Estimate, plant: Plant, rows: Array) -> Plant:
         """The plant of some intervals, with their temperature where friction depends on it."""
-        own = plant[self.intervals.recording[rows]]
+        plants = plant[self.intervals.recording[rows]]
         if self.intervals.temperature is None or not estimate.friction.law.uses_temperature:
-            return own
-        return replace(own, temperature=self.intervals.temperature[rows])
+            return plants
+        return replace(plants, temperature=self.intervals.temperature[rows])
 
     def _pieces(self, estimate: Estimate, plant: Plant) -> Array:
         """Pieces (K,) of each interval."""
@@ -245,8 +245,8 @@ class ShootingProblem:
             up, down = (pieces_of(end, recording, edges) for end in (above, below))
             scale = calibration.gain * driven
             by = np.append(by, ((up.mean - down.mean) * scale / apart)[:, None], axis=1)
-            more = ((up.moment - down.moment) * scale / apart)[:, None]
-            moment_by = np.append(moment_by, more, axis=1)
+            change = ((up.moment - down.moment) * scale / apart)[:, None]
+            moment_by = np.append(moment_by, change, axis=1)
         motor = MotorTorque(u, by, moment, moment_by)
         return motor if drive.B is None else self._damped(estimate, drive.B, motor, rows, edges)
 
@@ -272,9 +272,9 @@ class ShootingProblem:
 
     def _angle(self) -> Array:
         out = np.zeros((self.count, self.intervals.n))
-        for own in self.blocks:
-            if own.block.enters == "angle":
-                for k, parameter in enumerate(own.parameters, own.columns.start):
+        for free in self.blocks:
+            if free.block.enters == "angle":
+                for k, parameter in enumerate(free.parameters, free.columns.start):
                     out[k, parameter.place[0]] = 1.0
         return out
 

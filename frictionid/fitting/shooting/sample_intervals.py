@@ -65,11 +65,11 @@ class Intervals:
         """Temperature (K, n) [degC] of joints in the middle of each; None unless all know it."""
         out, middle = np.empty_like(self.q), self.time + self.dt / 2
         for r, recording in enumerate(self.dataset.recordings):
-            own = self.recording == r
-            known = temperature_at(recording, middle[own], self.dataset.mechanism.joints)
-            if known is None:
+            rows = self.recording == r
+            values = temperature_at(recording, middle[rows], self.dataset.mechanism.joints)
+            if values is None:
                 return None
-            out[own] = known
+            out[rows] = values
         return out
 
     def take(self, rows: Array) -> Intervals:

@@ -81,7 +81,7 @@ def damping(intervals: Intervals, calibration: Calibration, motors: Array) -> Ar
         if recording.servo is not None:
             rows = intervals.recording == r
             servo = calibrated_servo(recording.servo, calibration)
-            motion = ServoMotion.of(recording, states, servo)
+            motion = ServoMotion.along(recording, states, servo)
             out[rows] = servo.damping_at(middle[rows], *motion.at(middle[rows])) * motors
     return out
 
@@ -99,7 +99,7 @@ def torque_signals(intervals: Intervals, calibration: Calibration, B: Array) -> 
         servo = calibrated_servo(recording.servo, calibration)
         rows = intervals.recording == r
         edges = intervals.time[rows] - float(calibration.delay)
-        motion = ServoMotion.of(recording, states, servo)
+        motion = ServoMotion.along(recording, states, servo)
         signals.append(torque_signal(servo, motion, edges, B[rows]))
     return integrals_of(signals)
 
@@ -128,7 +128,7 @@ class ServoMotion(NamedTuple):
     curve: Array | None = None
 
     @staticmethod
-    def of(recording: Recording, states: States, servo: Servo) -> ServoMotion:
+    def along(recording: Recording, states: States, servo: Servo) -> ServoMotion:
         smooth = Signal(states.time, states.q, "linear")
         seen = seen_by_encoder(servo, recording.angle, smooth)
         dt = np.diff(states.time)[:, None]

@@ -102,7 +102,7 @@ def check_servo(
     """
     parameters = {free.block.name: free.parameters for free in blocks}
     names = {p.name for p in parameters.get("actuator", ())}
-    known = any(np.isfinite(p.prior) for group in parameters.values() for p in group)
+    informed = any(np.isfinite(p.prior) for group in parameters.values() for p in group)
     remedy = "fix actuator.kt or actuator.R, or give a prior of the block"
     if "gain" in parameters and "actuator" in parameters:
         raise InputError(
@@ -110,7 +110,7 @@ def check_servo(
         )
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and parameters.get("friction")
-    if scale and "R" in names and not known:
+    if scale and "R" in names and not informed:
         raise InputError(
             "blocks 'actuator' and 'inertia' with all base parameters free: a smaller R with "
             "larger inertias and friction gives the same motion: fix actuator.R, or one base "
@@ -120,7 +120,7 @@ def check_servo(
     viscous = any(p.name.startswith("viscous") for p in parameters.get("friction", ()))
     rows = _connected(intervals, estimate)
     passive = bool((rows == 0).all(axis=1).any())
-    if names == set(MOTOR) and viscous and not (known or passive or reads_torque):
+    if names == set(MOTOR) and viscous and not (informed or passive or reads_torque):
         raise InputError(
             "block 'actuator': while the motor is connected only kt/R and the sum of viscous "
             f"friction and kt^2/R show in the motion: {remedy}, or add recordings in which it is "

@@ -103,18 +103,18 @@ def _between_samples(
     theta = memory = None
     for k in range(windows.shape[1]):
         rows = np.flatnonzero(windows[:, k] >= 0)
-        own = friction.theta if len(rows) == len(windows) else friction.theta[rows]
+        theta_here = friction.theta if len(rows) == len(windows) else friction.theta[rows]
         at, before = windows[rows, k], windows[rows, max(k - 1, 0)]
         if theta is None or memory is None:
             x = _inputs(samples, nodes[at], samples.u[0][at])
-            here = law.start(own, x)
+            here = law.start(theta_here, x)
             memory = tuple(np.zeros((len(windows), x.w.shape[-1])) for _ in here)
         else:
             x = _inputs(samples, nodes[at], samples.u[-1][before])
-            here = law.advance(own, x, tuple(z[rows] for z in memory), dt[before, None])
+            here = law.advance(theta_here, x, tuple(z[rows] for z in memory), dt[before, None])
         for whole, entry in zip(memory, here, strict=True):
             whole[rows] = entry
-        still, numbers = held(law, own, tuple(z[rows] for z in memory))
+        still, numbers = held(law, theta_here, tuple(z[rows] for z in memory))
         if theta is None:
             theta = np.empty((len(nodes), *numbers.shape[1:]))
         theta[at] = numbers
@@ -127,14 +127,14 @@ def _linearised(
 ) -> Linearisation:
     """End states of all intervals from nodes (K, s), and their derivatives by these."""
     intervals, u, n, K = samples.intervals, samples.u, samples.intervals.n, len(nodes)
-    owner, mechanism, some = samples.owner, plant.mechanism, np.arange(min(64, K))
+    owner, mechanism, first = samples.owner, plant.mechanism, np.arange(min(64, K))
     part = float(intervals.dt.max()) / len(u)
     step_size_of(plant, friction, part)  # refuses laws that no step resolves
     place = owner  # of each interval's own friction
     if friction.law.sample_time is not None:
         friction, place = _between_samples(samples, friction, nodes)[0], np.arange(K)
-    x = _inputs(samples, nodes[some], u[0][some])
-    reads = reads_of(friction.law, friction.theta[place[some]], x)
+    x = _inputs(samples, nodes[first], u[0][first])
+    reads = reads_of(friction.law, friction.theta[place[first]], x)
     fine = max(1, int(np.ceil(part / _FINE)))
     out = Linearisation.zeros(nodes, np.zeros((0, n)))
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
@@ -161,7 +161,7 @@ def solve_states(samples: SampleWindows, plant: Plant, friction: Friction) -> tu
     states (W, n) at the ends of the W windows that have an interval, and how far [rad] nodes are
     from the prediction of their own window, (W,)
     """
-    known = rows = np.flatnonzero(samples.windows[:, 0] >= 0)
+    used = rows = np.flatnonzero(samples.windows[:, 0] >= 0)
     nodes = _initial_nodes(samples, friction)
     linearised = _linearised(samples, plant, friction, nodes)
     windows = moving = samples.windows[rows]
@@ -171,29 +171,29 @@ def solve_states(samples: SampleWindows, plant: Plant, friction: Friction) -> tu
             rows, moving = rows[~still], moving[~still]
             if not len(rows):
                 break
-            some = moving[moving >= 0]
-            nodes[some] = moved[some]
-            own = _linearised(samples.take(rows), plant[rows], friction[rows], nodes[some])
-        linearised.end[some], linearised.by_start[some] = own.end, own.by_start
+            moved_rows = moving[moving >= 0]
+            nodes[moved_rows] = moved[moved_rows]
+            part = _linearised(samples.take(rows), plant[rows], friction[rows], nodes[moved_rows])
+        linearised.end[moved_rows], linearised.by_start[moved_rows] = part.end, part.by_start
     n = samples.intervals.n
     prediction = predict_windows(samples.intervals, linearised, nodes, windows, np.zeros(n))
     gap = np.abs(prediction.moved[..., :n]).max(axis=(1, 2))
-    return _last_states(samples, friction, nodes, linearised.end, known), gap
+    return _last_states(samples, friction, nodes, linearised.end, used), gap
 
 
 def _last_states(
-    samples: SampleWindows, friction: Friction, nodes: Array, end: Array, known: Array
+    samples: SampleWindows, friction: Friction, nodes: Array, end: Array, used: Array
 ) -> State:
     """States at the ends of windows, `known` (W,), of the ends (K, s) of intervals from nodes."""
     n, law, mechanism = samples.intervals.n, friction.law, samples.intervals.dataset.mechanism
-    last = samples.windows[known].max(axis=1)
+    last = samples.windows[used].max(axis=1)
     state = State(end[last, :n], end[last, n : 2 * n], memory_of(end[last], mechanism))
     if law.sample_time is None:
         return state
-    memory = tuple(z[known] for z in _between_samples(samples, friction, nodes)[1])
+    memory = tuple(z[used] for z in _between_samples(samples, friction, nodes)[1])
     x = _inputs(samples, end[last], samples.u[-1][last])
     dt = samples.intervals.dt[last, None]
-    return state._replace(memory=law.advance(friction.theta[known], x, memory, dt))
+    return state._replace(memory=law.advance(friction.theta[used], x, memory, dt))
 
 
 def _moved(

@@ -79,21 +79,21 @@ def _predicted(
     """Predictions of windows (W, N), linearised some at a time: many need little more room."""
     offset = estimate.calibration.offset
 
-    def predicted(own: Array) -> WindowPrediction:
-        linearised = problem.linearise(estimate, nodes, own[own >= 0])
-        return predict_windows(problem.intervals, linearised, nodes, own, offset)
+    def predicted(part: Array) -> WindowPrediction:
+        linearised = problem.linearise(estimate, nodes, part[part >= 0])
+        return predict_windows(problem.intervals, linearised, nodes, part, offset)
 
     count = -(-windows.size // AT_ONCE)
     if count == 1:
         return predicted(windows)
     out: WindowPrediction | None = None
     first = 0
-    for own in np.array_split(windows, count):
-        part = predicted(own)
+    for part_windows in np.array_split(windows, count):
+        part = predicted(part_windows)
         out = out or WindowPrediction(*(np.empty((len(windows), *x.shape[1:])) for x in part))
         for whole, values in zip(out, part, strict=True):
-            whole[first : first + len(own)] = values
-        first += len(own)
+            whole[first : first + len(part_windows)] = values
+        first += len(part_windows)
     assert out is not None
     return out
 
@@ -102,9 +102,9 @@ def cost_of(prediction: WindowPrediction, out: Array, sigma: Array, huber: float
     """Cost of all windows but those left `out` (W,), tapered as `_taper` says."""
     lost = _lost_cost(prediction, huber)
     u = _taper(_costs(prediction, sigma, huber), lost)
-    own = np.minimum(_costs(prediction, sigma, huber), _HALF * lost)
-    more = (1.0 - _HALF) * lost * (u - 2 * u**3 / 3 + u**5 / 5)
-    return float((own + more)[~out].sum())
+    plain = np.minimum(_costs(prediction, sigma, huber), _HALF * lost)
+    tapered = (1.0 - _HALF) * lost * (u - 2 * u**3 / 3 + u**5 / 5)
+    return float((plain + tapered)[~out].sum())
 
 
 def counts_of(point: Point, sigma: Array, huber: float) -> Array:
@@ -189,10 +189,10 @@ def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> 
     )
 
 
-def _replaced(values: Array, rows: Array, own: Array) -> Array:
+def _replaced(values: Array, rows: Array, new: Array) -> Array:
     """A copy of the values with some rows replaced."""
     out = values.copy()
-    out[rows] = own
+    out[rows] = new
     return out
 
 
@@ -202,9 +202,9 @@ def initial_state_damping(problem: ShootingProblem, point: Point, sigma: Array) 
     A window's own information is worth more, unless a joint rests or a kink is near.
     """
     per_time = np.median(problem.intervals.dt) / sigma
-    own = np.concatenate([1.0 / sigma, per_time]) / _FAR
+    held = np.concatenate([1.0 / sigma, per_time]) / _FAR
     information = np.concatenate([1.0 / sigma, per_time * len(point.prediction.error[0])])
-    return own**2 + point.damping[:, None] * information**2
+    return held**2 + point.damping[:, None] * information**2
 
 
 def moved_nodes(problem: ShootingProblem, point: Point, moves: Array) -> Array:

@@ -114,8 +114,8 @@ def _without_explosions(prediction: WindowPrediction, size: Array) -> WindowPred
     by_start = prediction.slope[..., : 2 * n] * np.tile(size, 2) / size[:, None]
     steep = np.abs(by_start).max(axis=(1, 2, 3))
     sums = [x.sum(axis=(1, 2, 3)) for x in (prediction.slope, prediction.carried)]
-    known = np.isfinite(sums).all(axis=0)
-    tame = known & (steep < _WILD) & (np.abs(prediction.error / size).max(axis=(1, 2)) < _FAR)
+    finite = np.isfinite(sums).all(axis=0)
+    tame = finite & (steep < _WILD) & (np.abs(prediction.error / size).max(axis=(1, 2)) < _FAR)
     if tame.all():
         return prediction
     far = _FAR * size * (prediction.share[..., None] > 0)
@@ -167,10 +167,10 @@ def eliminate_states(
         return _eliminated(prediction, weight, sigma, prior, damping)
     parts = []
     for rows in np.array_split(np.arange(W), count):
-        own = slice(int(rows[0]), int(rows[-1]) + 1)
-        some = WindowPrediction(*(x[own] for x in prediction))
-        less = None if damping is None else damping[own]
-        parts.append(_eliminated(some, weight[own], sigma, prior[:, own], less))
+        part = slice(int(rows[0]), int(rows[-1]) + 1)
+        prediction_part = WindowPrediction(*(x[part] for x in prediction))
+        less = None if damping is None else damping[part]
+        parts.append(_eliminated(prediction_part, weight[part], sigma, prior[:, part], less))
     return NormalEquations(*map(np.concatenate, zip(*parts, strict=True)))
 
 
@@ -184,22 +184,22 @@ def _eliminated(
     A = (prediction.slope * root[..., None]).reshape(W, -1, D)
     b = (prediction.error * root).reshape(W, -1)
     size = prior.shape[-1]
-    own, shared = A[..., :size], A[..., size:]
-    turned = np.swapaxes(own, 1, 2)
+    alone, shared = A[..., :size], A[..., size:]
+    turned = np.swapaxes(alone, 1, 2)
     wanted, precision = prior
-    start = turned @ own + precision[:, :, None] * np.eye(size)
+    start = turned @ alone + precision[:, :, None] * np.eye(size)
     start_right = (turned @ b[..., None])[..., 0] + precision * wanted
     inverse = np.linalg.inv(start)
     cross = turned @ shared
     to_start = inverse @ cross
     best = (inverse @ start_right[..., None])[..., 0]
     # as a sum of squares: a difference of large ones may come out negative
-    rest = shared - own @ to_start
+    rest = shared - alone @ to_start
     H = np.swapaxes(rest, 1, 2) @ rest
     H += np.swapaxes(to_start, 1, 2) @ (precision[:, :, None] * to_start)
     kept = (precision * wanted)[:, None]
     g = (b[:, None] @ rest - kept @ to_start)[:, 0]
-    leverage = ((own @ inverse) * own).sum(axis=-1).reshape(root.shape)
+    leverage = ((alone @ inverse) * alone).sum(axis=-1).reshape(root.shape)
     if damping is not None:
         held = start + damping[:, :, None] * np.eye(size)
         both = np.linalg.solve(held, np.concatenate([cross, start_right[..., None]], axis=-1))

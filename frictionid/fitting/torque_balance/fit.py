@@ -22,13 +22,13 @@ from frictionid.fitting.shooting.covariance import grouped_covariance
 from frictionid.fitting.shooting.refine import Refined
 from frictionid.fitting.shooting.sandwich import FEW, Groups
 from frictionid.fitting.shooting.significance import least_significant
-from frictionid.fitting.torque_balance.consistent import made_consistent
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
     TorqueSettings,
     TorqueSolution,
     left_to_friction,
     logged_gain,
+    made_consistent,
     solve,
 )
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance

@@ -5,7 +5,7 @@ Minimised is  sum over windows and joints of  huber(e / sigma)^2 + priors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from frictionid.fitting.parameters.parameter_block import (
     Logged,
     Parameter,
     all_parameters,
+    free_blocks,
     prior_mean,
     prior_precision,
     values_of,
@@ -27,6 +28,7 @@ from frictionid.fitting.parameters.parameter_block import (
 )
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
 from frictionid.friction import along
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
 
 
 def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
@@ -118,24 +120,24 @@ class TorqueProblem:
         out = np.zeros((*balance.slides.shape, len(self.parameters)))
         pieces = balance.logged(float(estimate.calibration.delay))
         u = Logged(pieces.mean[0], pieces.mean_later[0])
-        for own in self.blocks:
-            at = range(own.columns.start, own.columns.stop)
-            if own.block.enters == "friction":
+        for free in self.blocks:
+            at = range(free.columns.start, free.columns.stop)
+            if free.block.enters == "friction":
                 slope = self._friction_slopes(estimate)
-                for k, p in zip(at, own.parameters, strict=True):
+                for k, p in zip(at, free.parameters, strict=True):
                     acts = estimate.mechanism.friction_map[p.place[0]]
                     out[:, :, k] = -slope[:, p.place[0], p.place[1], None] * acts
-            elif own.block.enters == "base":
-                which = [p.place[0] for p in own.parameters]
-                out[:, :, own.columns] = -balance.regressor[:, :, which]
+            elif free.block.enters == "base":
+                which = [p.place[0] for p in free.parameters]
+                out[:, :, free.columns] = -balance.regressor[:, :, which]
             else:
-                by_torque = own.block.torque_slope(estimate, own.parameters, u)
-                out[:, :, own.columns] = np.moveaxis(by_torque * driven, 0, -1)
+                by_torque = free.block.torque_slope(estimate, free.parameters, u)
+                out[:, :, free.columns] = np.moveaxis(by_torque * driven, 0, -1)
         out /= logged_gain(estimate)[:, None]
-        for own in self.blocks:
-            if own.block.name == "gain":
-                joints = [p.place[0] for p in own.parameters]
-                columns = np.arange(own.columns.start, own.columns.stop)
+        for free in self.blocks:
+            if free.block.name == "gain":
+                joints = [p.place[0] for p in free.parameters]
+                columns = np.arange(free.columns.start, free.columns.stop)
                 gain = logged_gain(estimate)[joints]
                 out[:, joints, columns] -= self.unexplained(estimate)[:, joints] / gain
         return out
@@ -227,9 +229,9 @@ def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> Torqu
 def _weights(residual: Array, counts: Array, clip: float) -> tuple[Array, Array]:
     """Noise (n,) of the joints' torques, and Huber's weights (K, n) of what counts [Huber1964]."""
     size = np.where(counts, np.abs(residual), np.nan)
-    known = counts.any(axis=0)
+    shown = counts.any(axis=0)
     sigma = np.ones(residual.shape[1])
-    sigma[known] = MAD * np.nanmedian(size[:, known], axis=0)
+    sigma[shown] = MAD * np.nanmedian(size[:, shown], axis=0)
     sigma = np.maximum(sigma, 1e-12 * max(float(np.nanmax(size, initial=0.0)), 1e-300))
     ratio = np.abs(residual) / (clip * sigma)
     return sigma, np.where(counts, 1.0 / np.maximum(ratio, 1.0), 0.0)
@@ -243,3 +245,62 @@ def normal_equations(slopes: Array, residual: Array, weights: Array) -> tuple[Ar
     D = slopes.shape[-1]
     weighted = (weights[..., None] * slopes).reshape(-1, D)
     return weighted.T @ slopes.reshape(-1, D), -(weighted.T @ residual.ravel())
+
+
+_HELD = 1e6  # how much better than the data know the others base parameters are held that are fixed
+
+
+def made_consistent(
+    problem: TorqueProblem, solution: TorqueSolution, use: Array, settings: TorqueSettings
+) -> TorqueSolution:
+    """The solution with consistent base parameters: the nearest by the information of the fit.
+
+    What else is free is fitted once more beside them.
+
+    Raises
+    ------
+    InputError
+        For mechanisms whose bodies are not known.
+    """
+    mechanism = solution.estimate.mechanism
+    base_block = next((b for b in problem.blocks if b.block.enters == "base"), None)
+    if base_block is None or not base_block.parameters:
+        return solution
+    if not isinstance(mechanism, RigidBodyTree):
+        raise InputError(
+            f"consistent = true needs the bodies of a URDF or MJCF, which {mechanism.kind} does "
+            "not have: leave it out; base parameters stay on a path on which M(q) is positive"
+        )
+    places = [p.place[0] for p in base_block.parameters]
+    metric = _information(problem, solution, places, len(mechanism.base_names))
+    wanted = np.asarray(solution.estimate.calibration.base, dtype=float)
+    base = nearest_consistent(mechanism, wanted, metric)
+    fixed = np.setdiff1d(np.arange(len(base)), places)
+    base[fixed] = wanted[fixed]
+    held = solution.estimate._replace(calibration=replace(solution.estimate.calibration, base=base))
+    others = tuple(b.block for b in problem.blocks if b is not base_block)
+    after = solve(TorqueProblem(problem.balance, free_blocks(others, held), held), use, settings)
+    free = np.array(solution.free)
+    rest = np.ones(len(free), dtype=bool)
+    rest[base_block.columns] = False
+    free[rest] = after.free
+    return after._replace(slopes=problem.slopes(after.estimate), free=free)
+
+
+def _information(
+    problem: TorqueProblem, solution: TorqueSolution, places: list[int], count: int
+) -> Array:
+    """Information (nb, nb) on the base parameters, whatever else is free; fixed ones are held."""
+    H = solution.normal_equations()[0]
+    H = H + np.diag(problem.prior_precision)
+    place = next(b for b in problem.blocks if b.block.enters == "base").columns
+    rest = np.ones(len(H), dtype=bool)
+    rest[place] = False
+    inner = H[place, place]
+    if rest.any():
+        inner = (
+            inner - H[place][:, rest] @ np.linalg.pinv(H[np.ix_(rest, rest)]) @ H[rest][:, place]
+        )
+    out = np.eye(count) * _HELD * float(np.diag(inner).max())
+    out[np.ix_(places, places)] = (inner + inner.T) / 2
+    return out

@@ -171,8 +171,8 @@ def _slowest(balance: TorqueBalance, counts: Array) -> Array:
     shows = counts @ (balance.dataset.mechanism.friction_map != 0).T
     out = np.array(balance.slowest)
     for i, k in np.ndindex(*out.shape):
-        own = least[(balance.recording == i) & shows[:, k], k]
-        out[i, k] = max(out[i, k], np.quantile(own, _SLOW_ROWS)) if len(own) else out[i, k]
+        speeds = least[(balance.recording == i) & shows[:, k], k]
+        out[i, k] = max(out[i, k], np.quantile(speeds, _SLOW_ROWS)) if len(speeds) else out[i, k]
     return out
 
 
@@ -203,8 +203,8 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     first = first[broken[first] == broken[first + count]]
     stencil = 2 * first[:, None] + np.arange(2 * count + 1)
     rows = [np.zeros((0, plant.n, len(plant.mechanism.base_names)))]
-    for some in np.array_split(stencil, max(1, stencil.size // _NODES)):
-        rows += [_regressor(plant.mechanism, time, q, w, some)] if len(some) else []
+    for part in np.array_split(stencil, max(1, stencil.size // _NODES)):
+        rows += [_regressor(plant.mechanism, time, q, w, part)] if len(part) else []
     return _Part(
         inputs, time, stencil, np.concatenate(rows), time[stencil[:, 0]], time[stencil[:, -1]]
     )

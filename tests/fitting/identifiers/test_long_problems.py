@@ -38,7 +38,7 @@ def _repeated(problem, times):
 def test_stretches_change_no_number(law, joints, monkeypatch):
     problem = synthetic_problem(joints)
     weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
-    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    fit = Linearised.within(law, problem, weights, Given({}, {}))
     theta = np.random.default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
     whole = fit.normal_equations(theta, fit.residual(theta), weights)
     monkeypatch.setattr(linearised, "_ROWS", 37)
@@ -101,7 +101,7 @@ def test_more_rows_need_little_more_memory(monkeypatch):
 def test_grams_by_pairs_of_joints_are_those_of_the_whole_columns(monkeypatch):
     problem, law = synthetic_problem(2), Stribeck()
     weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
-    fit = Linearised.of(law, problem, weights, Given({}, {}))
+    fit = Linearised.within(law, problem, weights, Given({}, {}))
     values = np.repeat(np.array(law.initial)[:5, None], 2, axis=1)
     J = fit.jacobian(values.reshape(5, -1))
     torque = problem.mean(along(fit.friction(values), problem.nodes))

@@ -230,7 +230,7 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     q, w = cubic(time)[:, None], cubic.deriv()(time)[:, None]
     recording = simulated(lambda t: t > -1)[0]
     recording = replace(recording, angle=Signal(time, q, "linear"))
-    motion = ServoMotion.of(recording, States(time, q, w), recording.servo)
+    motion = ServoMotion.along(recording, States(time, q, w), recording.servo)
     fine = np.linspace(0.0, 1.0, 201)
     np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
 
