@@ -21,11 +21,11 @@ from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
 
 from frictionid import load_dataset
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, ParameterBlock
 from frictionid.fitting.parameters.parameter_block import Estimate
-from frictionid.fitting.shooting import Refined
 from frictionid.fitting.torque_balance import (
     TorqueBalance,
     TorqueSettings,
@@ -102,7 +102,7 @@ def balances(name: str) -> Balances:
     return Balances(rows, samples, low_pass, max(1, round(arm.every / dt)))
 
 
-def left(data: Balances, fit: Refined) -> tuple[Any, Any, Any]:
+def left(data: Balances, fit: Fit) -> tuple[Any, Any, Any]:
     """Torques (K, n) [N m] that a fit leaves, measured ones, and their times, low-passed."""
     balance, mechanism = data.samples, data.samples.dataset.mechanism
     friction = balance.problem.mean(along(fit.friction, balance.nodes)) @ mechanism.friction_map
@@ -142,11 +142,11 @@ def cross_validated(data: Balances, law: Any, free: Any, until: float) -> float:
     return float(np.sqrt(squares[0] / squares[1]))
 
 
-def compare(name: str) -> tuple[Table, Refined]:
+def compare(name: str) -> tuple[Table, Fit]:
     """Table of laws, and the fit of the law that cross-validation chooses."""
     arm, data = ARMS[name], balances(name)
     table = Table("law", "inertias", "cross-validated", "held out", "by joint", title=name)
-    best: tuple[float, Refined] | None = None
+    best: tuple[float, Fit] | None = None
     for label, free in blocks(name, data).items():
         for law_name, law in LAWS.items():
             score = cross_validated(data, law, free, arm.until)
@@ -165,7 +165,7 @@ def compare(name: str) -> tuple[Table, Refined]:
     return table, best[1]
 
 
-def friction_table(fit: Refined) -> Table:
+def friction_table(fit: Fit) -> Table:
     """Friction with its 95 % intervals."""
     table = Table("parameter", "value", "95 %", title=f"{fit.friction.law}")
     interval = fit.covariance.interval()

@@ -22,8 +22,9 @@ from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task
 from frictionid.data.plants import plant_of
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.one_step.formulation import training_problem
-from frictionid.fitting.shooting import Refined, Shooting, refine
+from frictionid.fitting.shooting import Shooting, refine
 
 ERRORS = 2.0  # standard errors within which two halves agree
 
@@ -36,7 +37,7 @@ def chosen(file: Path, identifier: str, data: Path | None) -> tuple[Task, Shooti
     raise SystemExit(f"{file}: no identifier {identifier!r} by shooting")
 
 
-def fitted(task: Task, recipe: Shooting, which: Sequence[int], begin: Refined | None) -> Refined:
+def fitted(task: Task, recipe: Shooting, which: Sequence[int], begin: Fit | None) -> Fit:
     """Fit to some recordings, from where another ended or else from the one-step fit."""
     dataset, protocol = task.benchmark.dataset, task.benchmark.protocol
     dataset = replace(dataset, recordings=tuple(dataset.recordings[i] for i in which))
@@ -80,7 +81,7 @@ def main() -> None:
     report(whole, names, np.array(off))
 
 
-def report(whole: Refined, names: Sequence[str], off: np.ndarray) -> None:
+def report(whole: Fit, names: Sequence[str], off: np.ndarray) -> None:
     """Tables: each parameter with its differences (splits, D), and the share that agrees."""
     console, table = Console(width=120), Table()
     for head in (

@@ -38,6 +38,7 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import (
@@ -47,7 +48,7 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting import Refined, Shooting, refine
+from frictionid.fitting.shooting import Shooting, refine
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
@@ -62,14 +63,14 @@ UNSEEN = 100  # added to the seeds of sets that only test
 Lines = list[tuple[str, str]]
 
 
-def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = ALL) -> Refined:
+def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = ALL) -> Fit:
     """What `frictionid fit --by shooting` finds."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
     start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
     return refine(start, dataset, blocks)
 
 
-def off(found: Refined, dataset: Dataset) -> np.ndarray:
+def off(found: Fit, dataset: Dataset) -> np.ndarray:
     """Curve error (n,) of each joint."""
     moved = np.concatenate([r.truth.velocity.value for r in dataset.recordings])
     grid = velocity_grid(moved)
@@ -78,7 +79,7 @@ def off(found: Refined, dataset: Dataset) -> np.ndarray:
     )
 
 
-def ahead(found: Refined, dataset: Dataset) -> np.ndarray:
+def ahead(found: Fit, dataset: Dataset) -> np.ndarray:
     """Median and 90 % quantile (2,) [rad] after 1 s, from initial states by the model itself."""
     protocol = Protocol(horizons=(ONE,), initial_states="model")
     scores = score_model(found.friction, prepare(dataset, protocol)).scores

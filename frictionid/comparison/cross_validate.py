@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.fit_model import with_equations, with_intervals
+from frictionid.comparison.fit_model import with_notes
 from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
@@ -40,12 +40,11 @@ from frictionid.evaluation.complexity import effective_parameters
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
 from frictionid.evaluation.plausibility import Beyond, beyond_motion
 from frictionid.evaluation.score_frame import Score
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Fit, Method
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.fitting.one_step.one_step_fit import OneStepFit
 from frictionid.fitting.parameters.parameter_block import Parameter
-from frictionid.fitting.shooting import Refined
 from frictionid.friction import Constraints, Friction
 
 
@@ -55,14 +54,14 @@ def complexity_score(fit: Fit) -> Score | None:
     Of a fit with a covariance, by shooting or inverse dynamics, how many parameters, those of the
     machine and its sensors too, the data determine: at no bound, with a finite error.
     """
-    friction = fit.friction[-1]
-    if fit.refined is not None and not friction.law.is_network:
-        covariance, own = fit.refined.covariance, fit.refined.fitted.constraints
+    friction, network = fit.friction, fit.friction.law.is_network
+    if fit.fitted is not None and not network:
+        covariance, constraints = fit.covariance, fit.fitted.constraints
         known = np.isfinite(covariance.error) & ~covariance.bound
-        count = float(sum(known[k] for k in _once(covariance.parameters, own)))
-    elif isinstance(fit, OneStepFit):
+        count = float(sum(known[k] for k in _once(covariance.parameters, constraints)))
+    elif fit.problem is not None and fit.weights is not None:
         count = effective_parameters(friction, fit.problem, fit.weights)
-    elif friction.law.is_network:
+    elif network:
         count = float(np.size(friction.theta))
     else:
         return None
@@ -99,7 +98,7 @@ class Result(NamedTuple):
     tests: Mapping[str, pd.DataFrame]
     seconds: Mapping[str, float]
     grid: Array
-    refined: Refined | None = None
+    refined: Fit | None = None
     loops: tuple[HysteresisLoop, ...] = ()
     members: Array | None = None
     beyond: Beyond | None = None
@@ -184,8 +183,7 @@ def run(
     shared = shared or prepare_benchmark(benchmark, [recipe])
     clock.append(time.perf_counter())
     fit = recipe.fit(identifier, shared.training, seed)
-    friction = with_equations(fit)
-    friction = friction if identifier.fixed else with_intervals(friction, fit)
+    friction = with_notes(fit, intervals=not identifier.fixed)
     clock.append(time.perf_counter())
     views = None if identifier.fixed else shared.training.views.get(recipe.name)
     result = score(friction, benchmark, shared, views)
@@ -195,7 +193,7 @@ def run(
     if count is not None:
         rows = [*result.scores.itertuples(index=False), count]
         result = result._replace(scores=score_frame(rows))
-    return result._replace(refined=fit.refined, seconds=seconds)
+    return result._replace(refined=fit if fit.diagnostics else None, seconds=seconds)
 
 
 def score(

@@ -12,9 +12,8 @@ from scipy.special import stdtr  # scipy.stats takes half a second to import
 from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Fit
-from frictionid.fitting.one_step.one_step_fit import OneStepFit, covariance_of_fit
 from frictionid.friction import Friction, Groups
 
 LEVEL = 0.01  # p-values below it say that joints are not equal
@@ -99,7 +98,7 @@ def differences(fit: Fit, equal: Groups) -> list[Difference]:
     Each parameter of a joint against that of the first of its group, where both are known, with
     the t distribution of the fit's intervals. P-values are multiplied by their number (Bonferroni).
     """
-    friction, (covariance, freedom) = fit.friction[-1], _covariance(fit)
+    friction, (covariance, freedom) = fit.friction, _covariance(fit)
     theta = np.asarray(friction.theta, dtype=float)
     P = theta.shape[-1]
     out = []
@@ -140,19 +139,16 @@ def sentences(tests: list[Difference], equal: Groups) -> list[str]:
 
 def _covariance(fit: Fit) -> tuple[Array, int]:
     """Covariance (n P, n P) of the friction of all data, NaN where unknown, and its freedom."""
-    if isinstance(fit, OneStepFit):
-        return covariance_of_fit(fit.friction[-1], fit.problem, fit.weights)
-    refined: Any = fit.refined
-    own, shape = refined.covariance, np.shape(refined.friction.theta)
+    covariance, shape = fit.covariance, np.shape(fit.friction.theta)
     known = [
         (k, int(np.ravel_multi_index(p.place, shape)))
-        for k, p in enumerate(own.parameters)
-        if p.block == "friction" and np.isfinite(own.error[k])
+        for k, p in enumerate(covariance.parameters)
+        if p.block == "friction" and np.isfinite(covariance.error[k])
     ]
     out = np.full(2 * [int(np.prod(shape))], np.nan)
     at, to = (np.array([pair[i] for pair in known], dtype=int) for i in (0, 1))
-    out[np.ix_(to, to)] = own.matrix[np.ix_(at, at)]
-    return out, own.freedom
+    out[np.ix_(to, to)] = covariance.matrix[np.ix_(at, at)]
+    return out, covariance.freedom
 
 
 def check_units(friction: Friction, equal: Groups) -> None:

@@ -28,39 +28,33 @@ from frictionid.evaluation import (
     velocity_grid,
     with_speeds,
 )
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Fit, Method
+from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.friction import Friction
 
 
-def with_equations(fit: Fit) -> Friction:
-    """Friction (F, n, P) of a fit; its provenance has a line for each joint of all data.
+def with_notes(fit: Fit, *, intervals: bool = True) -> Friction:
+    """Friction (F + 1, n, P) of a fit's folds and of all data, with what the fit says of all data.
 
-    Laws that are not sparse have none. Behind each coefficient stands its 95 % interval where the
-    recipe shoots, and else its standard error in a one-step fit; `equation_errors` says which.
+    Sparse laws have an `equation` for each joint. Behind each coefficient stands its 95 % interval
+    where the recipe shoots, and else its standard error in a one-step fit; `equation_errors` says
+    which. One-step fits have `half_widths` (n, P) of 95 % intervals of the noise alone, NaN where
+    there is none, and what they hold in words; networks have none, shooting has its own.
     """
-    friction, last = fit.friction, fit.friction[-1]
-    if not last.law.is_sparse:
-        return friction
-    bars = fit.error_bars()
-    lines = last.law.equation(last.theta, bars.size, last.position_units)
-    return friction.noted({"equation": tuple(lines), "equation_errors": bars.meaning})
-
-
-def with_intervals(friction: Friction, fit: Fit) -> Friction:
-    """Friction (F, n, P) of a one-step fit, with the intervals of all data in its provenance.
-
-    `half_widths` (n, P) of 95 % intervals of the noise alone, NaN where there is none, and what
-    they hold in words. Networks have none; shooting has its own.
-    """
-    law = friction.law
-    if fit.refined is not None or law.is_network or not law.names or law.cannot_be_saved:
-        return friction
-    hold = "noise alone, not the bias of smoothed states"
-    return friction.noted({"half_widths": fit.half_widths(), "half_widths_hold": hold})
+    last, notes = fit.friction, dict[str, Any]()
+    assert fit.folds is not None
+    if last.law.is_sparse:
+        shot = fit.diagnostics is not None
+        bars = fit.half_widths() if shot else fit.errors()
+        notes["equation"] = tuple(last.law.equation(last.theta, bars, last.position_units))
+        notes["equation_errors"] = "95 % intervals" if shot else OF_NOISE
+    if intervals and fit.diagnostics is None and fit.covariance.parameters:
+        notes["half_widths"] = fit.half_widths()
+        notes["half_widths_hold"] = "noise alone, not the bias of smoothed states"
+    return fit.folds.noted(notes)
 
 
 @dataclass(frozen=True)
@@ -77,6 +71,7 @@ class _NotFixed(Identifier):
         return self.inner.fit(problem, weights, seed)
 
 
+OF_NOISE = "standard errors of the noise alone, bias of the smoothing not included"
 AS_LOGGED = (
     "targets are taken to act when they are logged: a delay of theirs, which a fit by shooting "
     "finds, passes for viscous friction here"
@@ -118,7 +113,7 @@ def fit_model(
     prepared = Prepared(screened(dataset, plant, estimated), protocol, estimated, plant)
     training = training_set(prepared, [recipe])
     fit = recipe.fit(_NotFixed(identifier), training, seed)
-    friction = with_intervals(with_equations(fit), fit)[-1]
+    friction = with_notes(fit)[-1]
     notes: dict[str, Any] = {
         "dataset": dataset.name,
         "data": dict(dataset.hashes),
@@ -129,11 +124,11 @@ def fit_model(
         **friction.provenance.notes,
     }
     if identifier.uses_mechanism:
-        late = (AS_LOGGED,) * (fit.refined is None and _as_logged(dataset))
+        late = (AS_LOGGED,) * (fit.diagnostics is None and _as_logged(dataset))
         notes["torque"] = (*(source.sentence for source in torque_sources(dataset)), *late)
-    if fit.refined is not None:
+    if fit.diagnostics is not None:
         w = training.problems[recipe.first_step.name].nodes.inputs.w
-        notes["refined"] = refined_estimates(fit.refined, dataset, velocity_grid(w))
+        notes["refined"] = fit.estimates(dataset, velocity_grid(w))
     if equal := equal_groups(identifier):
         check_units(friction, equal)
         notes["equality"] = tuple(_equality(identifier, recipe, training, seed))

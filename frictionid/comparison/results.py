@@ -50,7 +50,7 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.curves import slow_speed
 from frictionid.files import json_text, write_json
-from frictionid.fitting.shooting.result_document import recordings_own
+from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
 

@@ -27,9 +27,9 @@ from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import is_sealed, sealed
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json
+from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
-from frictionid.fitting.shooting.result_document import own_base, refined_estimates
 from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
@@ -245,7 +245,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
     dataset = task.benchmark.dataset
     frames = {dataset.name: result.scores, **result.tests}
     rows = {name: [list(row) for row in f.itertuples(index=False)] for name, f in frames.items()}
-    refined = result.refined and refined_estimates(result.refined, dataset, result.grid)
+    refined = result.refined and result.refined.estimates(dataset, result.grid)
     return {
         "dataset": dataset.name,
         "identifier": task.name,

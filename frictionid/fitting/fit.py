@@ -1,15 +1,290 @@
-"""What a fit says of its parameters: the estimates of a friction, by whatever method."""
+"""What a method makes of data: friction, parameters with their covariance, and how the fit went.
+
+`Fit` is what every method gives; `Fit.estimates` is what files, tables and pictures need of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.parameters.parameter_block import IDEAL, Parameter
 from frictionid.friction import Friction
-from frictionid.friction.provenance import Estimate
+from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
+from frictionid.mechanics import Mechanism
 
 _NORMAL = 1.96, 1.645  # half-widths of 95 and 90 % over standard errors
+_DRAWS = 2000
+BEYOND = 1.5  # of the curves' velocities: that far the bands reach, to be seen growing
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Parameters of a fit with their covariance.
+
+    parameters, values : (D,) of the free parameters
+    matrix : (D, D), of the t distribution with `freedom` degrees; rows of parameters at a bound or
+        in an undetermined combination are infinite on the diagonal
+    singular : (D,) singular values of the normal equations, scaled to ones on the diagonal
+    undetermined : combinations of parameters that the data do not determine, in words
+    bound : (D,) true where a parameter lies at a bound
+    clusters : number of recordings, or stretches of time, whose scatter was taken
+    meaningless : (D,) true for parameters that mean nothing where others may be zero, and for these
+    """
+
+    parameters: tuple[Parameter, ...] = ()
+    values: Array = field(default_factory=lambda: np.zeros(0))
+    matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    freedom: int = 1
+    singular: Array = field(default_factory=lambda: np.zeros(0))
+    undetermined: tuple[str, ...] = ()
+    bound: Array = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    clusters: int = 0
+    meaningless: Array = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @property
+    def error(self) -> Array:
+        """Standard errors (D,)."""
+        return np.sqrt(np.diag(self.matrix))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation (D, D), NaN for parameters without a finite error."""
+        error = np.where(np.isfinite(self.error) & (self.error > 0), self.error, np.nan)
+        return self.matrix / np.outer(error, error)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
+        half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
+        low, high = np.array([(p.low, p.high) for p in self.parameters]).reshape(-1, 2).T
+        return np.stack(
+            [np.maximum(self.values - half, low), np.minimum(self.values + half, high)], axis=-1
+        )
+
+    @property
+    def each(self) -> Covariance:
+        """The same with a shared parameter at each of its places, correlated by one."""
+        at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
+        if len(at) == len(self.values):
+            return self
+        return replace(
+            self,
+            parameters=tuple(single for p in self.parameters for single in p.each),
+            values=self.values[at],
+            matrix=_repeated(self.matrix, at),
+            bound=self.bound[at],
+            meaningless=self.meaningless[at],
+        )
+
+    @property
+    def identified(self) -> Array:
+        """True (D,) for parameters that the data determine.
+
+        Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
+        delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
+        Nor does a parameter count that means nothing where others may be zero, such as a Stribeck
+        velocity, nor these others: a peak that is not there is found at some velocity by chance.
+        """
+        return self.known() & ~self.meaningless
+
+    def known(self, trials: int = 1) -> Array:
+        """True (D,) for parameters with an interval that tells them from zero, where that matters.
+
+        trials : in so many independent ones together chance exceeds the interval in 5 % of cases
+        """
+        half = stdtrit(self.freedom, 1.0 - 0.025 / trials) * self.error
+        zero = np.array([IDEAL.get(p.block) == 0.0 for p in self.parameters], dtype=bool)
+        small = half <= np.abs(self.values)
+        return np.asarray(np.isfinite(half) & ~self.bound & (small | zero), dtype=bool)
+
+    def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
+        """Parameters (count, D) drawn from their t distribution; those without an error stay."""
+        known = np.isfinite(self.error)
+        value, vector = np.linalg.eigh(self.matrix[np.ix_(known, known)])
+        root = vector * np.sqrt(np.maximum(value, 0.0))
+        generator = np.random.default_rng(seed)
+        normal = generator.standard_normal((count, int(known.sum())))
+        chi = generator.chisquare(self.freedom, count) / self.freedom
+        out = np.repeat(self.values[None], count, axis=0)
+        out[:, known] += (normal @ root.T) / np.sqrt(chi)[:, None]
+        return out
+
+
+def _repeated(matrix: Array, at: Array) -> Array:
+    """Rows and columns of a covariance at places; what is not known is so by itself."""
+    out = np.asarray(matrix[np.ix_(at, at)])
+    unknown = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    out[unknown], out[:, unknown] = 0.0, 0.0
+    out[unknown, unknown] = np.inf
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What a method makes of data: friction (n, P) of all of them, and how well it is known.
+
+    covariance : of the free parameters; of none for networks by one-step recipes
+    diagnostics : of shooting and inverse dynamics: how the fit went; None of one-step fits
+    fitted : the friction as a function of the free parameters, of a network that of a few
+        combinations of its weights
+    mechanism : whose base parameters were fitted
+    folds : friction (F + 1, n, P) of the folds and, last, of all data
+    problem, weights : the one-step problem that was fitted, with the weights (K,) of all data
+    """
+
+    friction: Friction
+    covariance: Covariance = Covariance()
+    diagnostics: Diagnostics | None = None
+    fitted: Friction | None = None
+    mechanism: Mechanism | None = None
+    folds: Friction | None = None
+    problem: Problem | None = None
+    weights: Array | None = None
+
+    @property
+    def calibration(self) -> Calibration:
+        """Base parameters, and what the sensors do."""
+        assert self.friction.calibration is not None
+        return self.friction.calibration
+
+    def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
+        """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
+
+        Pointwise, and simultaneous over all its velocities.
+        """
+        slope = self._slopes(w)
+        covariance = self.covariance
+        known = np.isfinite(covariance.error)
+        inner, slope = covariance.matrix[np.ix_(known, known)], slope[..., known]
+        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
+        point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
+        off = (covariance.draws(seed) - covariance.values)[:, known]
+        size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
+        ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
+        return point, np.quantile(ratio, level, axis=0) * error
+
+    def _slopes(self, w: Array) -> Array:
+        """Derivatives (V, n, D) of each joint's curve in the free parameters."""
+        covariance = self.covariance
+        assert self.fitted is not None
+        out = np.zeros((*w.shape, len(covariance.parameters)))
+        theta = np.asarray(self.fitted.theta, dtype=float)
+        places = {k: p.place for k, p in enumerate(covariance.parameters) if p.block == "friction"}
+        for j in range(len(theta)):
+            columns = [k for k, place in places.items() if place[0] == j]
+            if not columns:
+                continue
+            step = np.zeros((len(columns), *theta.shape))
+            for i, k in enumerate(columns):
+                step[i][places[k]] = 1e-6 * max(1e-3, abs(theta[places[k]]))
+            both = (
+                replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
+            )
+            up, down = (friction.curve(w[:, j])[..., j] for friction in both)
+            out[:, j, columns] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
+        return out
+
+    def errors(self) -> Array:
+        """Standard errors (n, P) of the friction's parameters, NaN where none are known."""
+        out = np.full(np.shape(self.friction.theta), np.nan)
+        for p, error in zip(self.covariance.parameters, self.covariance.error, strict=True):
+            if p.block == "friction":
+                out[p.place] = error
+        return out
+
+    def half_widths(self) -> Array:
+        """Half the width (n, P) of 95 % intervals; of one-step fits, of the noise alone."""
+        return np.asarray(stdtrit(self.covariance.freedom, 0.975) * self.errors())
+
+    def estimates(self, dataset: Dataset, grid: Array) -> Estimates:
+        """Parameters with intervals, correlation, curves with bands, and how it went.
+
+        Each parameter has its nominal value beside it: the data set's mechanism gives base
+        parameters, its servo a motor's constants, a log without faults the rest; friction has none.
+        Where recordings have masses of their own, base parameters are those of their mean. A
+        network's combinations, whose values mean nothing, are left out: its uncertainty is in its
+        bands. Bands reach half as far again as the velocities of the grid (V, n).
+        """
+        covariance, unnamed = self.covariance, "friction" if self.friction.law.is_network else ""
+        named = [k for k, p in enumerate(covariance.parameters) if p.block != unnamed]
+        return Estimates(
+            **vars(self.diagnostics),
+            parameters=tuple(_estimates(covariance, dataset, named)),
+            correlation=np.asarray(covariance.correlation)[np.ix_(named, named)],
+            covariance=np.asarray(covariance.matrix)[np.ix_(named, named)],
+            freedom=covariance.freedom,
+            clusters=covariance.clusters,
+            singular_values=covariance.singular,
+            undetermined=covariance.undetermined,
+            driven=any(bool(np.any(r.torque.value)) for r in dataset.recordings),
+            bands=self._bands(BEYOND * grid),
+        )
+
+    def _bands(self, w: Array) -> Bands:
+        """Curves (V, n) at velocities w (V, n) with their half-widths."""
+        friction = self.friction
+        curve = np.stack([friction.curve(w[:, j])[:, j] for j in range(friction.n)], axis=-1)
+        return Bands(w, curve, *self.bands(w))
+
+
+def _estimates(
+    covariance: Covariance, dataset: Dataset, named: Sequence[int]
+) -> Iterator[Estimate]:
+    """Some of the parameters with intervals and nominal values."""
+    inner, outer = covariance.interval(0.9), covariance.interval(0.95)
+    identified, error = covariance.identified, covariance.error
+    base_shift = recordings_own(dataset)
+    for k in named:
+        p = covariance.parameters[k]
+        shift = base_shift[p.place[0]] if p.block == "inertia" else 0.0
+        (a, b), (low, high) = inner[k] + shift, outer[k] + shift
+        yield Estimate(
+            *(p.block, p.name, p.unit),
+            p.place[0] if p.block != "inertia" and p.place else None,
+            float(covariance.values[k] + shift),
+            float(error[k]),
+            (float(a), float(b)),
+            (float(low), float(high)),
+            bool(covariance.bound[k]),
+            bool(identified[k]),
+            p.prior if np.isfinite(p.prior) else None,
+            _nominal(p, dataset, shift),
+        )
+
+
+def recordings_own(dataset: Dataset) -> Array:
+    """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
+    return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+
+
+def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, float]:
+    """Base parameters under parameters that a model brings, on average over the recordings."""
+    if not parameters:
+        return {}
+    p = np.asarray(plant_of(dataset, parameters).p).mean(axis=0)
+    return dict(zip(dataset.mechanism.base_names, map(float, p), strict=True))
+
+
+def _table_base(dataset: Dataset) -> Array:
+    mechanism = dataset.mechanism
+    return np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+
+
+def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:
+    if parameter.block == "inertia":
+        return float(_table_base(dataset)[parameter.place[0]] + shift)
+    if parameter.block == "actuator":
+        value = getattr(dataset.recordings[0].servo, parameter.name, None)
+        return None if value is None else float(value)
+    return IDEAL.get(parameter.block)
 
 
 def estimates_of(friction: Friction, joints: Sequence[str] = ()) -> tuple[Estimate, ...]:

@@ -4,33 +4,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from frictionid.arrays import Array
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import Recipe
-from frictionid.fitting.one_step.one_step_fit import ErrorBars
-from frictionid.fitting.shooting import CalibratedRecipe, Refined
+from frictionid.fitting.shooting import CalibratedRecipe
 from frictionid.fitting.shooting.calibrated_recipe import CalibratedData
-from frictionid.friction import Friction
-
-
-class Fit(Protocol):
-    """What a recipe gives: friction (F + 1, n, P) of all folds and, last, of all data.
-
-    refined : the whole result of shooting for all data, where the recipe shoots
-    """
-
-    @property
-    def friction(self) -> Friction: ...
-    @property
-    def refined(self) -> Refined | None: ...
-
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of 95 % intervals; of one-step fits, of the noise alone."""
-        ...
-
-    def error_bars(self) -> ErrorBars:
-        """What stands behind each parameter of the friction of all data."""
-        ...
 
 
 class Method(Protocol):

@@ -27,7 +27,6 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.statistics import Choice, Standing, choose
-from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
@@ -133,9 +132,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         candidates=candidates,
         chosen=chosen,
         friction=result.overall,
-        refined=None
-        if result.refined is None
-        else refined_estimates(result.refined, part, result.grid),
+        refined=None if result.refined is None else result.refined.estimates(part, result.grid),
         velocity=result.grid,
     )
 

@@ -172,7 +172,8 @@ def test_the_friction_of_a_slide_of_millimetres_is_found_beside_a_joint_that_tur
     size = (TABLE * torque).sum(axis=1)
     error = np.abs((fit.friction.theta - TABLE) * torque).sum(axis=1)
     assert (error < off * size).all(), error / size
-    assert (fit.made.half_widths() * torque < off * size[:, None]).all()
+    half = (fit.frame.high_95 - fit.frame.value)[: torque.size].to_numpy().reshape(torque.shape)
+    assert (half * torque < off * size[:, None]).all()
 
 
 def test_check_calls_a_stage_good_and_a_comparison_finds_its_friction():

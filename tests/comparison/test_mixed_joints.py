@@ -20,9 +20,9 @@ from frictionid.excitation import (
     limits_of,
     prior_friction_of,
 )
+from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
-from frictionid.fitting.shooting.result_document import own_base
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model

@@ -21,7 +21,6 @@ from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine
-from frictionid.fitting.shooting.result_document import refined_estimates
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw
@@ -368,7 +367,7 @@ def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
     found = {}
     for name, own in (("table", dataset), ("own", replace(dataset, recordings=heavy))):
         result = refine(start, own, blocks, Settings(windows=(0.33,), iterations=3))
-        estimates = refined_estimates(result, own, np.linspace(-4, 4, 5)[:, None])
+        estimates = result.estimates(own, np.linspace(-4, 4, 5)[:, None])
         found[name] = [e for e in estimates.parameters if e.block == "inertia"]
     mechanism = mechanism_of(PENDULUM)
     for k, (table, own) in enumerate(zip(found["table"], found["own"], strict=True)):

@@ -17,14 +17,16 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.one_step_fit import OneStepFit, checked_fit
+from frictionid.fitting.one_step.one_step_fit import checked_fit, one_step_fit
 from frictionid.fitting.one_step.residual import (
     Problem,
     euler_problem,
     integral_problem,
     mask_stiction,
 )
+from frictionid.friction import Friction
 from frictionid.friction.coordinates import with_units_of
 from frictionid.mechanics import Mechanism, Plant
 
@@ -77,19 +79,20 @@ class Recipe:
     def check(self, identifier: Identifier) -> None:
         """Check that it can fit an identifier: any one can be."""
 
-    def fit(self, identifier: Identifier, data: TrainingData, seed: int) -> OneStepFit:
-        """The identifier's friction of all folds and, last, of all data.
-
-        Raises
-        ------
-        InputError
-            Where the fit fails.
-        """
+    def friction(
+        self, identifier: Identifier, data: TrainingData, seed: int
+    ) -> tuple[Friction, Problem]:
+        """The identifier's friction (F + 1, n, P) of the folds and of all data, and its problem."""
         uses = identifier.uses_mechanism
         problem = data.problems[self.name] if uses else data.without_mechanism(self)
-        weights = data.weights[self.name]
-        friction = checked_fit(identifier, problem, weights, seed)
-        return OneStepFit(with_units_of(data.mechanism, friction), problem, weights[-1])
+        friction = checked_fit(identifier, problem, data.weights[self.name], seed)
+        return with_units_of(data.mechanism, friction), problem
+
+    def fit(self, identifier: Identifier, data: TrainingData, seed: int) -> Fit:
+        """The identifier's friction of all folds and of all data; InputError where that fails."""
+        friction, problem = self.friction(identifier, data, seed)
+        weights = data.weights[self.name][-1]
+        return one_step_fit(friction, problem, weights, known=not identifier.fixed)
 
 
 class TrainingData(Protocol):

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Covariance, Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.one_step.row_weights import huber_factors, normalised
+from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Friction
 
 
@@ -29,7 +30,6 @@ def half_widths(
 
     Of noise alone: errors that all recordings share, as the bias of smoothed states, are not in it,
     and where they are as large, such an interval holds the truth less often than its level says.
-    See `standard_errors`.
 
     robust : clip of the fit's Huber weights [standard deviations], as `LeastSquares.robust`, or
         None for a fit without them
@@ -50,23 +50,9 @@ def half_widths(
     >>> fit.theta.round(4)
     array([[0.0989, 0.0415, 1.5209, 0.0202]])
     """
-    error, freedom = _errors(friction, problem, weights, robust)
-    return np.asarray(stdtrit(freedom, 0.5 + level / 2) * error)
-
-
-def standard_errors(
-    friction: Friction, problem: Problem, weights: Array, robust: float | None = None
-) -> Array:
-    """Standard errors (n, P) of the parameters of a fit, of noise alone, see `half_widths`."""
-    return _errors(friction, problem, weights, robust)[0]
-
-
-def _errors(
-    friction: Friction, problem: Problem, weights: Array, robust: float | None
-) -> tuple[Array, int]:
-    """Standard errors (n, P), and their degrees of freedom."""
     covariance, freedom = covariance_of_fit(friction, problem, weights, robust)
-    return np.sqrt(np.diag(covariance)).reshape(friction.theta.shape), freedom
+    half = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance))
+    return np.asarray(half.reshape(friction.theta.shape))
 
 
 def covariance_of_fit(
@@ -114,35 +100,29 @@ def covariance_of_fit(
     return out, freedom
 
 
-class ErrorBars(NamedTuple):
-    """What stands behind each parameter (n, P) of a fit, and what it is."""
+def one_step_fit(
+    friction: Friction, problem: Problem, weights: Array, *, known: bool = True
+) -> Fit:
+    """A fit of friction (F, n, P), of all data with weights (K,) last, with its covariance.
 
-    size: Array
-    meaning: str
-
-
-@dataclass(frozen=True, eq=False)
-class OneStepFit:
-    """Friction (F, n, P) of F folds, the last one all data, fitted to a problem.
-
-    weights : (K,), those of all data
+    known : whether intervals are wanted; equations of sparse laws need them always
     """
-
-    friction: Friction
-    problem: Problem
-    weights: Array
-    refined: ClassVar[None] = None
-
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of 95 % intervals of the noise alone, without bias of smoothing."""
-        return half_widths(self.friction[-1], self.problem, self.weights)
-
-    def error_bars(self) -> ErrorBars:
-        """Standard errors of the friction of all data, without what smoothing gets wrong."""
-        size = standard_errors(self.friction[-1], self.problem, self.weights)
-        return ErrorBars(
-            size, "standard errors of the noise alone, bias of the smoothing not included"
-        )
+    last, law = friction[-1], friction.law
+    fit = Fit(last, folds=friction, problem=problem, weights=weights)
+    named = law.names and not (law.is_network or law.cannot_be_saved)
+    if not (law.is_sparse or (known and named)):
+        return fit
+    matrix, freedom = covariance_of_fit(last, problem, weights)
+    parameters = tuple(
+        Parameter("friction", f"{name} of joint {j + 1}", last.units_at(j)[i], 0.0, place=(j, i))
+        for j in range(last.n)
+        for i, name in enumerate(law.names)
+    )
+    nowhere = np.zeros(len(parameters), dtype=bool)
+    covariance = Covariance(
+        *(parameters, np.ravel(last.theta), matrix, freedom), bound=nowhere, meaningless=nowhere
+    )
+    return replace(fit, covariance=covariance)
 
 
 def checked_fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:

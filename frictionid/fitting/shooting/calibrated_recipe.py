@@ -16,9 +16,10 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.one_step.one_step_fit import OneStepFit, checked_fit
+from frictionid.fitting.one_step.one_step_fit import checked_fit, one_step_fit
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
 from frictionid.friction import Friction
@@ -129,15 +130,15 @@ class CalibratedRecipe:
             held = self.by.known.on(data.intervals.dataset)
             return part_of_calibration(stack_calibrations([held] * len(weights)), self.use)
         friction = self.friction.fit(problem, weights[rows], 0)
-        fitted, _ = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows])
-        if fitted.calibration is None:
+        fitted = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows]).folds
+        if fitted is None or fitted.calibration is None:
             raise InputError(
                 f"recipe {self.name!r}: shooting estimates no calibration: free a part of it"
             )
         calibration = part_of_calibration(fitted.calibration, self.use)
         return calibration[np.zeros(len(weights), dtype=int)] if whole else calibration
 
-    def fit(self, identifier: Identifier, data: CalibratedData, seed: int) -> OneStepFit:
+    def fit(self, identifier: Identifier, data: CalibratedData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, with their calibrations.
 
         Raises
@@ -155,7 +156,7 @@ class CalibratedRecipe:
         together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
         calibration = data.calibrations[self.name]
         friction = with_units_of(data.mechanism, replace(together, calibration=calibration))
-        return OneStepFit(friction, problem, weights[-1])
+        return one_step_fit(friction, problem, weights[-1])
 
 
 def _together(frictions: Sequence[Friction], identifier: str) -> Friction:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters.parameter_block import (
-    IDEAL,
     Parameter,
     prior_mean,
     prior_precision,
@@ -94,93 +93,9 @@ def _torque(friction: Friction, theta: Array) -> Array:
     return np.asarray(law.torque(theta, x, memory) + 0.0 * x.w)
 
 
-_DRAWS = 2000
 # A peak that is not there is searched for at any velocity: over two decades of it, in which
 # velocities a factor of three apart find about independent peaks [Davies1987].
 _TRIALS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Covariance:
-    """Parameters with their covariance.
-
-    entries, values : (D,) of the free parameters
-    matrix : (D, D), of the t distribution with `freedom` degrees; rows of parameters at a bound or
-        in an undetermined combination are infinite on the diagonal
-    singular : (D,) singular values of the normal equations, scaled to ones on the diagonal
-    undetermined : combinations of parameters that the data do not determine, in words
-    bound : (D,) true where a parameter lies at a bound
-    clusters : number of recordings, or stretches of time, whose scatter was taken
-    meaningless : (D,) true for parameters that mean nothing where others may be zero, and for these
-    """
-
-    parameters: tuple[Parameter, ...]
-    values: Array
-    matrix: Array
-    freedom: int
-    singular: Array
-    undetermined: tuple[str, ...]
-    bound: Array
-    clusters: int
-    meaningless: Array
-
-    @property
-    def error(self) -> Array:
-        """Standard errors (D,)."""
-        return np.sqrt(np.diag(self.matrix))
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation (D, D), NaN for parameters without a finite error."""
-        error = np.where(np.isfinite(self.error) & (self.error > 0), self.error, np.nan)
-        return self.matrix / np.outer(error, error)
-
-    def interval(self, level: float = 0.95) -> Array:
-        """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
-        half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
-        low, high = np.array([(p.low, p.high) for p in self.parameters]).reshape(-1, 2).T
-        return np.stack(
-            [np.maximum(self.values - half, low), np.minimum(self.values + half, high)], axis=-1
-        )
-
-    @property
-    def each(self) -> Covariance:
-        """The same with a shared parameter at each of its places, correlated by one."""
-        at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
-        if len(at) == len(self.values):
-            return self
-        return replace(
-            self,
-            parameters=tuple(one for p in self.parameters for one in p.each),
-            values=self.values[at],
-            matrix=_repeated(self.matrix, at),
-            bound=self.bound[at],
-            meaningless=self.meaningless[at],
-        )
-
-    @property
-    def identified(self) -> Array:
-        """True (D,) for parameters that the data determine.
-
-        Not at a bound, and with a 95 % interval no wider, to either side, than the value: of a
-        delay, a bias or an offset, whose value may well be zero, the interval must only be finite.
-        Nor does a parameter count that means nothing where others may be zero, such as a Stribeck
-        velocity, nor these others: a peak that is not there is found at some velocity by chance.
-        """
-        return _known(self) & ~self.meaningless
-
-    def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
-        """Parameters (count, D) drawn from their t distribution; those without an error stay."""
-        known = np.isfinite(self.error)
-        own = self.matrix[np.ix_(known, known)]
-        value, vector = np.linalg.eigh(own)
-        root = vector * np.sqrt(np.maximum(value, 0.0))
-        generator = np.random.default_rng(seed)
-        normal = generator.standard_normal((count, int(known.sum())))
-        chi = generator.chisquare(self.freedom, count) / self.freedom
-        out = np.repeat(self.values[None], count, axis=0)
-        out[:, known] += (normal @ root.T) / np.sqrt(chi)[:, None]
-        return out
 
 
 def covariance_of(
@@ -234,7 +149,7 @@ def grouped_covariance(
         *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
         meaningless=np.zeros(D, dtype=bool),
     )
-    weak = ~_known(out), ~_known(out, _TRIALS)
+    weak = ~out.known(), ~out.known(_TRIALS)
     needs = meaningless(friction, parameters, *weak)
     words += tuple(_needs(parameters, k, others) for k, others in needs.items())
     ends = [
@@ -245,15 +160,6 @@ def grouped_covariance(
         _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
     idle = {k for own in needs.items() for k in (own[0], *own[1])}
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
-
-
-def _repeated(matrix: Array, at: Array) -> Array:
-    """Rows and columns of a covariance at places; what is not known is so by itself."""
-    out = np.asarray(matrix[np.ix_(at, at)])
-    unknown = np.flatnonzero(~np.isfinite(out).all(axis=1))
-    out[unknown], out[:, unknown] = 0.0, 0.0
-    out[unknown, unknown] = np.inf
-    return out
 
 
 def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
@@ -284,18 +190,6 @@ def _ends(p: Parameter, value: float) -> str:
         f"{p.name} ends at {value:.3g} {p.unit}, {end}: friction of this joint has another shape "
         "than this law can show here, and its parameters have no intervals"
     )
-
-
-def _known(covariance: Covariance, trials: int = 1) -> Array:
-    """True (D,) for parameters with an interval that tells them from zero, where that matters.
-
-    trials : in so many independent ones together chance exceeds the interval in 5 % of all cases
-    """
-    c = covariance
-    half = stdtrit(c.freedom, 1.0 - 0.025 / trials) * c.error
-    zero = np.array([IDEAL.get(p.block) == 0.0 for p in c.parameters], dtype=bool)
-    small = half <= np.abs(c.values)
-    return np.asarray(np.isfinite(half) & ~c.bound & (small | zero), dtype=bool)
 
 
 def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -> str:

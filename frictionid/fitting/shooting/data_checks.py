@@ -8,8 +8,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
-from frictionid.fitting.shooting.covariance import Covariance
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows

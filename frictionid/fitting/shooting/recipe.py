@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
-import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
-
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import stack_calibrations, with_calibrated_servos
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe, TrainingData
-from frictionid.fitting.one_step.one_step_fit import ErrorBars, OneStepFit
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting.known_calibration import KnownCalibration
-from frictionid.fitting.shooting.refine import Refined, fit_blocks
+from frictionid.fitting.shooting.refine import fit_blocks
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.servo_checks import has_actuator
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings
@@ -35,27 +32,6 @@ class ShootingData(TrainingData, Protocol):
     def intervals(self) -> Intervals: ...
     @property
     def interval_weights(self) -> Array: ...
-
-
-@dataclass(frozen=True, eq=False)
-class ShootingFit:
-    """Friction (F, n, P) of F folds, the last one all data, refined by shooting."""
-
-    friction: Friction
-    refined: Refined
-
-    def half_widths(self) -> Array:
-        """Half the width (n, P) of the 95 % intervals of the friction of all data, or NaN."""
-        covariance = self.refined.covariance
-        half = np.full(np.shape(self.refined.friction.theta), np.nan)
-        for entry, error in zip(covariance.parameters, covariance.error, strict=True):
-            if entry.block == "friction":
-                half[entry.place] = stdtrit(covariance.freedom, 0.975) * error
-        return half
-
-    def error_bars(self) -> ErrorBars:
-        """Half the width of the 95 % intervals of the friction of all data, or NaN."""
-        return ErrorBars(self.half_widths(), "95 % intervals")
 
 
 @dataclass(frozen=True)
@@ -97,9 +73,7 @@ class Shooting:
         """
         check_mechanism(self.name, identifier)
 
-    def fit(
-        self, identifier: Identifier, data: ShootingData, seed: int
-    ) -> OneStepFit | ShootingFit:
+    def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, refined unless it is fixed.
 
         Raises
@@ -107,11 +81,10 @@ class Shooting:
         InputError
             Where the fit fails.
         """
-        first = self.start.fit(identifier, data, seed)
         if identifier.fixed:
-            return first
-        refined = refine_folds(first.friction, data.intervals, self, data.interval_weights)
-        return ShootingFit(*refined)
+            return self.start.fit(identifier, data, seed)
+        first, _ = self.start.friction(identifier, data, seed)
+        return refine_folds(first, data.intervals, self, data.interval_weights)
 
 
 def check_mechanism(recipe: str, identifier: Identifier) -> None:
@@ -131,8 +104,8 @@ def check_mechanism(recipe: str, identifier: Identifier) -> None:
 
 def refine_folds(
     friction: Friction, intervals: Intervals, recipe: Shooting, training: Array
-) -> tuple[Friction, Refined]:
-    """Friction (F, n, P) of all folds with its calibrations, and the whole result of the last one.
+) -> Fit:
+    """The fit to the last one of the folds, with the friction (F, n, P) of all of them.
 
     training : (F, K), the intervals that each fold may use; the last row is that of
         all data
@@ -146,17 +119,19 @@ def refine_folds(
         held = recipe.known.on(intervals.dataset)
         starts = [replace(start, calibration=held) for start in starts]
         if not has_actuator(blocks):
-            known = with_calibrated_servos(intervals.dataset, held)
-            intervals = replace(intervals, dataset=known)
+            dataset = with_calibrated_servos(intervals.dataset, held)
+            intervals = replace(intervals, dataset=dataset)
     results = [
         fit_blocks(start, intervals, blocks, recipe.settings, use)
         for start, use in zip(starts, training > 0, strict=True)
     ]
-    return folds_together([result.friction for result in results]), results[-1]
+    return with_folds(results)
 
 
-def folds_together(frictions: Sequence[Friction]) -> Friction:
-    """One friction (F, n, P) of those of F folds, with their calibrations."""
+def with_folds(fits: Sequence[Fit]) -> Fit:
+    """The last one of F fits, with the friction (F, n, P) of all of them and their calibrations."""
+    frictions = [fit.friction for fit in fits]
     theta = namespace(frictions[-1].theta).stack([f.theta for f in frictions])
     calibrations = [f.calibration for f in frictions if f.calibration is not None]
-    return replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))
+    folds = replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))
+    return replace(fits[-1], folds=folds)

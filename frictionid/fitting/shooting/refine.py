@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
@@ -14,6 +13,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States, slowest_speeds
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.fitting.parameters.blocks import on_support
@@ -24,7 +24,7 @@ from frictionid.fitting.parameters.parameter_block import (
     with_values,
 )
 from frictionid.fitting.shooting.combinations import torque_samples
-from frictionid.fitting.shooting.covariance import Covariance, covariance_of
+from frictionid.fitting.shooting.covariance import covariance_of
 from frictionid.fitting.shooting.data_checks import (
     check_blocks,
     check_data,
@@ -70,8 +70,8 @@ def settings_error(problem: ShootingProblem, solution: Solution) -> Array | floa
             moves.append(move_with_windows(problem, solution, length * seconds))
         except InputError:  # no three intervals in one piece are left
             continue
-    known = [move for move in moves if np.isfinite(move).all()]
-    return np.mean([np.outer(m, m) for m in known], axis=0) if known else 0.0
+    finite = [np.outer(move, move) for move in moves if np.isfinite(move).all()]
+    return np.mean(finite, axis=0) if finite else 0.0
 
 
 def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | float:
@@ -95,64 +95,6 @@ def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | flo
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
 
 
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """Result of shooting or inverse dynamics: friction, calibration, covariance, how the fit went.
-
-    fitted : the friction as a function of the free parameters, of a network that of a few
-        combinations of its weights
-    """
-
-    friction: Friction
-    fitted: Friction
-    covariance: Covariance
-    diagnostics: Diagnostics
-    mechanism: object
-
-    @property
-    def calibration(self) -> Calibration:
-        """Base parameters, and what the sensors do."""
-        assert self.friction.calibration is not None
-        return self.friction.calibration
-
-    def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
-        """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
-
-        Pointwise, and simultaneous over all its velocities.
-        """
-        slope = self._slopes(w)
-        covariance = self.covariance
-        known = np.isfinite(covariance.error)
-        inner, slope = covariance.matrix[np.ix_(known, known)], slope[..., known]
-        error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
-        point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
-        off = (covariance.draws(seed) - covariance.values)[:, known]
-        size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
-        ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
-        return point, np.quantile(ratio, level, axis=0) * error
-
-    def _slopes(self, w: Array) -> Array:
-        """Derivatives (V, n, D) of each joint's curve in the free parameters."""
-        covariance = self.covariance
-        out = np.zeros((*w.shape, len(covariance.parameters)))
-        theta = np.asarray(self.fitted.theta, dtype=float)
-        own = [k for k, e in enumerate(covariance.parameters) if e.block == "friction"]
-        for j in range(len(theta)):
-            some = [k for k in own if covariance.parameters[k].place[0] == j]
-            if not some:
-                continue
-            step = np.zeros((len(some), *theta.shape))
-            for i, k in enumerate(some):
-                place = covariance.parameters[k].place
-                step[i][place] = 1e-6 * max(1e-3, abs(theta[place]))
-            both = (
-                replace(self.fitted, theta=theta + s * step, calibration=None) for s in (1.0, -1.0)
-            )
-            up, down = (friction.curve(w[:, j])[..., j] for friction in both)
-            out[:, j, some] = ((up - down) / (2 * step.sum(axis=(1, 2))[:, None])).T
-        return out
-
-
 def refine(
     friction: Friction,
     dataset: Dataset,
@@ -161,7 +103,7 @@ def refine(
     *,
     sample_time: float | None = None,
     states: tuple[States, ...] | None = None,
-) -> Refined:
+) -> Fit:
     """Friction, and whatever else the blocks free, from the measured angles themselves.
 
     Windows of the recordings are predicted from free initial states by the physics step, and all
@@ -190,7 +132,7 @@ def fit_blocks(
     blocks: Sequence[ParameterBlock],
     settings: Settings,
     use: Array | None = None,
-) -> Refined:
+) -> Fit:
     """The result of a fit to the intervals in use (K,), without sensors' blocks that show nothing.
 
     While the deviation of such a block from an ideal sensor is not significant, the fit goes on
@@ -208,12 +150,11 @@ def fit_blocks(
             known = values_of(ended.estimate, problem.blocks)
             estimate = with_values(estimate, problem.blocks, known)
         ended = solve(problem, estimate, use, ended)
-        result = refined_by(problem, ended, friction)
+        result = refined_by(problem, ended, friction, tuple(dropped))
         level = 1.0 if friction.law.is_network else settings.significance
         idle = least_significant(result.covariance, blocks, level)
         if idle is None:
-            went = replace(result.diagnostics, dropped=tuple(dropped))
-            return replace(result, diagnostics=went)
+            return result
         dropped.append(idle)
         blocks = tuple(b for b in blocks if b.name != idle.block)
 
@@ -259,26 +200,24 @@ def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
     return SpeedRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
 
 
-def refined_by(problem: ShootingProblem, solution: Solution, given: Friction) -> Refined:
-    """The result of a fit that began with a given friction."""
+def refined_by(
+    problem: ShootingProblem, solution: Solution, start: Friction, dropped: tuple[Dropped, ...] = ()
+) -> Fit:
+    """The result of a fit that began with a friction, without the blocks that were dropped."""
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution)
     shared = model_error(omitted) + settings_error(problem, solution)
     shared = shared + smoothing_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)
-    more = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
-    return Refined(
-        as_given(fitted, given),
-        fitted,
-        covariance.each,
-        _diagnostics(problem, solution, more),
-        estimate.mechanism,
-    )
+    limits = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
+    diagnostics = replace(_diagnostics(problem, solution, limits), dropped=dropped)
+    law_friction = as_given(fitted, start)
+    return Fit(law_friction, covariance.each, diagnostics, fitted, estimate.mechanism)
 
 
 def _diagnostics(
-    problem: ShootingProblem, solution: Solution, more: tuple[str, ...]
+    problem: ShootingProblem, solution: Solution, limits: tuple[str, ...]
 ) -> Diagnostics:
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
@@ -294,7 +233,7 @@ def _diagnostics(
         odd=odd,
         settled=solution.converged,
         iterations=solution.iterations,
-        warnings=(*odd_sentences(odd), *warnings_of(problem, solution), *more),
+        warnings=(*odd_sentences(odd), *warnings_of(problem, solution), *limits),
     )
 
 

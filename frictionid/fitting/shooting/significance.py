@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters.parameter_block import IDEAL, ParameterBlock
-from frictionid.fitting.shooting.covariance import Covariance
 from frictionid.friction.provenance import Dropped
 
 

@@ -11,6 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.one_step_fit import checked_fit
@@ -19,7 +20,6 @@ from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
 from frictionid.fitting.shooting.covariance import grouped_covariance
-from frictionid.fitting.shooting.refine import Refined
 from frictionid.fitting.shooting.sandwich import FEW, Groups
 from frictionid.fitting.shooting.significance import least_significant
 from frictionid.fitting.torque_balance.solve import (
@@ -50,7 +50,7 @@ def fit_torques(
     settings: TorqueSettings,
     use: Array | None = None,
     seed: int = 0,
-) -> Refined:
+) -> Fit:
     """An identifier's friction, and the calibration, that explain the torques best.
 
     Friction is fitted for the nominal calibration, then all together. Wrong inertias may lead a law
@@ -78,12 +78,11 @@ def fit_torques(
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
         if settings.consistent:
             solution = made_consistent(problem, solution, use, settings)
-        result = _result(problem, solution, given, use)
+        result = _result(problem, solution, given, use, tuple(dropped))
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
-            went = replace(result.diagnostics, dropped=tuple(dropped))
-            return replace(result, diagnostics=went)
+            return result
         dropped.append(idle)
         blocks = tuple(b for b in blocks if b.name != idle.block)
 
@@ -141,20 +140,23 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
 
 
 def _result(
-    problem: TorqueProblem, solution: TorqueSolution, given: Friction, use: Array
-) -> Refined:
-    """The result of a fit that began with a given friction."""
+    problem: TorqueProblem,
+    solution: TorqueSolution,
+    start: Friction,
+    use: Array,
+    dropped: tuple[Dropped, ...],
+) -> Fit:
+    """The result of a fit that began with a friction, without the blocks that were dropped."""
     estimate, parameters = solution.estimate, problem.parameters
     values, groups = values_of(estimate, problem.blocks), _groups(problem, solution, use)
     friction = replace(
         estimate.friction,
-        law=given.law,
+        law=start.law,
         calibration=estimate.calibration,
         parameters={},
         constraints=None,
     )
-    return Refined(
-        friction,
+    return Fit(
         friction,
         grouped_covariance(parameters, values, estimate.friction, groups),
         Diagnostics(
@@ -163,7 +165,9 @@ def _result(
             settled=solution.converged,
             iterations=solution.iterations,
             warnings=tuple(_warnings(problem, solution)),
+            dropped=dropped,
         ),
+        friction,
         estimate.mechanism,
     )
 
@@ -242,7 +246,7 @@ def check_blocks(
         )
 
 
-def check_gains(result: Refined, dataset: Dataset) -> None:
+def check_gains(result: Fit, dataset: Dataset) -> None:
     """Refuse gains of torques that nothing known pins: friction alone holds at any scale.
 
     Raises

@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.one_step.one_step_fit import OneStepFit
 from frictionid.fitting.parameters import (
     BiasBlock,
     DelayBlock,
@@ -20,9 +20,8 @@ from frictionid.fitting.parameters import (
 )
 from frictionid.fitting.shooting.recipe import (
     ShootingData,
-    ShootingFit,
     check_mechanism,
-    folds_together,
+    with_folds,
 )
 from frictionid.fitting.shooting.settings import applicable
 from frictionid.fitting.torque_balance.fit import fit_torques
@@ -79,9 +78,7 @@ class InverseDynamics:
         """
         check_mechanism(self.name, identifier)
 
-    def fit(
-        self, identifier: Identifier, data: ShootingData, seed: int
-    ) -> OneStepFit | ShootingFit:
+    def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, unless it is fixed.
 
         Raises
@@ -96,11 +93,12 @@ class InverseDynamics:
             intervals.dataset, intervals.states, self.settings.window, self.settings.node_time
         )
         blocks = applicable(self.blocks, intervals.dataset)
-        results = [
-            fit_torques(identifier, balance, blocks, self.settings, use, seed)
-            for use in window_weights(balance, data) > 0
-        ]
-        return ShootingFit(folds_together([r.friction for r in results]), results[-1])
+        return with_folds(
+            [
+                fit_torques(identifier, balance, blocks, self.settings, use, seed)
+                for use in window_weights(balance, data) > 0
+            ]
+        )
 
 
 def window_weights(balance: TorqueBalance, data: ShootingData) -> Array:

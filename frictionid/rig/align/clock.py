@@ -18,12 +18,12 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of, training_problem
 from frictionid.fitting.parameters import Estimate, FrictionBlock, InertiaBlock, ParameterBlock
 from frictionid.fitting.shooting import (
-    Covariance,
     Intervals,
     Settings,
     Solution,

@@ -11,7 +11,7 @@ from fixtures.paths import DATA
 from pysindy import FourierLibrary, PolynomialLibrary
 
 from frictionid.__main__ import main
-from frictionid.comparison.fit_model import with_equations
+from frictionid.comparison.fit_model import with_notes
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.plants import plant_of
@@ -21,11 +21,11 @@ from frictionid.files import read_json
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.one_step_fit import OneStepFit, half_widths
+from frictionid.fitting.one_step.one_step_fit import half_widths, one_step_fit
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.shooting import Settings, Shooting
-from frictionid.fitting.shooting.recipe import ShootingFit, refine_folds
+from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
@@ -208,11 +208,12 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     training = np.ones((3, len(intervals.dt)))
     training[:2] = intervals.recording[None] != np.arange(2)[:, None]
     recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
-    friction, whole = refine_folds(start, intervals, recipe, training)
+    whole = refine_folds(start, intervals, recipe, training)
+    friction = whole.folds
     np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
     assert [p.name for p in whole.covariance.parameters] == ["sign of joint 1"]
     np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
-    shot = with_equations(ShootingFit(friction, whole)).provenance
+    shot = with_notes(whole).provenance
     (line,) = shot.equation
     assert shot.equation_errors == "95 % intervals"
     assert line.startswith("Tf1 = (0.02") and "+-" in line
@@ -237,13 +238,15 @@ def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
 def test_it_writes_its_equation_with_units_and_intervals():
     problem = made_of(CoulombViscous(), COULOMB, 1e-3)
     found = fit(problem)
-    own = OneStepFit(found, problem, everything(problem)[0])
-    lines = with_equations(own).provenance.equation
+    own = one_step_fit(found, problem, everything(problem)[0])
+    lines = with_notes(own).provenance.equation
     assert len(lines) == 2 and lines[0].startswith("Tf1 = (0.1")
     assert "N m s(w) + (0.0" in lines[0] and lines[1].endswith("N m s/rad w")
     assert lines[0].count("+-") == 2
     other = replace(found, law=CoulombViscous(), theta=COULOMB[None], provenance={})
-    assert not with_equations(replace(own, friction=other)).provenance.notes
+    assert not with_notes(
+        replace(own, friction=other[0], folds=other), intervals=False
+    ).provenance.notes
     assert LAW.equation(0.0 * found.theta[0])[0] == "Tf1 = 0"
     axis = Library(velocities=()).equation(np.array([[1.0, 0, 0, -2.0, 0, 0]]), None, ("m",))
     assert axis == ["Tf1 = 1 N s(w) - 2 N s/m w"]

@@ -17,7 +17,7 @@ from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
-from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds, refined_estimates
+from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds
 from frictionid.fitting.shooting.combinations import CombinationLaw
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
@@ -151,7 +151,7 @@ def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
     true = curves(steady_state(dataset.truth), w)
     assert (np.abs(curves(found.friction, w) - true) < 3 * whole).all()
     assert found.bands(np.array([[30.0]]))[0] > point.max()
-    assert {e.block for e in refined_estimates(found, dataset, w).parameters} == {"delay"}
+    assert {e.block for e in found.estimates(dataset, w).parameters} == {"delay"}
 
 
 def test_a_delay_beside_a_network_is_found_and_reported():
@@ -167,7 +167,7 @@ def test_a_delay_beside_a_network_is_found_and_reported():
         SHORT,
     )
     assert abs(float(found.calibration.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
-    (e,) = refined_estimates(found, dataset, np.ones((3, 1))).parameters
+    (e,) = found.estimates(dataset, np.ones((3, 1))).parameters
     assert e.name == "torque delay"
 
 
@@ -236,9 +236,8 @@ def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     intervals = intervals_of(dataset)
     training = np.stack([intervals.recording != 1, intervals.recording >= 0]) * 1.0
     theta = np.stack([law.drawn(1, 3), law.drawn(1, 4)])
-    together, whole = refine_folds(
-        Friction(law, theta), intervals, Shooting(settings=SHORT), training
-    )
+    whole = refine_folds(Friction(law, theta), intervals, Shooting(settings=SHORT), training)
+    together = whole.folds
     assert together.theta.shape == theta.shape
     np.testing.assert_array_equal(together.theta[-1], whole.friction.theta)
     assert errors(together[0], dataset).max() < 0.1

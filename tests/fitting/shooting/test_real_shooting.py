@@ -16,9 +16,10 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import Frictionless, Published
 from frictionid.fitting.one_step.formulation import STUDY, training_problem
-from frictionid.fitting.shooting import Refined, Shooting, refine
+from frictionid.fitting.shooting import Shooting, refine
 from frictionid.friction import Friction
 
 pytestmark = pytest.mark.real
@@ -33,7 +34,7 @@ def fitted(
     names: Sequence[str] | None = None,
     only: str | None = None,
     free: Sequence[str] | None = None,
-) -> dict[str, tuple[Friction, Refined]]:
+) -> dict[str, tuple[Friction, Fit]]:
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
     file = COMPARISONS / f"{name}_shooting.toml"
     out = {}
@@ -56,7 +57,7 @@ def fitted(
     return out
 
 
-def identified(found: Refined) -> set[str]:
+def identified(found: Fit) -> set[str]:
     """Names of friction's parameters that are identified, their intervals without zero."""
     covariance = found.covariance
     low = covariance.interval(0.95)[:, 0]

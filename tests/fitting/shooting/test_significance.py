@@ -11,9 +11,10 @@ from fixtures import tiny_pendulums as tiny
 from frictionid.comparison.suite_recipes import RecipeEntry, shooting_of
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
-from frictionid.fitting.shooting import Covariance, Settings, Shooting, refine
+from frictionid.fitting.shooting import Settings, Shooting, refine
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
 from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction
