@@ -1,10 +1,7 @@
 """What all tests share: where measured recordings are, and that CI may not skip them."""
 
-from __future__ import annotations
-
 import gc
 import os
-from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -16,7 +13,7 @@ os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 
 @pytest.fixture(scope="session")
-def real_data() -> Path:
+def real_data():
     """Folder of the public recordings, one subfolder per collection; a test that asks is `real`."""
     named = os.environ.get("FRICTIONID_DATA")
     if not named:
@@ -26,18 +23,18 @@ def real_data() -> Path:
     return Path(named)
 
 
-def pytest_collection() -> None:
+def pytest_collection():
     """Let nothing be looked through for garbage that is imported, and stays."""
     gc.disable()
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """From here on only what tests make is looked through: that saves a sixth of their time."""
     gc.freeze()
     gc.enable()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     """Mark every test `real` that asks for the recordings, so that none can be forgotten."""
     for item in items:
         if "real_data" in getattr(item, "fixturenames", ()):
@@ -46,8 +43,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
-    item: pytest.Item,
-) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    item,
+):
     """Turn a skipped `real` test into a failure where FRICTIONID_REQUIRE_REAL=1 says so."""
     report = yield
     required = os.environ.get("FRICTIONID_REQUIRE_REAL") == "1"

@@ -4,8 +4,6 @@ Each is drawn by its own seed: `--first SEED --count 1` repeats one, and shows w
 With `--readers` data sets are only loaded, `--count` with damaged recordings of each reader.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json
@@ -16,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 Task = Callable[[Path], Any]  # from a scratch folder to an Outcome
 
 
-def main() -> int:
+def main():
     """Exit status 1 where a fault was found."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=10_000)
@@ -41,7 +39,7 @@ def main() -> int:
     return int(any(outcome.faults for outcome in outcomes))
 
 
-def _outcomes(options: argparse.Namespace, scratch: Path) -> Iterator[Any]:
+def _outcomes(options, scratch):
     """Outcomes of all seeds, as workers that are forks of this process finish them."""
     seeds = range(options.first, options.first + options.count)
     tasks = _readings(scratch, seeds) if options.readers else _trials(scratch, seeds)
@@ -65,7 +63,7 @@ def _outcomes(options: argparse.Namespace, scratch: Path) -> Iterator[Any]:
         os.waitpid(child, 0)
 
 
-def _summarise(outcomes: Sequence[Any], seconds: float) -> None:
+def _summarise(outcomes, seconds):
     for name in sorted({o.target for o in outcomes}):
         own = [o for o in outcomes if o.target == name]
         refused, bad = sum(o.code == 2 for o in own), sum(bool(o.faults) for o in own)
@@ -81,7 +79,7 @@ def _summarise(outcomes: Sequence[Any], seconds: float) -> None:
     print(f"{sum(bool(o.faults) for o in outcomes)} inputs with faults")
 
 
-def _readings(scratch: Path, seeds: range) -> list[Task]:
+def _readings(scratch, seeds):
     """Each reader with each seed."""
     from fixtures.damage_targets import recordings
     from fixtures.damage_trial import reading
@@ -90,7 +88,7 @@ def _readings(scratch: Path, seeds: range) -> list[Task]:
     return [partial(reading, target, seed) for seed in seeds for target in targets]
 
 
-def _trials(scratch: Path, seeds: range) -> list[Task]:
+def _trials(scratch, seeds):
     """Each seed draws a command; all modules are loaded, so that each trial is a fork."""
     from fixtures.damage_targets import targets
     from fixtures.damage_trial import trial
@@ -105,7 +103,7 @@ def _trials(scratch: Path, seeds: range) -> list[Task]:
     return [partial(trial, prepared, seed) for seed in seeds]
 
 
-def _work(tasks: Sequence[Task], place: Path, queue: Any) -> None:
+def _work(tasks, place, queue):
     place.mkdir()
     for task in tasks:
         queue.put(task(place))

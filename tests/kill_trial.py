@@ -6,8 +6,6 @@ chance; each disk is a real file system that a comparison fills, and that then g
 Pictures are not drawn: what counts is where and when they are written.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json
@@ -18,7 +16,6 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -43,7 +40,7 @@ MACHINE = ["--set", "mass=0.5", "--set", "length=0.3"]
 AGAIN = {"tune": ["--resume"], "init": []}
 
 
-def main() -> int:
+def main():
     """Exit status 1 where something was lost or did not resume."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--comparisons", type=int, default=100)
@@ -64,7 +61,7 @@ def main() -> int:
     return int(bool(faults))
 
 
-def _ended(folder: Path, words: list[str], after: float | None = None) -> tuple[float, int]:
+def _ended(folder, words, after=None):
     """Seconds and exit status of a command, killed after some time; its modules are loaded."""
     begin = time.monotonic()
     child = os.fork()
@@ -83,7 +80,7 @@ def _ended(folder: Path, words: list[str], after: float | None = None) -> tuple[
     return time.monotonic() - begin, os.waitstatus_to_exitcode(status)
 
 
-def _become(folder: Path, words: list[str]) -> None:
+def _become(folder, words):
     from frictionid.__main__ import main
 
     status = 70
@@ -98,7 +95,7 @@ def _become(folder: Path, words: list[str]) -> None:
         os._exit(status)
 
 
-def _contents(folder: Path) -> dict[str, bytes]:
+def _contents(folder):
     files = (p for p in folder.rglob("*") if p.is_file() and p.name != ".lock")
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
@@ -106,7 +103,7 @@ def _contents(folder: Path) -> dict[str, bytes]:
 # --- Comparisons ----------------------------------------------------------------------------------
 
 
-def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
+def _comparisons(folder, count, rng):
     """Kill fresh runs, resumed runs and runs over a finished result, in turn; then resume."""
     if not count:
         return []
@@ -153,7 +150,7 @@ def _comparisons(folder: Path, count: int, rng: np.random.Generator) -> list[str
     return faults
 
 
-def _disks(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
+def _disks(folder, count, rng):
     """Fill disks of any size by a comparison; then make room, and resume."""
     if not count:
         return []
@@ -162,7 +159,7 @@ def _disks(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
     wanted, disk, faults = _timeless(folder / "whole"), folder / "disk", []
     whole = sum(map(len, _contents(folder / "whole").values()))
 
-    def fill_and_resume() -> int:
+    def fill_and_resume():
         full = _ended(folder, [*words, str(disk / "out")])[1]
         enlarge(disk, 10**9)
         resumed = _ended(folder, [*words, str(disk / "out"), "--resume"])[1]
@@ -176,7 +173,7 @@ def _disks(folder: Path, count: int, rng: np.random.Generator) -> list[str]:
     return faults
 
 
-def _suite(folder: Path) -> list[str]:
+def _suite(folder):
     """The smallest comparison with several tasks; the command without its result folder."""
     from fixtures.damage_targets import small
     from fixtures.tiny_pendulums import write_suite
@@ -193,7 +190,7 @@ def _suite(folder: Path) -> list[str]:
     return ["compare", "suite.toml", "--jobs", "1", "--out"]
 
 
-def _first_result(folder: Path, words: list[str]) -> float:
+def _first_result(folder, words):
     """Seconds until a fresh run has its first result."""
     seconds, out = 0.1, folder / "first"
     while not _finished(out):
@@ -203,9 +200,9 @@ def _first_result(folder: Path, words: list[str]) -> float:
     return seconds
 
 
-def _finished(out: Path) -> dict[str, set[bytes]]:
+def _finished(out):
     """Whole task files by name, in the result and beside it."""
-    found: dict[str, set[bytes]] = {}
+    found = {}
     for place in (out / "tasks", out / "unfinished" / "tasks"):
         for path in place.glob("[!.]*.json"):
             content = path.read_bytes()
@@ -214,9 +211,9 @@ def _finished(out: Path) -> dict[str, set[bytes]]:
     return found
 
 
-def _timeless(out: Path) -> dict[str, object]:
+def _timeless(out):
     """All files of a result without times, and the hashes that hold them."""
-    found: dict[str, object] = {}
+    found = {}
     for name, content in _contents(out).items():
         if name in ("timings.csv", "SHA256SUMS"):
             continue
@@ -231,12 +228,12 @@ def _timeless(out: Path) -> dict[str, object]:
 # --- Other commands -------------------------------------------------------------------------------
 
 
-def _others(folder: Path, options: argparse.Namespace, rng: np.random.Generator) -> list[str]:
+def _others(folder, options, rng):
     """Kill each other command that writes: what is there is whole, and it can be run again."""
     count = options.others
     if not count:
         return []
-    faults: list[str] = []
+    faults = []
     for name, words in _prepared(folder).items():
         if options.only and name not in options.only:
             continue
@@ -267,23 +264,19 @@ def _others(folder: Path, options: argparse.Namespace, rng: np.random.Generator)
     return faults
 
 
-def _lost(
-    found: Mapping[str, bytes], old: Mapping[str, bytes], new: Mapping[str, bytes]
-) -> list[str]:
+def _lost(found, old, new):
     """Files that are neither as they were nor as the command leaves them."""
     return [n for n in old if found.get(n) not in (old[n], new.get(n))]
 
 
-def _half(
-    found: Mapping[str, bytes], old: Mapping[str, bytes], new: Mapping[str, bytes]
-) -> list[str]:
+def _half(found, old, new):
     """Files under their final names that are not whole: much shorter than they should be."""
     hidden = {n for n in found if any(part.startswith(".") for part in Path(n).parts)}
     own = found.keys() - old.keys() - hidden - {"out/journal.log"}
     return [n for n in own if n not in new or len(found[n]) < 0.9 * len(new[n])]
 
 
-def _prepared(folder: Path) -> dict[str, list[str]]:
+def _prepared(folder):
     """Inputs of all commands in folder/start, and the commands."""
     from fixtures.damage_targets import TUTORIAL, small
 
@@ -332,7 +325,7 @@ def _prepared(folder: Path) -> dict[str, list[str]]:
     }
 
 
-def _with_tables_and_log(start: Path) -> None:
+def _with_tables_and_log(start):
     """Tables for init, and angles and a log for align."""
     from fixtures.damage_own_data import swing
 

@@ -10,8 +10,6 @@ killed where one of them fails, or does not end. Of compiled loops, which no tes
 execute, it is run by the tests of what imports them. Survivors are listed with their differences.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json
@@ -21,9 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[1]
@@ -36,7 +32,7 @@ COPIED = ("comparisons", "data", "docs", "frictionid", "tests")
 Lines = dict[int, set[str]]  # of a file: the tests that execute each line
 
 
-def main() -> None:
+def main():
     """Print how many changes were killed, and those that were not."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40, help="changes in each package")
@@ -63,7 +59,7 @@ def main() -> None:
             print("\n".join(survived), flush=True)
 
 
-def _copy(clone: Path) -> None:
+def _copy(clone):
     """Copy folders of code, data and tests, and the files at the top."""
     clone.mkdir()
     for path in ROOT.iterdir():
@@ -74,7 +70,7 @@ def _copy(clone: Path) -> None:
         shutil.copytree(ROOT / name, clone / name, ignore=skipped)
 
 
-def _without_changes(clone: Path) -> dict[str, float]:
+def _without_changes(clone):
     """Run the tests without any change, noting what they execute; time [s] of each test."""
     folders = [f"tests/{name}" for name in (*PACKAGES, *BESIDE)]
     examples = [f"frictionid/{name}" for name in PACKAGES]
@@ -83,16 +79,14 @@ def _without_changes(clone: Path) -> dict[str, float]:
     command = [sys.executable, "-m", "pytest", *words, *folders, *examples]
     if subprocess.run(command, cwd=clone).returncode:
         raise SystemExit("the tests fail without any change")
-    seconds: dict[str, float] = {}
+    seconds = {}
     for case in ElementTree.parse(clone / "tests.xml").iter("testcase"):
         name = f"{case.attrib['classname'].replace('.', '/')}.py::{case.attrib['name']}"
         seconds[name] = float(case.attrib["time"])
     return seconds
 
 
-def _outcomes(
-    clone: Path, package: str, count: int, seed: int, seconds: dict[str, float]
-) -> Iterator[dict[str, Any]]:
+def _outcomes(clone, package, count, seed, seconds):
     """Each change of a sample, and whether a test failed."""
     from cosmic_ray.mutating import mutate_and_test
     from coverage import CoverageData
@@ -119,7 +113,7 @@ def _outcomes(
         }
 
 
-def _executing(change: Any, executed: Any, package: Path) -> set[str]:
+def _executing(change, executed, package):
     """Tests that execute the statement of a change, or else any of its file, or what imports it."""
     module, line = Path(change.module_path), change.start_pos[0]
     tree = ast.parse(module.read_text(encoding="utf-8"))
@@ -139,12 +133,12 @@ def _executing(change: Any, executed: Any, package: Path) -> set[str]:
     return own
 
 
-def _by_line(executed: Any, module: Path) -> Lines:
+def _by_line(executed, module):
     contexts = executed.contexts_by_lineno(str(module))
     return {line: {c.partition("|")[0] for c in own if c} for line, own in contexts.items()}
 
 
-def _importers(modules: set[Path], package: Path) -> set[Path]:
+def _importers(modules, package):
     """Files of the package that import one of the modules."""
     names = [".".join(m.relative_to(package.parent).with_suffix("").parts) for m in modules]
     lines = {f"from {name} import" for name in names}
@@ -153,9 +147,9 @@ def _importers(modules: set[Path], package: Path) -> set[Path]:
     return {f for f in files if any(line in f.read_text(encoding="utf-8") for line in lines)}
 
 
-def _quick_ones(tests: set[str], seconds: dict[str, float]) -> list[str]:
+def _quick_ones(tests, seconds):
     """The quickest tests, as many as the budget holds, and one at least."""
-    chosen: list[str] = []
+    chosen = []
     spent = 0.0
     for test in sorted(tests & set(seconds), key=lambda t: (seconds[t], t)):
         spent += seconds[test]
@@ -165,7 +159,7 @@ def _quick_ones(tests: set[str], seconds: dict[str, float]) -> list[str]:
     return chosen
 
 
-def _changes(clone: Path, package: str) -> list[Any]:
+def _changes(clone, package):
     """All changes that can be made to a package, without those in annotations."""
     from cosmic_ray.commands import init
     from cosmic_ray.work_db import WorkDB, use_db
@@ -178,7 +172,7 @@ def _changes(clone: Path, package: str) -> list[Any]:
     return [c for c in changes if not _within(c, never[Path(c.module_path)])]
 
 
-def _annotations(module: Path) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+def _annotations(module):
     """Begin and end, as line and column, of all type annotations."""
     spans = []
     for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
@@ -189,7 +183,7 @@ def _annotations(module: Path) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return spans
 
 
-def _within(change: Any, spans: list[tuple[tuple[int, int], tuple[int, int]]]) -> bool:
+def _within(change, spans):
     """Whether a change lies in one of the spans."""
     return any(first <= change.start_pos <= last for first, last in spans)
 

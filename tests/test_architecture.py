@@ -4,12 +4,9 @@ Every rule is a function of a package's files that gives its violations as text;
 the package, where it must find nothing, and on a planted violation, which it must find.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import tokenize
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,17 +50,17 @@ class Module(NamedTuple):
     tree: ast.Module
 
     @property
-    def layer(self) -> str:
+    def layer(self):
         """Name of the entry of the list that the module belongs to."""
         return self.name.partition(".")[0]
 
     @property
-    def is_package(self) -> bool:
+    def is_package(self):
         """Whether the file is an `__init__.py`."""
         return self.path.name == "__init__.py"
 
 
-def read(root: Path) -> dict[str, Module]:
+def read(root):
     """Modules of the package in the folder root, by their dotted names."""
     modules = {}
     for path in sorted(root.rglob("*.py")):
@@ -73,7 +70,7 @@ def read(root: Path) -> dict[str, Module]:
     return modules
 
 
-def imports(module: Module, modules: dict[str, Module], package: str) -> Iterator[tuple[int, str]]:
+def imports(module, modules, package):
     """Line and dotted name of each module of the package that a module imports, anywhere in it."""
     for node in ast.walk(module.tree):
         if isinstance(node, ast.Import):
@@ -90,7 +87,7 @@ def imports(module: Module, modules: dict[str, Module], package: str) -> Iterato
                 yield node.lineno, inner if inner in modules else inner.rpartition(".")[0]
 
 
-def _absolute(node: ast.ImportFrom, module: Module, package: str) -> str:
+def _absolute(node, module, package):
     if not node.level:
         return node.module or ""
     parts = [package, *module.name.split(".")] if module.name else [package]
@@ -98,7 +95,7 @@ def _absolute(node: ast.ImportFrom, module: Module, package: str) -> str:
     return ".".join([*kept, node.module] if node.module else kept)
 
 
-def unlisted(modules: dict[str, Module]) -> list[str]:
+def unlisted(modules):
     """Modules that have no place in the list of layers, and names that say nothing."""
     found = [
         f"{m.name}: not in the list of layers"
@@ -114,7 +111,7 @@ def unlisted(modules: dict[str, Module]) -> list[str]:
     return found
 
 
-def wrong_way(modules: dict[str, Module], package: str) -> list[str]:
+def wrong_way(modules, package):
     """Imports that do not point down to a lower layer or stay within their own package."""
     found = []
     for module in modules.values():
@@ -133,7 +130,7 @@ def wrong_way(modules: dict[str, Module], package: str) -> list[str]:
     return found
 
 
-def cycles(modules: dict[str, Module], package: str) -> list[str]:
+def cycles(modules, package):
     """Files that import each other in a circle, also within one package."""
     graph = {m.name: {n for _, n in imports(m, modules, package)} for m in modules.values()}
     graph = {
@@ -144,7 +141,7 @@ def cycles(modules: dict[str, Module], package: str) -> list[str]:
     return [f"{name}: in or above a circle of imports" for name in graph]
 
 
-def open_ended(modules: dict[str, Module]) -> list[str]:
+def open_ended(modules):
     """Functions that take `**kwargs`, and statements that change module-level state."""
     found = []
     for module in modules.values():
@@ -158,7 +155,7 @@ def open_ended(modules: dict[str, Module]) -> list[str]:
     return found
 
 
-def too_long(paths: Iterable[Path]) -> list[str]:
+def too_long(paths):
     """Files of 400 lines and more, functions of more than 60 lines of code."""
     found = []
     for path in paths:
@@ -174,7 +171,7 @@ def too_long(paths: Iterable[Path]) -> list[str]:
     return found
 
 
-def _code_lines(text: str) -> set[int]:
+def _code_lines(text):
     """Numbers of the lines that hold more than comments."""
     silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
     return {
@@ -185,13 +182,13 @@ def _code_lines(text: str) -> set[int]:
     }
 
 
-def _docstring_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> set[int]:
+def _docstring_lines(node):
     if ast.get_docstring(node) is None:
         return set()
     return set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
 
 
-def violations(root: Path) -> list[str]:
+def violations(root):
     """All that breaks a rule in the package in the folder root."""
     modules = read(root)
     return [
@@ -203,12 +200,12 @@ def violations(root: Path) -> list[str]:
     ]
 
 
-def test_the_package_follows_the_rules() -> None:
+def test_the_package_follows_the_rules():
     assert violations(ROOT / "frictionid") == []
 
 
 @pytest.mark.parametrize("folder", ["tests", "comparisons", "peers"])
-def test_what_stands_beside_the_package_stays_short(folder: str) -> None:
+def test_what_stands_beside_the_package_stays_short(folder):
     assert too_long(sorted((ROOT / folder).rglob("*.py"))) == []
 
 
@@ -268,7 +265,7 @@ PLANTED = {
 }
 
 
-def _write(folder: Path, files: dict[str, str]) -> Path:
+def _write(folder, files):
     for name, text in files.items():
         path = folder / "pack" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -276,18 +273,16 @@ def _write(folder: Path, files: dict[str, str]) -> Path:
     return folder / "pack"
 
 
-def test_the_checker_accepts_a_sound_package(tmp_path: Path) -> None:
+def test_the_checker_accepts_a_sound_package(tmp_path):
     full = 'def f():\n    """Text.\n\n    More.\n    """\n    # why\n\n' + "    a = 1\n" * 59
     assert violations(_write(tmp_path, {**SOUND, "config.py": full})) == []
 
 
 @pytest.mark.parametrize(("files", "expected"), PLANTED.values(), ids=PLANTED)
-def test_the_checker_finds_a_planted_violation(
-    files: dict[str, str], expected: str, tmp_path: Path
-) -> None:
+def test_the_checker_finds_a_planted_violation(files, expected, tmp_path):
     found = violations(_write(tmp_path, {**SOUND, **files}))
     assert any(expected in line for line in found), found
 
 
-def test_the_list_of_layers_names_each_once() -> None:
+def test_the_list_of_layers_names_each_once():
     assert len(set(LAYERS)) == len(LAYERS)

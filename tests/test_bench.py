@@ -1,7 +1,5 @@
 """The benchmark: sides in alternation, honest ratios, and what it writes; bars are never tested."""
 
-from __future__ import annotations
-
 import sys
 from itertools import count
 

@@ -1,7 +1,5 @@
 """Fields of dataclasses are validated by their annotated types when they are constructed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -22,7 +20,7 @@ class Settings:
     device: Literal["cpu", "cuda"] = "cpu"
     robust: Positive | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         check_settings(self)
 
 

@@ -1,7 +1,5 @@
 """What work costs, in counts and memory: laws that hold on any machine, however busy it is."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 

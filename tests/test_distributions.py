@@ -1,7 +1,5 @@
 """What pip installs: a wheel with suites and data, a source distribution with all tests."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -10,14 +8,13 @@ import sys
 import tarfile
 import tomllib
 import zipfile
-from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
 from packaging.requirements import Requirement
 
 
-def test_every_extra_is_imported_somewhere() -> None:
+def test_every_extra_is_imported_somewhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     files = (p for room in ("frictionid", "comparisons", "tests") for p in (ROOT / room).rglob("*"))
     source = "\n".join(path.read_text() for path in files if path.suffix == ".py")
@@ -51,7 +48,7 @@ assert frictionid.load_dataset("acrobot_lag").recordings
 """
 
 
-def _run(words: list[str], cwd: Path, path: Path | None = None) -> str:
+def _run(words, cwd, path=None):
     """Output of Python with some words in a folder, with another PYTHONPATH."""
     done = subprocess.run(
         [sys.executable, *words],
@@ -65,13 +62,13 @@ def _run(words: list[str], cwd: Path, path: Path | None = None) -> str:
     return done.stdout
 
 
-def _built(kind: str, folder: Path) -> Path:
+def _built(kind, folder):
     _run(["-m", "hatchling", "build", "-t", kind, "-d", str(folder)], ROOT)
     (built,) = folder.iterdir()
     return built
 
 
-def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path: Path) -> None:
+def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path):
     site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
     with zipfile.ZipFile(_built("wheel", tmp_path / "dist")) as wheel:
         wheel.extractall(site)
@@ -87,7 +84,7 @@ def test_the_default_comparison_runs_from_a_wheel_in_any_folder(tmp_path: Path) 
             assert f"{dataset}:{name}" in said.split()
 
 
-def test_tests_are_collected_from_the_source_distribution(tmp_path: Path) -> None:
+def test_tests_are_collected_from_the_source_distribution(tmp_path):
     with tarfile.open(_built("sdist", tmp_path / "dist")) as sdist:
         sdist.extractall(tmp_path, filter="data")
     (root,) = tmp_path.glob("frictionid-*")

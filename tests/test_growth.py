@@ -1,7 +1,5 @@
 """Laws of growth: pieces change no number, recordings are independent, memory in proportion."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The house around the code: quick help, pinned versions, set-up, what git keeps, the README."""
 
-from __future__ import annotations
-
 import doctest
 import os
 import re
@@ -9,8 +7,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
@@ -48,7 +44,7 @@ print("loaded:", *[name for name in {HEAVY!r} if name in sys.modules])
 """
 
 
-def test_help_loads_nothing_heavy() -> None:
+def test_help_loads_nothing_heavy():
     done = subprocess.run(
         [sys.executable, "-c", HELP, "--help"], capture_output=True, text=True, check=False
     )
@@ -59,17 +55,17 @@ def test_help_loads_nothing_heavy() -> None:
 # --- Versions ---------------------------------------------------------------------------------
 
 
-def _project() -> dict:
+def _project():
     return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
-def _pins() -> dict[str, Version]:
+def _pins():
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pins = [line.split("==") for line in lines if line and not line.startswith("#")]
     return {canonicalize_name(name): Version(version) for name, version in pins}
 
 
-def _requirements(group: str) -> Iterator[Requirement]:
+def _requirements(group):
     """Packages of the project itself ("core") or of an extra, and of the extras that it names."""
     project = _project()
     extras = {"core": project["dependencies"], **project["optional-dependencies"]}
@@ -81,12 +77,12 @@ def _requirements(group: str) -> Iterator[Requirement]:
             yield requirement
 
 
-def test_the_program_itself_needs_few_packages() -> None:
+def test_the_program_itself_needs_few_packages():
     names = {requirement.name for requirement in _requirements("core")}
     assert len(names) <= 14 and "torch" not in names
 
 
-def test_all_has_every_extra_of_a_user() -> None:
+def test_all_has_every_extra_of_a_user():
     tools = {"all", "dev", "docs", "peers", "test", "dask", "engines", "export", "gym", "ros"}
     extras = [name for name in _project()["optional-dependencies"] if name not in tools]
     wanted = {r.name for extra in extras for r in _requirements(extra)}
@@ -94,7 +90,7 @@ def test_all_has_every_extra_of_a_user() -> None:
 
 
 @pytest.mark.parametrize("group", ["core", "test", "dev", "peers"])
-def test_constraints_pin_every_requirement_within_its_bounds(group: str) -> None:
+def test_constraints_pin_every_requirement_within_its_bounds(group):
     pins = _pins()
     for requirement in _requirements(group):
         assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), (
@@ -102,11 +98,11 @@ def test_constraints_pin_every_requirement_within_its_bounds(group: str) -> None
         )
 
 
-def test_constraints_name_versions_that_everyone_can_get() -> None:
+def test_constraints_name_versions_that_everyone_can_get():
     assert {name for name, version in _pins().items() if version.local} == set()
 
 
-def test_requirements_are_lower_bounds() -> None:
+def test_requirements_are_lower_bounds():
     groups = ["core", *_project()["optional-dependencies"]]
     assert {s.operator for group in groups for r in _requirements(group) for s in r.specifier} == {
         ">="
@@ -120,13 +116,13 @@ BARE = '#!/bin/sh\n[ "$1" = --version ] && echo Python 3.12.1 && exit\necho Trac
 GOOD = '#!/bin/sh\n[ "$1" = --version ] && echo Python 3.13.0\nexit 0\n'
 
 
-def _script(path: Path, text: str) -> None:
+def _script(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     path.chmod(0o755)
 
 
-def _checkout(folder: Path, interpreters: dict[str, str]) -> None:
+def _checkout(folder, interpreters):
     """Write what make needs of a checkout, and a bin folder with these interpreters."""
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
         shutil.copy(ROOT / name, folder)
@@ -135,7 +131,7 @@ def _checkout(folder: Path, interpreters: dict[str, str]) -> None:
         _script(folder / "bin" / name, text)
 
 
-def _make(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def _make(folder, *arguments):
     """What make does on a machine that has only what is in the checkout's bin folder."""
     make = shutil.which("make")
     if make is None:
@@ -171,9 +167,7 @@ MISSING = {
 @pytest.mark.parametrize(
     ("interpreters", "arguments", "expected"), MISSING.values(), ids=MISSING.keys()
 )
-def test_make_says_in_one_line_what_is_missing(
-    target: str, interpreters: dict[str, str], arguments: list[str], expected: str, tmp_path: Path
-) -> None:
+def test_make_says_in_one_line_what_is_missing(target, interpreters, arguments, expected, tmp_path):
     _checkout(tmp_path, interpreters)
     done = _make(tmp_path, *arguments, target)
     assert done.returncode != 0
@@ -184,7 +178,7 @@ def test_make_says_in_one_line_what_is_missing(
     assert not (tmp_path / ".venv").exists()
 
 
-def test_make_takes_the_first_interpreter_that_will_do(tmp_path: Path) -> None:
+def test_make_takes_the_first_interpreter_that_will_do(tmp_path):
     _checkout(tmp_path, {"python3": TOO_OLD, "python3.13": BARE, "python3.12": GOOD})
     done = _make(tmp_path, "--dry-run", "compare")
     assert done.returncode == 0, done.stderr
@@ -195,7 +189,7 @@ def test_make_takes_the_first_interpreter_that_will_do(tmp_path: Path) -> None:
     ("target", "extra"),
     [("compare", "all"), ("test", "test"), ("check", "dev"), ("docs", "docs")],
 )
-def test_make_installs_the_extra_of_each_target(target: str, extra: str, tmp_path: Path) -> None:
+def test_make_installs_the_extra_of_each_target(target, extra, tmp_path):
     _checkout(tmp_path, {"python3": GOOD})
     done = _make(tmp_path, "--dry-run", target)
     assert f"-e '.[{extra}]' " in done.stdout
@@ -214,9 +208,7 @@ ENVIRONMENTS = {
 @pytest.mark.parametrize(
     ("files", "created", "installed"), ENVIRONMENTS.values(), ids=ENVIRONMENTS.keys()
 )
-def test_make_redoes_only_what_must_be_redone(
-    files: dict[str, str], created: bool, installed: bool, tmp_path: Path
-) -> None:
+def test_make_redoes_only_what_must_be_redone(files, created, installed, tmp_path):
     _checkout(tmp_path, {"python3": GOOD})
     _script(tmp_path / ".venv" / "bin" / "python", GOOD)
     for name, text in files.items():
@@ -228,7 +220,7 @@ def test_make_redoes_only_what_must_be_redone(
 
 
 @pytest.mark.parametrize("changed", ["pyproject.toml", "constraints.txt"])
-def test_make_installs_again_when_the_requirements_change(changed: str, tmp_path: Path) -> None:
+def test_make_installs_again_when_the_requirements_change(changed, tmp_path):
     _checkout(tmp_path, {"python3": GOOD})
     _script(tmp_path / ".venv" / "bin" / "python", GOOD)
     stamp = tmp_path / ".venv" / "frictionid.core"
@@ -245,7 +237,7 @@ exit 0
 
 
 @pytest.mark.parametrize("status", [0, 1])
-def test_make_keeps_what_pip_says_for_when_it_fails(tmp_path: Path, status: int) -> None:
+def test_make_keeps_what_pip_says_for_when_it_fails(tmp_path, status):
     _checkout(tmp_path, {"python3": GOOD})
     _script(tmp_path / ".venv" / "bin" / "python", PIP.replace("STATUS", str(status)))
     for tool in ("sh", "touch", "rm", "tail", "sleep", "pwd"):
@@ -262,7 +254,7 @@ def test_make_keeps_what_pip_says_for_when_it_fails(tmp_path: Path, status: int)
 # --- What git keeps ---------------------------------------------------------------------------
 
 
-def _git(*arguments: str) -> subprocess.CompletedProcess[str]:
+def _git(*arguments):
     if shutil.which("git") is None or not (ROOT / ".git").exists():
         pytest.skip("not a git checkout")
     return subprocess.run(
@@ -279,11 +271,11 @@ def _git(*arguments: str) -> subprocess.CompletedProcess[str]:
         (".venv/bin/python", True),
     ],
 )
-def test_git_ignores_results_and_nothing_else_of_report(path: str, ignored: bool) -> None:
+def test_git_ignores_results_and_nothing_else_of_report(path, ignored):
     assert (_git("check-ignore", "--no-index", "-q", path).returncode == 0) is ignored
 
 
-def test_no_committed_file_is_over_one_megabyte() -> None:
+def test_no_committed_file_is_over_one_megabyte():
     listing = _git("ls-files", "-z").stdout.split("\0")
     paths = [ROOT / name for name in listing if name]
     assert paths
@@ -312,11 +304,11 @@ def test_plain():
     [("1", {"skipped": 1, "failed": 1, "errors": 1}), ("", {"skipped": 3})],
 )
 def test_required_recordings_may_not_be_skipped(
-    required: str,
-    expected: dict[str, int],
-    pytester: pytest.Pytester,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    required,
+    expected,
+    pytester,
+    monkeypatch,
+):
     monkeypatch.setenv("FRICTIONID_DATA", str(pytester.path / "nowhere"))
     monkeypatch.setenv("FRICTIONID_REQUIRE_REAL", required)
     pytester.makeconftest((ROOT / "tests" / "conftest.py").read_text())
@@ -331,14 +323,14 @@ def test_required_recordings_may_not_be_skipped(
 
 
 @pytest.mark.parametrize("name", ["docs/results.md", "docs/shooting.md", "docs/mechanisms.md"])
-def test_the_examples_of_the_pages_run(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_the_examples_of_the_pages_run(monkeypatch, name):
     path = ROOT / name
     assert path.exists()
     monkeypatch.chdir(ROOT)
     # a fence ends what an example prints, as an empty line would
     text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)
     example = doctest.DocTestParser().get_doctest(text, {}, name, str(path), 0)
-    said: list[str] = []
+    said = []
     outcome = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(
         example, out=said.append
     )

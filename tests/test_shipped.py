@@ -1,7 +1,5 @@
 """Suites and data sets that come with the package have names; a file of one's own goes first."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -12,18 +10,18 @@ from frictionid.files import shipped, shipped_names, suite_path
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_names_are_found_from_any_folder() -> None:
+def test_names_are_found_from_any_folder():
     for name in shipped_names("comparisons"):
         assert suite_path(Path(name)) == shipped("comparisons") / f"{name}.toml"
     for name in shipped_names("data"):
         assert dataset_path(Path(name)) == shipped("data") / name / "dataset.toml"
 
 
-def test_own_files_go_before_names() -> None:
+def test_own_files_go_before_names():
     Path("acrobot_clean").mkdir()
     with pytest.raises(InputError, match="dataset.toml does not exist"):
         dataset_path(Path("acrobot_clean"))
@@ -31,17 +29,17 @@ def test_own_files_go_before_names() -> None:
     assert suite_path(Path("acrobot")) == Path("acrobot")
 
 
-def test_a_folder_of_data_hides_no_suite() -> None:
+def test_a_folder_of_data_hides_no_suite():
     Path("acrobot").mkdir()
     assert suite_path(Path("acrobot")) == shipped("comparisons") / "acrobot.toml"
 
 
 @pytest.mark.parametrize("path", ["./acrobat/x", "nowhere", "data/acrobot_clean", ".."])
-def test_only_names_are_looked_up(path: str) -> None:
+def test_only_names_are_looked_up(path):
     with pytest.raises(InputError):
         dataset_path(Path(path))
 
 
-def test_the_nearest_name_is_proposed() -> None:
+def test_the_nearest_name_is_proposed():
     with pytest.raises(InputError, match="did you mean acrobot"):
         suite_path(Path("acrobat"))

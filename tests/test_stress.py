@@ -1,7 +1,5 @@
 """Numerics under stress: small versions of comparisons/stress.py, the table of docs/stress.md."""
 
-from __future__ import annotations
-
 import sys
 from functools import cache
 

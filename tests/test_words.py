@@ -4,12 +4,8 @@ Right of each retired word stands what the field says. Words that are ordinary E
 retired as names only.
 """
 
-from __future__ import annotations
-
 import ast
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
@@ -56,7 +52,7 @@ MESSAGES = ("at the door", "contest", "doubts", "faced", "grip", "hats", "lane",
 ALLOWED = {"ground_truth"}  # terms of the field that hold a retired word
 
 
-def words(name: str) -> set[str]:
+def words(name):
     """Words of a name in snake or camel case.
 
     >>> sorted(words("HatsOf_ground"))
@@ -67,13 +63,13 @@ def words(name: str) -> set[str]:
     return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)}
 
 
-def public_names(path: Path) -> Iterator[tuple[int, str]]:
+def public_names(path):
     """Line and name of what others can use: the module, classes, functions, arguments, fields."""
     yield 1, path.parent.name if path.stem == "__init__" else path.stem
     yield from _public(ast.parse(path.read_text()).body)
 
 
-def _public(body: list[ast.stmt]) -> Iterator[tuple[int, str]]:
+def _public(body):
     for node in body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield node.lineno, node.name
@@ -86,7 +82,7 @@ def _public(body: list[ast.stmt]) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.target.id
 
 
-def messages(path: Path) -> Iterator[tuple[int, str]]:
+def messages(path):
     """Line and text of every string that is no docstring."""
     tree = ast.parse(path.read_text())
     documented = {
@@ -102,7 +98,7 @@ def messages(path: Path) -> Iterator[tuple[int, str]]:
                 yield node.lineno, node.value
 
 
-def retired(path: Path) -> list[str]:
+def retired(path):
     """Retired words in the public names and the messages of a file."""
     found = [
         f"{path.name}:{line}: {name}: the field says {(WORDS | WHOLE)[word]!r}"
@@ -119,7 +115,7 @@ def retired(path: Path) -> list[str]:
 @pytest.mark.parametrize(
     "path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE))
 )
-def test_no_retired_word_is_left(path: Path) -> None:
+def test_no_retired_word_is_left(path):
     assert retired(path) == []
 
 
@@ -128,7 +124,7 @@ TEMPLATES = sorted(PACKAGE.rglob("*.j2"))
 
 
 @pytest.mark.parametrize("path", [*PAGES, *TEMPLATES], ids=lambda path: path.name)
-def test_no_page_says_a_retired_word(path: Path) -> None:
+def test_no_page_says_a_retired_word(path):
     text = path.read_text()
     assert [word for word in MESSAGES if re.search(rf"\b{word}\b", text)] == []
 
@@ -145,13 +141,13 @@ PLANTED = {
 
 
 @pytest.mark.parametrize(("name", "text", "said"), PLANTED.values(), ids=PLANTED)
-def test_a_planted_word_is_found(name: str, text: str, said: str, tmp_path: Path) -> None:
+def test_a_planted_word_is_found(name, text, said, tmp_path):
     path = tmp_path / name
     path.write_text(text)
     assert any(said in line for line in retired(path))
 
 
-def test_terms_of_the_field_are_no_retired_words(tmp_path: Path) -> None:
+def test_terms_of_the_field_are_no_retired_words(tmp_path):
     path = tmp_path / "ground_truth.py"
     path.write_text(
         '"""As it was told."""\n\n\ndef ground_truth_of(at_rest, standing):\n    pass\n'
@@ -169,7 +165,7 @@ UNCLEARED = {
 }
 
 
-def pronouns(path: Path) -> list[str]:
+def pronouns(path):
     """Pronouns that a file binds or takes as names."""
     bound = []
     for node in ast.walk(ast.parse(path.read_text())):
@@ -182,7 +178,7 @@ def pronouns(path: Path) -> list[str]:
     return [f"{path.name}:{line}: {name}" for line, name in bound if name in PRONOUNS]
 
 
-def test_pronouns_are_found(tmp_path: Path) -> None:
+def test_pronouns_are_found(tmp_path):
     path = tmp_path / "some.py"
     path.write_text("def own(given):\n    for one in given:\n        found = one\n")
     assert [line.split(": ")[1] for line in sorted(pronouns(path))] == [
@@ -191,7 +187,7 @@ def test_pronouns_are_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", sorted({p.name for p in PACKAGE.iterdir() if p.suffix != ".pyc"}))
-def test_names_are_nouns_of_the_thing(room: str) -> None:
+def test_names_are_nouns_of_the_thing(room):
     files = [PACKAGE / room] if room.endswith(".py") else list((PACKAGE / room).rglob("*.py"))
     left = [line for path in sorted(files) for line in pronouns(path)]
     assert bool(left) == (room in UNCLEARED), left[:20]

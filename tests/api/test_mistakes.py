@@ -1,7 +1,5 @@
 """Every mistake in what a user gives to the functions is one sentence."""
 
-from __future__ import annotations
-
 import pytest
 from fixtures.arm_frames import SAID, arm, frames
 

@@ -1,7 +1,5 @@
 """The objects that come back: what they show is what the commands print and write."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from dataclasses import dataclass

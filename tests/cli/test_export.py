@@ -1,7 +1,5 @@
 """frictionid export: what is written, what is said, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,11 +1,8 @@
 """The comparison with mujoco.sysid: the same machine and windows, answers from two processes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +10,14 @@ from fixtures.paths import ROOT
 from fixtures.random_machines import physical, states
 
 from frictionid.mechanics import acrobot
-from frictionid.simulate import Rig, load_rig, noise_free, simulate
+from frictionid.simulate import load_rig, noise_free, simulate
 
 FOLDER = ROOT / "comparisons" / "peers"
 ROTORLESS = {"rotor": 0.0}
 
 
 @pytest.fixture
-def peers(monkeypatch: pytest.MonkeyPatch):
+def peers(monkeypatch):
     """The comparison's script as a module."""
     monkeypatch.syspath_prepend(str(FOLDER))
     import mujoco_sysid
@@ -28,7 +25,7 @@ def peers(monkeypatch: pytest.MonkeyPatch):
     return mujoco_sysid
 
 
-def need_toolbox() -> None:
+def need_toolbox():
     """Skip where the peer is not installed."""
     pytest.importorskip("mujoco", reason="the peer; the test extra installs it")
     from mujoco import sysid
@@ -37,7 +34,7 @@ def need_toolbox() -> None:
         pytest.skip("mujoco.sysid without its packages; the extra `peers` installs them")
 
 
-def test_the_mjcf_is_the_same_machine(peers) -> None:
+def test_the_mjcf_is_the_same_machine(peers):
     """Mass matrix, gravity and velocity terms, and the motor's joint, at random states."""
     mujoco = pytest.importorskip("mujoco", reason="the peer; the test extra installs it")
     mechanism, rng = acrobot(), np.random.default_rng(1)
@@ -56,18 +53,18 @@ def test_the_mjcf_is_the_same_machine(peers) -> None:
         np.testing.assert_array_equal(data.qfrc_actuator, [0.0, 0.3])
 
 
-def test_a_rotor_is_refused(peers) -> None:
+def test_a_rotor_is_refused(peers):
     with pytest.raises(ValueError, match="motor without rotor"):
         peers.mjcf({**acrobot().defaults, "rotor": 1e-5})
 
 
-def short(rig: Rig, samples: int = 62) -> Rig:
+def short(rig, samples=62):
     """The rig with two of its recordings, made short, and a perfect camera."""
     camera = replace(rig.camera, samples=samples)
     return noise_free(replace(rig, recordings=rig.recordings[4:6], camera=camera))
 
 
-def test_windows_are_whole_and_share_their_ends(peers) -> None:
+def test_windows_are_whole_and_share_their_ends(peers):
     dataset = simulate(short(load_rig(peers.RIG)))
     task = peers.task_of(dataset)
     windows = task.windows(task.angle)
@@ -80,7 +77,7 @@ def test_windows_are_whole_and_share_their_ends(peers) -> None:
     assert task.time[-1] == pytest.approx(time)
 
 
-def test_a_task_comes_back_from_its_file(peers, tmp_path: Path) -> None:
+def test_a_task_comes_back_from_its_file(peers, tmp_path):
     from exchange import load, save
 
     task = peers.task_of(simulate(short(load_rig(peers.RIG))))
@@ -89,7 +86,7 @@ def test_a_task_comes_back_from_its_file(peers, tmp_path: Path) -> None:
         np.testing.assert_array_equal(mine, read)
 
 
-def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers) -> None:
+def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers):
     """Each in its own process; what is left is the peer's step, and that starts are smoothed."""
     need_toolbox()
     dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
@@ -103,23 +100,23 @@ def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers) -> None:
     np.testing.assert_allclose(found["batched"], found["documented"], rtol=1e-3, atol=1e-5)
 
 
-def test_ours_comes_nearer(peers) -> None:
+def test_ours_comes_nearer(peers):
     dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
     theta, _, _ = peers.solve(peers.task_of(dataset), "our_side.py", "coulomb_viscous")
     assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.01)
 
 
-def test_a_tool_that_ends_is_reported(peers) -> None:
+def test_a_tool_that_ends_is_reported(peers):
     task = peers.task_of(simulate(short(load_rig(peers.RIG))))
     with pytest.raises(RuntimeError, match="no_side.py: .*No such file"):
         peers.solve(task, "no_side.py")
 
 
-def run(peers, error: tuple[float, float], wall: float):
+def run(peers, error, wall):
     return peers.Run("stribeck", "", 6, np.array(error), wall, wall)
 
 
-def test_ratios_are_those_of_the_worst_seed(peers) -> None:
+def test_ratios_are_those_of_the_worst_seed(peers):
     ours = [run(peers, (0.1, 0.2), 1.0), run(peers, (0.1, 0.1), 2.0)]
     theirs = [run(peers, (1.0, 1.0), 20.0), run(peers, (2.0, 0.2), 20.0)]
     errors, faster = peers.ratios(ours, theirs)
@@ -127,7 +124,7 @@ def test_ratios_are_those_of_the_worst_seed(peers) -> None:
     assert faster == 10.0
 
 
-def test_nothing_that_a_side_would_import_is_imported_for_it() -> None:
+def test_nothing_that_a_side_would_import_is_imported_for_it():
     """The task's file needs NumPy only: importing more would hide it from one side's time."""
     code = "import sys; sys.path.insert(0, sys.argv[1]); import exchange; print(*sys.modules)"
     done = subprocess.run(

@@ -1,9 +1,5 @@
 """The real acrobot: fitted on identification runs, judged on swing-ups that no fit has seen."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pandas as pd
 import pytest
 from fixtures import result_folders as made
@@ -17,7 +13,7 @@ PUBLISHED = ("model_1.0", "model_2.0")
 
 
 @pytest.fixture(scope="module")
-def scores(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+def scores(real_data, tmp_path_factory):
     """Scores of comparisons/dfki_c1.toml, its tables found through --data."""
     folder = tmp_path_factory.mktemp("dfki_c1")
     data = real_data / "dfki_double_pendulum"
@@ -28,7 +24,7 @@ def scores(real_data: Path, tmp_path_factory: pytest.TempPathFactory) -> pd.Data
     return table[(table.fold == "all") & (table.joint == "all")]
 
 
-def median(scores: pd.DataFrame, dataset: str, identifier: str, horizon: float) -> float:
+def median(scores, dataset, identifier, horizon):
     """Median rollout error against the measured angles [rad]."""
     row = scores[
         (scores.dataset == dataset)
@@ -41,7 +37,7 @@ def median(scores: pd.DataFrame, dataset: str, identifier: str, horizon: float) 
 
 
 @pytest.mark.parametrize("identifier", FITTED)
-def test_fitted_friction_beats_none_at_every_horizon(scores: pd.DataFrame, identifier: str) -> None:
+def test_fitted_friction_beats_none_at_every_horizon(scores, identifier):
     for dataset in ("dfki_c1", "dfki_c1_swingup"):
         for horizon in HORIZONS:
             own = median(scores, dataset, identifier, horizon)
@@ -49,8 +45,6 @@ def test_fitted_friction_beats_none_at_every_horizon(scores: pd.DataFrame, ident
 
 
 @pytest.mark.parametrize("identifier", FITTED)
-def test_unseen_swing_ups_are_predicted_no_worse_than_by_the_published_models(
-    scores: pd.DataFrame, identifier: str
-) -> None:
+def test_unseen_swing_ups_are_predicted_no_worse_than_by_the_published_models(scores, identifier):
     best = min(median(scores, "dfki_c1_swingup", p, 0.5) for p in PUBLISHED)
     assert median(scores, "dfki_c1_swingup", identifier, 0.5) <= best

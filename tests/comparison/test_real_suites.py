@@ -1,7 +1,5 @@
 """Comparisons of public recordings run from the command line, and say what the recordings say."""
 
-from __future__ import annotations
-
 import sys
 
 import pandas as pd

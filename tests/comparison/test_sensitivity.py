@@ -1,7 +1,5 @@
 """Sensitivity studies: known effects of known mistakes, and nothing computed twice."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

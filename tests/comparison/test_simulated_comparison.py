@@ -1,15 +1,11 @@
 """What the recipes reach on the simulated acrobot whose friction is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures.paths import DATA
 
 from frictionid import load_dataset
-from frictionid.arrays import Array
 from frictionid.data.plants import plant_of
-from frictionid.data.recordings import Dataset
 from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
@@ -17,7 +13,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.simulate import load_rig, noise_free, simulate
 
 
-def errors(dataset: Dataset, recipe: Recipe) -> Array:
+def errors(dataset, recipe):
     """Curve error of each joint, fitted to all recordings."""
     assert dataset.truth is not None
     problem = training_problem(dataset, plant_of(dataset), recipe)
@@ -30,21 +26,21 @@ def errors(dataset: Dataset, recipe: Recipe) -> Array:
 
 
 @pytest.fixture(scope="module")
-def clean() -> Dataset:
+def clean():
     """The committed data set: noise, but the right torque clock and inertias."""
     return load_dataset(DATA / "acrobot_clean")
 
 
-def test_noise_free_motion_gives_the_curves_to_two_percent() -> None:
+def test_noise_free_motion_gives_the_curves_to_two_percent():
     twin = simulate(noise_free(load_rig(DATA / "acrobot_clean" / "rig.toml")))
     assert (errors(twin, INTEGRAL) < 0.02).all()
 
 
-def test_with_noise_our_errors_are_at_most_0_6_of_the_studys(clean: Dataset) -> None:
+def test_with_noise_our_errors_are_at_most_0_6_of_the_studys(clean):
     assert (errors(clean, INTEGRAL) <= 0.6 * errors(clean, STUDY)).all()
 
 
-def test_the_stiction_mask_makes_the_curves_accurate(clean: Dataset) -> None:
+def test_the_stiction_mask_makes_the_curves_accurate(clean):
     """The same recipe that fits all rows alike is far off: its friction at rest is no law."""
     alike = Recipe("alike", INTEGRAL.states, INTEGRAL.scheme, velocity_threshold=0.0)
     assert (errors(clean, INTEGRAL) < 0.7 * errors(clean, alike)).all()

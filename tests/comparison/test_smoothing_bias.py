@@ -1,7 +1,5 @@
 """Intervals of one-step fits that hold the bias of smoothed states."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The suites of two real arms: friction predicts blocks of time that it has not seen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tuning: it finds the best, sees nothing of what judges it, and goes on where it was stopped."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a fit found of machine and sensors: undone in the data, added to it, kept in files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +25,7 @@ from frictionid.mechanics import mechanism_of
 ACROBOT = {"kind": "acrobot", "parameters": {"m4": 0.084}}
 
 
-def dataset(torque: Signal, angle: Signal | None = None, **overrides: float) -> Dataset:
+def dataset(torque, angle=None, **overrides):
     time = np.arange(50) / 60
     angle = angle or Signal(time, np.ones((50, 2)))
     return Dataset("rig", ACROBOT, (Recording("a", angle, torque, parameters=overrides),))

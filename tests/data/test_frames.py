@@ -1,7 +1,5 @@
 """Data sets from frames and arrays: the same as from a dataset.toml; each mistake is one line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -29,7 +29,7 @@ def found(time, value, **more):
     return RTS()([Signal(time, value, **more)])[0].left_out[:, 0]
 
 
-def test_roughness_is_the_upper_quartile_of_the_samples_around() -> None:
+def test_roughness_is_the_upper_quartile_of_the_samples_around():
     sizes = 2.0 + np.random.default_rng(0).random((50, 3))
     around = np.stack([np.delete(sizes[20:31], 5, axis=0), np.delete(sizes[30:41], 5, axis=0)])
     expected = np.quantile(around, 0.75, axis=1, method="inverted_cdf")
@@ -39,7 +39,7 @@ def test_roughness_is_the_upper_quartile_of_the_samples_around() -> None:
 # ---------------------------------------------------------------- deletion residuals
 
 
-def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves() -> None:
+def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
     """Two routes: all at once, and each sample left out on its own."""
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.uniform(0.01, 0.03, 40))
@@ -54,7 +54,7 @@ def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves() -> N
         np.testing.assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
 
 
-def test_deletion_residuals_of_noise_have_its_size() -> None:
+def test_deletion_residuals_of_noise_have_its_size():
     """Positions driven by white jerk, with unit noise: residuals are standard normal."""
     rng = np.random.default_rng(1)
     samples, rho = 4000, 1e6
@@ -77,7 +77,7 @@ def test_deletion_residuals_of_noise_have_its_size() -> None:
 
 @pytest.mark.parametrize("size", [0.05, 1.0, 20.0])
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
-def test_outliers_are_left_out_and_good_samples_stay(size, share) -> None:
+def test_outliers_are_left_out_and_good_samples_stay(size, share):
     rng = np.random.default_rng(2)
     time = clock()
     clean = np.hstack([swing(time, rng) for _ in range(4)])
@@ -89,7 +89,7 @@ def test_outliers_are_left_out_and_good_samples_stay(size, share) -> None:
 
 
 @pytest.mark.parametrize("places", [[0], [1], [0, 1], [299], [298, 299], [100, 101], [50, 52, 53]])
-def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places) -> None:
+def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places):
     time, rng = clock(), np.random.default_rng(3)
     value = swing(time, rng)
     value[places, 0] += 0.5
@@ -97,7 +97,7 @@ def test_outliers_at_the_ends_and_side_by_side_take_no_good_samples_along(places
 
 
 @pytest.mark.parametrize("size", [0.05, 1.0])
-def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size) -> None:
+def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size):
     """They pass for rough measurements, or the rest for a motion without noise."""
     rng, time = np.random.default_rng(0), clock(121)
     clean = np.stack([switched(time, rng) for _ in range(40)], axis=1)
@@ -110,7 +110,7 @@ def test_outliers_of_a_jerky_motion_do_not_hide_all_together(size) -> None:
     assert (left_out.left_out & ~wild).sum() <= 2
 
 
-def test_without_its_outliers_a_motion_is_the_same() -> None:
+def test_without_its_outliers_a_motion_is_the_same():
     time, rng = clock(), np.random.default_rng(4)
     clean = swing(time, rng)
     value = clean.copy()
@@ -128,7 +128,7 @@ def true_speed(time):
     return (5 * np.cos(5 * time) - 3.3 * np.sin(11 * time + 1))[:, None]
 
 
-def test_outliers_of_one_joint_leave_the_other_joint_alone() -> None:
+def test_outliers_of_one_joint_leave_the_other_joint_alone():
     time, rng = clock(), np.random.default_rng(5)
     value = np.hstack([swing(time, rng), swing(time, rng)])
     value[70, 1] -= 0.3
@@ -171,7 +171,7 @@ def switched(time, rng):
 
 
 @pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched])
-def test_rough_but_real_motion_stays(motion) -> None:
+def test_rough_but_real_motion_stays(motion):
     rng = np.random.default_rng(6)
     time = clock(400)
     columns = np.stack([motion(time, rng) for _ in range(4)], axis=1)
@@ -179,7 +179,7 @@ def test_rough_but_real_motion_stays(motion) -> None:
     assert left_out.mean() <= 0.005
 
 
-def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outliers() -> None:
+def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outliers():
     rng = np.random.default_rng(7)
     signals = []
     for noise in (2e-4, 2e-3, 2e-2):
@@ -188,7 +188,7 @@ def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outlie
     assert not any(s.left_out.any() for s in RTS()(signals))
 
 
-def test_a_sample_that_is_known_to_be_noisy_is_no_outlier() -> None:
+def test_a_sample_that_is_known_to_be_noisy_is_no_outlier():
     time, rng = clock(), np.random.default_rng(8)
     sigma = np.full((len(time), 1), 1.6e-3)
     value = swing(time, rng)
@@ -201,7 +201,7 @@ def test_a_sample_that_is_known_to_be_noisy_is_no_outlier() -> None:
 # ---------------------------------------------------------------- what follows
 
 
-def test_states_keep_what_was_left_out_also_when_thinned() -> None:
+def test_states_keep_what_was_left_out_also_when_thinned():
     time, rng = clock(), np.random.default_rng(9)
     value = swing(time, rng)
     value[[60, 61]] += 0.4
@@ -209,7 +209,7 @@ def test_states_keep_what_was_left_out_also_when_thinned() -> None:
     assert np.flatnonzero(thin(states, 2 / RATE).left_out).tolist() == [30]
 
 
-def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight() -> None:
+def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight():
     time, rng = clock(), np.random.default_rng(10)
     clean = Signal(time, swing(time, rng))
     value = clean.value.copy()
@@ -221,7 +221,7 @@ def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight() -> None
     assert error[0] < 0.5 < 5 < error[1]
 
 
-def test_series_without_outliers_are_smoothed_as_before() -> None:
+def test_series_without_outliers_are_smoothed_as_before():
     time, rng = clock(), np.random.default_rng(11)
     series = padded_series([Signal(time, swing(time, rng))])
     rho = likeliest_jerk_ratio(series)

@@ -1,33 +1,30 @@
 """The committed simulated data sets: what they are made from, what they contain, what they show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fixtures.paths import DATA
 
-from frictionid.arrays import Array, inverse, times
+from frictionid.arrays import inverse, times
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Dataset
 from frictionid.simulate import load_rig, simulate
 
 NAMES = ("acrobot_sim", "acrobot_clean", "acrobot_lag", "acrobot_lugre")
 
 
 @pytest.fixture(scope="session")
-def committed() -> dict[str, Dataset]:
+def committed():
     return {name: load_dataset(DATA / name) for name in NAMES}
 
 
-def speeds(dataset: Dataset) -> Array:
+def speeds(dataset):
     """True velocities of all recordings, shape (K, n)."""
     return np.concatenate([r.truth.velocity.value for r in dataset.recordings if r.truth])
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_data_set_is_what_its_rig_makes(name: str, committed: dict[str, Dataset]) -> None:
+def test_a_data_set_is_what_its_rig_makes(name, committed):
     rig = load_rig(DATA / name / "rig.toml")
     found, expected = committed[name], simulate(rig)
     assert found.mechanism == expected.mechanism
@@ -43,7 +40,7 @@ def test_a_data_set_is_what_its_rig_makes(name: str, committed: dict[str, Datase
         assert np.abs(a.truth.velocity.value - b.truth.velocity.value).max() < 1e-6, a.name
 
 
-def test_rounding_does_not_grow_to_what_the_regeneration_tolerates() -> None:
+def test_rounding_does_not_grow_to_what_the_regeneration_tolerates():
     rig = replace(load_rig(DATA / "acrobot_sim" / "rig.toml"), substeps=8)
     moved = tuple(
         replace(run, start_angle=tuple(q + 1e-11 for q in run.start_angle))
@@ -62,7 +59,7 @@ def test_rounding_does_not_grow_to_what_the_regeneration_tolerates() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_size_and_range(name: str, committed: dict[str, Dataset]) -> None:
+def test_size_and_range(name, committed):
     dataset = committed[name]
     size = sum(path.stat().st_size for path in (DATA / name).iterdir())
     w = speeds(dataset)
@@ -79,7 +76,7 @@ def test_size_and_range(name: str, committed: dict[str, Dataset]) -> None:
     assert np.abs(w).max() < 40.0
 
 
-def test_the_sets_differ_only_where_they_say(committed: dict[str, Dataset]) -> None:
+def test_the_sets_differ_only_where_they_say(committed):
     curves = [
         {key: committed[name].truth[key] for key in ("coulomb_positive", "peak_negative")}  # type: ignore[index]
         for name in NAMES
@@ -93,7 +90,7 @@ def test_the_sets_differ_only_where_they_say(committed: dict[str, Dataset]) -> N
     assert [rig.friction.kind for rig in rigs] == ["stribeck", "stribeck", "film_lag", "lugre"]
 
 
-def test_noise_is_that_of_the_camera(committed: dict[str, Dataset]) -> None:
+def test_noise_is_that_of_the_camera(committed):
     for name in NAMES:
         noise = np.concatenate(
             [r.angle.value - r.truth.angle.value for r in committed[name].recordings if r.truth]
@@ -106,7 +103,7 @@ def test_noise_is_that_of_the_camera(committed: dict[str, Dataset]) -> None:
 HISTORY = 9
 
 
-def one_step(dataset: Dataset) -> tuple[Array, Array, Array, Array]:
+def one_step(dataset):
     """Euler residual r (K, n), G (K, n, n), last velocities (K, 9, n), number of recording (K,)."""
     mechanism = dataset.mechanism
     p = mechanism.base(mechanism.nominal())
@@ -125,14 +122,14 @@ def one_step(dataset: Dataset) -> tuple[Array, Array, Array, Array]:
     return r, G, past, numbers
 
 
-def hats(w: Array, count: int = 40) -> Array:
+def hats(w, count=40):
     """Hat functions of one joint's velocity, denser near zero, shape (K, count)."""
     even = np.linspace(-1.0, 1.0, count)
     nodes = np.abs(w).max() * np.sinh(5.0 * even) / np.sinh(5.0)
     return np.stack([np.interp(w, nodes, peak) for peak in np.eye(count)], axis=-1)
 
 
-def losses(dataset: Dataset, folds: int = 10) -> Array:
+def losses(dataset, folds=10):
     """Mean one-step loss [rad/s] of no, a static and a nine-sample friction, shape (folds, 3)."""
     r, G, past, numbers = one_step(dataset)
     joints = range(r.shape[1])
@@ -157,7 +154,7 @@ def losses(dataset: Dataset, folds: int = 10) -> Array:
     return np.array(rows)
 
 
-def test_the_study_s_recipe_gives_the_study_s_numbers(committed: dict[str, Dataset]) -> None:
+def test_the_study_s_recipe_gives_the_study_s_numbers(committed):
     """Its three losses, in this order in every fold, need no friction with memory."""
     loss = losses(committed["acrobot_sim"])
     print("acrobot_sim: none, static, nine samples [rad/s]:", loss.mean(axis=0).round(3))
@@ -165,7 +162,7 @@ def test_the_study_s_recipe_gives_the_study_s_numbers(committed: dict[str, Datas
     assert (np.diff(loss, axis=1) < 0).all()
 
 
-def test_delay_and_rotor_make_most_of_what_nine_samples_find(committed: dict[str, Dataset]) -> None:
+def test_delay_and_rotor_make_most_of_what_nine_samples_find(committed):
     gains = {}
     for name in NAMES[:2]:
         loss = losses(committed[name])
@@ -175,9 +172,7 @@ def test_delay_and_rotor_make_most_of_what_nine_samples_find(committed: dict[str
 
 
 @pytest.mark.parametrize("name", NAMES[2:])
-def test_true_memory_leaves_less_trace_than_delay_and_rotor(
-    name: str, committed: dict[str, Dataset]
-) -> None:
+def test_true_memory_leaves_less_trace_than_delay_and_rotor(name, committed):
     loss = losses(committed[name]).mean(axis=0)
     print(f"{name}: none, static, nine samples [rad/s]:", loss.round(3))
     assert loss[1] - loss[2] < 0.5 * 0.07

@@ -1,9 +1,6 @@
 """Commands that the documents name: they exist, with these options, and so do their scripts."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 import typer
@@ -17,14 +14,14 @@ GROUP = typer.main.get_command(app)
 NAMED = re.compile(r"(?:^|`|\n {4})(frictionid [a-z][^`\n|]*|python comparisons/[^`\n|]*)", re.M)
 
 
-def named() -> list[tuple[Path, str]]:
+def named():
     """Each page with each command that it names."""
     return [
         (page, text.strip()) for page in PAGES for text in NAMED.findall(page.read_text("utf-8"))
     ]
 
 
-def complaint(text: str) -> str:
+def complaint(text):
     """What is wrong with a command, or nothing."""
     program, name, *words = text.partition(" #")[0].split()
     options = {word.partition("=")[0] for word in words if word.startswith("--")}

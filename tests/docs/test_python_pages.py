@@ -1,7 +1,5 @@
 """The pages about Python: every block runs, and its last line gives what the page shows below."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import io

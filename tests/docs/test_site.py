@@ -1,7 +1,5 @@
 """The pages: all are in the site, their links lead somewhere, and their cheap figures hold."""
 
-from __future__ import annotations
-
 import re
 import sys
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Whole logs of a real servo: the published models as their authors judge them, and ours."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Start states that a model finds itself: right for the right model, blind to what comes later."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Angles from films whose truth is known: how accurate, how honest, and nothing is invented."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

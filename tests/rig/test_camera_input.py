@@ -1,7 +1,5 @@
 """Films, pictures and rig.toml: what cannot be used is one line, the rest is read right."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """[actuator] in a dataset.toml and in Python: what it says becomes a servo, or one clear line."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The public recordings: every file loads, in stated units, with the signs of the mechanisms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +44,7 @@ FAST = {"bam_xl330": 15.0, "emps": 0.2, "phy180_camera_pendulum": 4.0}
 
 
 @pytest.fixture(scope="module")
-def dataset(request: pytest.FixtureRequest, real_data):
+def dataset(request, real_data):
     """Data sets of data/ by name, read once."""
     found = {}
 
@@ -180,7 +178,7 @@ def test_the_carriages_published_numbers_come_out_of_its_file(dataset):
     assert np.std(b - A @ found) == pytest.approx(2.35, abs=0.1)
 
 
-def swing_errors(passive, friction: Friction) -> np.ndarray:
+def swing_errors(passive, friction):
     """RMS angle errors (R,) [rad] of the passive swings, predicted from rest at their start."""
     plant = plant_of(passive, friction.parameters)
     errors = []

@@ -5,7 +5,6 @@ import pytest
 
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Dataset
 from frictionid.data.signals import sample
 
 pytestmark = pytest.mark.real
@@ -14,7 +13,7 @@ DATA = {"dfki_c1": 7, "dfki_c1_swingup": 4}
 
 
 @pytest.fixture(scope="module", params=DATA)
-def dataset(request: pytest.FixtureRequest, real_data) -> Dataset:
+def dataset(request, real_data):
     """Each of the data sets, its tables named as by --data."""
     folder = request.config.rootpath / "data" / request.param
     return load_dataset(folder, data=real_data / "dfki_double_pendulum")
