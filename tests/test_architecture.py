@@ -5,13 +5,12 @@ the package, where it must find nothing, and on a planted violation, which it mu
 """
 
 import ast
-import io
-import tokenize
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 from fixtures.paths import ROOT
+from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 # From the bottom to the top: a module may import what stands before it, and its own package.
 LAYERS = (
@@ -47,7 +46,6 @@ class Module(NamedTuple):
 
     name: str
     path: Path
-    tree: ast.Module
 
     @property
     def layer(self):
@@ -66,13 +64,13 @@ def read(root):
     for path in sorted(root.rglob("*.py")):
         parts = path.relative_to(root).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        modules[name] = Module(name, path, ast.parse(path.read_text(), str(path)))
+        modules[name] = Module(name, path)
     return modules
 
 
 def imports(module, modules, package):
     """Line and dotted name of each module of the package that a module imports, anywhere in it."""
-    for node in ast.walk(module.tree):
+    for node in nodes_of(module.path):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -145,7 +143,7 @@ def open_ended(modules):
     """Functions that take `**kwargs`, and statements that change module-level state."""
     found = []
     for module in modules.values():
-        for node in ast.walk(module.tree):
+        for node in nodes_of(module.path):
             if isinstance(node, ast.arguments) and node.kwarg:
                 found.append(
                     f"{module.name}:{node.kwarg.lineno}: **{node.kwarg.arg} in a signature"
@@ -159,33 +157,15 @@ def too_long(paths):
     """Files of 400 lines and more, functions of more than 60 lines of code."""
     found = []
     for path in paths:
-        text = path.read_text()
-        if (lines := len(text.splitlines())) >= LINES:
+        if (lines := len(path.read_text().splitlines())) >= LINES:
             found.append(f"{path.name}: {lines} lines")
-        code = _code_lines(text)
-        for node in ast.walk(ast.parse(text)):
+        code = {line for first, last in token_lines(path) for line in range(first, last + 1)}
+        for node in nodes_of(path):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                own = code & set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-                if len(own - _docstring_lines(node)) > CODE_LINES:
-                    found.append(f"{path.name}:{node.lineno}: {node.name} has {len(own)} lines")
+                inside = (code & lines_of(node)) - lines_of(docstring_of(node))
+                if len(inside) > CODE_LINES:
+                    found.append(f"{path.name}:{node.lineno}: {node.name} has {len(inside)} lines")
     return found
-
-
-def _code_lines(text):
-    """Numbers of the lines that hold more than comments."""
-    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
-    return {
-        line
-        for token in tokenize.generate_tokens(io.StringIO(text).readline)
-        if token.type not in silent
-        for line in range(token.start[0], token.end[0] + 1)
-    }
-
-
-def _docstring_lines(node):
-    if ast.get_docstring(node) is None:
-        return set()
-    return set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
 
 
 def violations(root):

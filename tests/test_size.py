@@ -4,45 +4,25 @@ Raising one is a decision that a commit message explains.
 """
 
 import ast
-import io
 import re
-import tokenize
 
 from fixtures.paths import ROOT
+from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 530_500, 467, 580, 70
 TEST_TOKENS, WORDS = 426_300, 32_400
-SILENT = {
-    *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
-    *(tokenize.ENCODING, tokenize.ENDMARKER),
-}
-
-
-def documented(tree):
-    """Lines that docstrings cover."""
-    covered = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body:
-            first = node.body[0]
-            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
-                covered |= set(range(first.lineno, first.end_lineno + 1))
-    return covered
 
 
 def tokens(path):
     """Number of Python's tokens, without comments, line ends and docstrings."""
-    text = path.read_text(encoding="utf-8")
-    silent = documented(ast.parse(text))
-    read = tokenize.generate_tokens(io.StringIO(text).readline)
-    return sum(t.type not in SILENT and t.start[0] not in silent for t in read)
+    silent = set().union(*(lines_of(docstring_of(node)) for node in nodes_of(path)))
+    return sum(line not in silent for line, _ in token_lines(path))
 
 
 def test_the_package_stays_within_its_budget():
     files = list(PACKAGE.rglob("*.py"))
-    classes = sum(
-        isinstance(node, ast.ClassDef) for f in files for node in ast.walk(ast.parse(f.read_text()))
-    )
+    classes = sum(isinstance(node, ast.ClassDef) for file in files for node in nodes_of(file))
     assert len(files) <= FILES and classes <= CLASSES
     assert sum(map(tokens, files)) <= TOKENS
 

@@ -9,6 +9,7 @@ import re
 
 import pytest
 from fixtures.paths import ROOT
+from fixtures.source import docstring_of, nodes_of, tree_of
 
 PACKAGE = ROOT / "frictionid"
 # Nowhere in a name.
@@ -66,7 +67,7 @@ def words(name):
 def public_names(path):
     """Line and name of what others can use: the module, classes, functions, arguments, fields."""
     yield 1, path.parent.name if path.stem == "__init__" else path.stem
-    yield from _public(ast.parse(path.read_text()).body)
+    yield from _public(tree_of(path).body)
 
 
 def _public(body):
@@ -84,15 +85,9 @@ def _public(body):
 
 def messages(path):
     """Line and text of every string that is no docstring."""
-    tree = ast.parse(path.read_text())
-    documented = {
-        id(node.body[0].value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        and node.body
-        and isinstance(node.body[0], ast.Expr)
-    }
-    for node in ast.walk(tree):
+    nodes = nodes_of(path)
+    documented = {id(text.value) for text in map(docstring_of, nodes) if text}
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             if id(node) not in documented and " " in node.value.strip():
                 yield node.lineno, node.value
@@ -168,7 +163,7 @@ UNCLEARED = {
 def pronouns(path):
     """Pronouns that a file binds or takes as names."""
     bound = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             bound.append((node.lineno, node.id))
         elif isinstance(node, ast.arg):
