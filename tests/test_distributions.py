@@ -95,6 +95,6 @@ def test_tests_are_collected_from_the_source_distribution(tmp_path):
     needed = [name for name in kept if name and not name.startswith(".ci/")]
     assert [name for name in needed if not (root / name).exists()] == []
     said = _run(
-        ["-m", "pytest", "--collect-only", "-q", "tests/docs", "tests/mechanics"], root, root
+        ["-m", "pytest", "--collect-only", "-q", "tests/docs", "tests/programs"], root, root
     )
     assert "::" in said
