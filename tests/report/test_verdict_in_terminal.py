@@ -22,7 +22,8 @@ def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):
     assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
 
 
-def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path):
+def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path, monkeypatch):
+    made.leave_blank(monkeypatch)
     folder = made.built(made.typical(tmp_path / "made"))
     section = made.section(folder)
     assert verdict(section)
@@ -32,6 +33,7 @@ def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path):
 
 
 def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, capsys):
+    made.leave_blank(monkeypatch)
     folder = made.typical(tmp_path / "made")
     code, out, err = run_command(monkeypatch, capsys, tmp_path, "report", "made", "--json")
     assert (code, err) == (0, "")
