@@ -1,16 +1,16 @@
-"""Kills of commands that write, at any instant: what was finished stays, the rest resumes.
+"""Kills of commands that write, at any instant: what was there is whole, and they can be run again.
 
-python tests/kill_trial.py --comparisons 100 --others 20 --disks 20 [--seed 0] [--only NAME]; each
-kill is SIGKILL to the whole process group, after a share of an undisturbed run's time drawn by
-chance; each disk is a real file system that a comparison fills, and that then gets more room.
-Pictures are not drawn: what counts is where and when they are written.
+python tests/kill_trial.py --count 20 [--seed 0] [--only NAME]; each kill is SIGKILL to the whole
+process group, after a share of an undisturbed run's time drawn by chance. Pictures are not drawn:
+what counts is where and when they are written. Comparisons and full disks: tests/comparison, and
+tests/cli/test_full_disk.py.
 """
 
 import argparse
 import importlib
-import json
 import os
 import pkgutil
+import re
 import shutil
 import signal
 import sys
@@ -26,9 +26,7 @@ from matplotlib.figure import Figure
 import frictionid
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fixtures.small_disk import enlarge, on_small_disk
 
-TASKS = 8
 # What must still be possible with what a kill leaves.
 USES = {
     "fit over": ["evaluate", "net.json", "tiny", "--horizons", "0.1", "--out", "used.csv"],
@@ -37,26 +35,22 @@ USES = {
 # How a command is run again where that is not with --replace.
 QUICK = ["--set", "iterations=3"]
 MACHINE = ["--set", "mass=0.5", "--set", "length=0.3"]
-AGAIN = {"tune": ["--resume"], "init": []}
+AGAIN = {"compare": ["--resume"], "tune": ["--resume"], "init": []}
 
 
 def main():
-    """Exit status 1 where something was lost or did not resume."""
+    """Exit status 1 where something was lost or could not be run again."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--comparisons", type=int, default=100)
-    parser.add_argument("--others", type=int, default=20)
-    parser.add_argument("--disks", type=int, default=20)
+    parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", action="append", help="One of the other commands; repeatable.")
+    parser.add_argument("--only", action="append", help="One of the commands; repeatable.")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
     for module in pkgutil.walk_packages(frictionid.__path__, "frictionid."):
         importlib.import_module(module.name)
     Figure.savefig = lambda _, stream, **__: stream.write(b"picture" * 5000)
     with tempfile.TemporaryDirectory() as scratch:
-        faults = _comparisons(Path(scratch) / "compare", options.comparisons, rng)
-        faults += _disks(Path(scratch) / "disks", options.disks, rng)
-        faults += _others(Path(scratch) / "others", options, rng)
+        faults = _faults(Path(scratch), options, rng)
     print("\n".join([*faults, f"{len(faults)} faults"]))
     return int(bool(faults))
 
@@ -100,140 +94,9 @@ def _contents(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-# --- Comparisons ----------------------------------------------------------------------------------
-
-
-def _comparisons(folder, count, rng):
-    """Kill fresh runs, resumed runs and runs over a finished result, in turn; then resume."""
-    if not count:
-        return []
-    words = _suite(folder)
-    whole, status = _ended(folder, [*words, "whole"])
-    assert status == 0
-    wanted, first = _timeless(folder / "whole"), _first_result(folder, words)
-    print(f"undisturbed: {whole:.1f} s, its first result after {first:.1f} s", flush=True)
-    faults, fresh, late, equal, out = [], 0, 0, 0, folder / "out"
-    for kill in range(count):
-        kind = ("fresh", "resumed", "anew")[kill % 3]
-        shutil.rmtree(out, ignore_errors=True)
-        if kind == "anew":
-            shutil.copytree(folder / "whole", out)
-        elif kind == "resumed":
-            _ended(folder, [*words, "out"], float(rng.uniform(first, whole)))
-        before = _finished(out)
-        more = ["--resume"] if kind == "resumed" else []
-        earliest = 0.05 * whole if kill % 8 == 0 else first
-        _ended(folder, [*words, "out", *more], float(rng.uniform(earliest, 1.02 * whole)))
-        after = _finished(out)
-        if kind == "fresh":
-            fresh, late = fresh + 1, late + bool(after)
-        # a run over a finished result that comes to its end puts whole new files in its place
-        ends = kind == "anew" and not (out / "unfinished").exists()
-        lost = [n for n in before if not (n in after if ends else before[n] & after.get(n, set()))]
-        faults += [f"kill {kill} ({kind}): {name} is lost" for name in lost]
-        done = {content for own in after.values() for content in own}
-        _, status = _ended(folder, [*words, "out", "--resume"])
-        made = _timeless(out)
-        equal += made["scores.csv"] == wanted["scores.csv"]
-        if status or made != wanted:
-            faults.append(
-                f"kill {kill} ({kind}): not resumed as it would have been, status {status}"
-            )
-        kept = {content for own in _finished(out).values() for content in own}
-        if kind != "anew" and done - kept:
-            faults.append(
-                f"kill {kill} ({kind}): {len(done - kept)} finished tasks were made again"
-            )
-        print(f"kill {kill} ({kind}): {len(faults)} faults so far", flush=True)
-    print(f"{count} kills of a comparison; of {fresh} fresh ones {late} after the first result")
-    print(f"{equal} of {count} were resumed to the same scores.csv, bit for bit")
-    return faults
-
-
-def _disks(folder, count, rng):
-    """Fill disks of any size by a comparison; then make room, and resume."""
-    if not count:
-        return []
-    words = _suite(folder)
-    assert _ended(folder, [*words, "whole"])[1] == 0
-    wanted, disk, faults = _timeless(folder / "whole"), folder / "disk", []
-    whole = sum(map(len, _contents(folder / "whole").values()))
-
-    def fill_and_resume():
-        full = _ended(folder, [*words, str(disk / "out")])[1]
-        enlarge(disk, 10**9)
-        resumed = _ended(folder, [*words, str(disk / "out"), "--resume"])[1]
-        return int((full, resumed) != (2, 0) or _timeless(disk / "out") != wanted)
-
-    for number in range(count):
-        size = int(rng.uniform(0.01, 0.95) * whole)
-        status = on_small_disk(disk, size, fill_and_resume)
-        faults += [f"disk {number} of {size} bytes: not resumed, {status}"] if status else []
-        print(f"disk {number} of {size} bytes: {len(faults)} faults so far", flush=True)
-    return faults
-
-
-def _suite(folder):
-    """The smallest comparison with several tasks; the command without its result folder."""
-    from fixtures.damage_targets import small
-    from fixtures.tiny_pendulums import write_suite
-
-    folder.mkdir()
-    small(folder)
-    identifiers = [
-        {"kind": "coulomb_viscous", "name": f"c{i}", "width": 0.01 + 0.001 * i}
-        for i in range(TASKS)
-    ]
-    changes = [("identifiers", identifiers), ("recipes", [{"name": "integral"}])]
-    changes += [("folds", {"count": 2}), ("horizons", [0.1])]
-    write_suite(folder, changes)
-    return ["compare", "suite.toml", "--jobs", "1", "--out"]
-
-
-def _first_result(folder, words):
-    """Seconds until a fresh run has its first result."""
-    seconds, out = 0.1, folder / "first"
-    while not _finished(out):
-        shutil.rmtree(out, ignore_errors=True)
-        seconds *= 1.15
-        _ended(folder, [*words, out.name], seconds)
-    return seconds
-
-
-def _finished(out):
-    """Whole task files by name, in the result and beside it."""
-    found = {}
-    for place in (out / "tasks", out / "unfinished" / "tasks"):
-        for path in place.glob("[!.]*.json"):
-            content = path.read_bytes()
-            json.loads(content)
-            found.setdefault(path.name, set()).add(content)
-    return found
-
-
-def _timeless(out):
-    """All files of a result without times, and the hashes that hold them."""
-    found = {}
-    for name, content in _contents(out).items():
-        if name in ("timings.csv", "SHA256SUMS"):
-            continue
-        if not name.startswith("tasks/"):
-            found[name] = content
-            continue
-        document = json.loads(content)
-        found[name] = {k: v for k, v in document.items() if k not in ("seconds", "sha256")}
-    return found
-
-
-# --- Other commands -------------------------------------------------------------------------------
-
-
-def _others(folder, options, rng):
-    """Kill each other command that writes: what is there is whole, and it can be run again."""
-    count = options.others
-    if not count:
-        return []
-    faults = []
+def _faults(folder, options, rng):
+    """Kill each command: what is there is whole, and it can be run again."""
+    count, faults = options.count, []
     for name, words in _prepared(folder).items():
         if options.only and name not in options.only:
             continue
@@ -271,7 +134,7 @@ def _lost(found, old, new):
 
 def _half(found, old, new):
     """Files under their final names that are not whole: much shorter than they should be."""
-    hidden = {n for n in found if any(part.startswith(".") for part in Path(n).parts)}
+    hidden = {n for n in found if re.search(r"(^|/)(\.|unfinished/)", n)}
     own = found.keys() - old.keys() - hidden - {"out/journal.log"}
     return [n for n in own if n not in new or len(found[n]) < 0.9 * len(new[n])]
 
@@ -321,6 +184,7 @@ def _prepared(folder):
         "suggest": ["suggest", "--mechanism", "rig.toml", *limits, "--out", "out/u.csv"],
         "align": ["align", "seen.csv", "log.csv", "--out", "out", "--name", "run"],
         "report": ["report", "result"],
+        "compare": ["compare", "suite.toml", "--out", "out", "--jobs", "1"],
         "tune": ["tune", "suite.toml", "--out", "out", "--jobs", "1"],
     }
 
