@@ -130,8 +130,8 @@ def test_no_friction_behind_the_gap_is_refused():
         Play("none")
 
 
-def servo_logs(servo):
-    logs = {f"{k}": pd.DataFrame(servo.log(4.0, 0.05, k, seconds=6.0)) for k in range(2)}
+def servo_logs(servo, seconds):
+    logs = {f"{k}": pd.DataFrame(servo.log(4.0, 0.05, k, seconds)) for k in range(2)}
     rig = fid.mechanisms.pendulum(mass=servo.mass, length=servo.length)
     return fid.Dataset.from_frames(logs, rig, time="t", angle="q", torque="u", hold="previous")
 
@@ -140,7 +140,7 @@ def test_a_simulated_servo_with_friction_behind_a_gap():
     servo = ServoPendulum(gap=GAP, delay=0.0, held=True)
     truth = np.array([servo.coulomb, servo.viscous, GAP])
     for method, within in (("one_step", 0.15), ("shooting", 0.03)):
-        fit = fid.fit(servo_logs(servo), "play", method=method)
+        fit = fid.fit(servo_logs(servo, 6.0), "play", method=method)
         np.testing.assert_allclose(fit.frame.value, truth, rtol=within)
     assert not fit.convergence.warnings
     assert ((fit.frame.low_95 <= truth) & (truth <= fit.frame.high_95)).all()
@@ -148,7 +148,7 @@ def test_a_simulated_servo_with_friction_behind_a_gap():
 
 def test_a_torque_that_changes_within_its_samples_shows_as_inertia():
     servo = ServoPendulum(gap=GAP, delay=0.0)
-    fit = fid.fit(servo_logs(servo), "play", method="shooting")
+    fit = fid.fit(servo_logs(servo, 4.0), "play", method="shooting")
     truth = [servo.coulomb, servo.viscous, GAP]
     np.testing.assert_allclose(fit.frame.value, truth, rtol=0.03)
     assert "would show: 'inertia'" in fit.convergence.warnings[0]
