@@ -32,6 +32,7 @@ def comparison(tmp_path_factory):
     place = tmp_path_factory.mktemp("cut")
     changes = [("datasets.0.path", "mine"), ("recipes", [{"name": "integral"}])]
     changes += [("identifiers", [{"kind": "none"}, {"kind": "coulomb_viscous"}])]
+    changes += [("horizons", [0.1])]
     file, out = write_suite(place, changes), place / "out"
     write_dataset(place / "mine")
     compare_into(file, out)

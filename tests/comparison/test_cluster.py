@@ -57,7 +57,7 @@ def place(tmp_path_factory):
     own = [{"kind": KIND, "name": f"slow{i}", "seconds": 0.3 + 0.01 * i} for i in range(4)]
     own.insert(1, {"kind": KIND, "name": "killer", "file": str(folder / "kill")})
     changes = [("recipes", [{"name": "integral"}]), ("identifiers", [{"kind": "none"}, *own])]
-    write_suite(folder, changes)
+    write_suite(folder, [*changes, ("horizons", [0.1])])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [*sys.path, str(folder)])
         compare_into(folder / "suite.toml", folder / "serial")

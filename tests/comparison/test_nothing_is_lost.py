@@ -12,7 +12,7 @@ from frictionid.comparison.results import load_results
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 
-QUICK = ("recipes", [{"name": "integral"}])
+QUICK = [("recipes", [{"name": "integral"}]), ("horizons", [0.1])]
 
 
 def contents(folder):
@@ -23,7 +23,7 @@ def contents(folder):
 def whole(tmp_path_factory):
     """A folder with a suite, and its finished comparison."""
     folder = tmp_path_factory.mktemp("whole")
-    file = write_suite(folder, [QUICK, ("identifiers", [{"kind": "none"}])], "lone.toml")
+    file = write_suite(folder, [*QUICK, ("identifiers", [{"kind": "none"}])], "lone.toml")
     compare_into(file, folder / "out")
     return folder
 
@@ -58,7 +58,7 @@ def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
     (out / "tasks" / "mine.json").write_text("mine")
     before = contents(out)
     own = [{"kind": "coulomb_viscous", "name": "new"}]
-    write_suite(file.parent, [QUICK, ("identifiers", own)], file.name)
+    write_suite(file.parent, [*QUICK, ("identifiers", own)], file.name)
     with pytest.MonkeyPatch.context() as patch, pytest.raises(RuntimeError):
         patch.setattr("frictionid.comparison.tasks.run", fail)
         compare_into(file, out, resume)
@@ -68,7 +68,7 @@ def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
 def test_results_of_another_suite_need_replace(finished):
     file, out = finished
     before = contents(out)
-    other = write_suite(file.parent, [("name", "other"), QUICK], "other.toml")
+    other = write_suite(file.parent, [("name", "other"), *QUICK], "other.toml")
     for resume in (False, True):
         with pytest.raises(InputError, match="holds the results of suite 'small': choose another"):
             compare_into(other, out, resume)

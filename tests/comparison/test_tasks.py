@@ -50,6 +50,7 @@ class Counted(Identifier):
 """
 SUITE = [
     ("recipes", [{"name": "integral"}]),
+    ("horizons", [0.05, 0.1]),
     (
         "identifiers",
         [
@@ -210,7 +211,7 @@ def timeless(path):
 
 def test_without_resume_everything_is_made_anew(place):
     quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
-    file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
+    file = write_suite(place, [*SUITE[:2], ("identifiers", list(quick))], "quick.toml")
     out = place / "quick"
     runs = []
     for resume in (False, True, False):
@@ -224,7 +225,7 @@ def test_without_resume_everything_is_made_anew(place):
 def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
     recipes = [{"name": "study"}, {"name": "integral"}]
     own = {"kind": "slow_part:Counted", "draws": seeded}
-    changes = [("recipes", recipes), ("seeds", [0, 1, 2]), ("identifiers", [own])]
+    changes = [("recipes", recipes), SUITE[1], ("seeds", [0, 1, 2]), ("identifiers", [own])]
     file = write_suite(place, changes, "seeds.toml")
     monkeypatch.setenv("CALLS", str(tmp_path / "calls"))
     out = place / f"seeds-{seeded}"
@@ -238,12 +239,12 @@ def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_p
 
 def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
     quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
-    file = write_suite(place, [SUITE[0], ("identifiers", list(quick))], "quick.toml")
+    file = write_suite(place, [*SUITE[:2], ("identifiers", list(quick))], "quick.toml")
     out = place / "shrunk"
     compare(file, out)
     before = {path.name: path.read_bytes() for path in (out / "tasks").iterdir()}
     (out / "models" / "mine.json").write_text("mine")
-    write_suite(place, [SUITE[0], ("identifiers", list(quick[:1])), ("seeds", [1])], "quick.toml")
+    write_suite(place, [*SUITE[:2], ("identifiers", list(quick[:1])), ("seeds", [1])], "quick.toml")
     wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
     assert set(compare(file, out, resume=True)) == {*wanted, *before}
     assert {name: (out / "tasks" / name).read_bytes() for name in before} == before
@@ -253,7 +254,7 @@ def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
 
 
 def test_a_data_set_that_changed_is_compared_anew(place):
-    changes = [SUITE[0], ("identifiers", [{"kind": "none"}]), ("datasets.0.path", "mine")]
+    changes = [*SUITE[:2], ("identifiers", [{"kind": "none"}]), ("datasets.0.path", "mine")]
     file = write_suite(place, changes, "mine.toml")
     write_dataset(place / "mine")
     first = compare(file, place / "changed")
@@ -283,7 +284,7 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
         *("curve_error", "n_parameters", "effective_parameters", "dissipated_energy"),
     }
     assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count", "ratio"}
-    assert set(table["horizon_s"].dropna()) == {0.1, 0.3}
+    assert set(table["horizon_s"].dropna()) == {0.05, 0.1}
     assert set(table["unit"]) == {"rad/s", "rad", "1"}
     assert table["value"].notna().all()
     # the same numbers as in the tasks' files, to nine digits
@@ -306,11 +307,11 @@ def test_provenance_is_complete(place):
     assert document["data"] == {"tiny": hashes}
     assert document["folds"] == {"tiny": make_folds(recordings(), Split(count=3)).hash}
     settings = document["settings"]
-    assert settings["horizons"] == [0.1, 0.3] and settings["every"] == 0.25
+    assert settings["horizons"] == [0.05, 0.1] and settings["every"] == 0.25
     assert settings["folds"] == {"count": 3, "kind": None, "gap": 0.25, "seed": 0}
     assert settings["seeds"] == [0] and settings["recipes"][0]["name"] == "integral"
     given = [{k: v for k, v in e.items() if v is not None} for e in settings["identifiers"]]
-    assert given == SUITE[1][1]
+    assert given == SUITE[2][1]
     assert len(document["tasks"]) == 6
     assert {p.name for p in (place / "whole" / "tasks").iterdir()} == set(document["tasks"])
     for task in load_results(place / "whole").tasks:
