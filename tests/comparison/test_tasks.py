@@ -209,9 +209,13 @@ def timeless(path):
     return document
 
 
+def quick_suite(place, kinds, changes=()):
+    identifiers = [{"kind": kind} for kind in kinds]
+    return write_suite(place, [*SUITE[:2], ("identifiers", identifiers), *changes], "quick.toml")
+
+
 def test_without_resume_everything_is_made_anew(place):
-    quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
-    file = write_suite(place, [*SUITE[:2], ("identifiers", list(quick))], "quick.toml")
+    file = quick_suite(place, ["none", "coulomb_viscous"])
     out = place / "quick"
     runs = []
     for resume in (False, True, False):
@@ -238,13 +242,12 @@ def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_p
 
 
 def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
-    quick = {"kind": "none"}, {"kind": "coulomb_viscous"}
-    file = write_suite(place, [*SUITE[:2], ("identifiers", list(quick))], "quick.toml")
+    file = quick_suite(place, ["none", "coulomb_viscous"])
     out = place / "shrunk"
     compare(file, out)
     before = {path.name: path.read_bytes() for path in (out / "tasks").iterdir()}
     (out / "models" / "mine.json").write_text("mine")
-    write_suite(place, [*SUITE[:2], ("identifiers", list(quick[:1])), ("seeds", [1])], "quick.toml")
+    quick_suite(place, ["none"], [("seeds", [1])])
     wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
     assert set(compare(file, out, resume=True)) == {*wanted, *before}
     assert {name: (out / "tasks" / name).read_bytes() for name in before} == before
