@@ -102,6 +102,21 @@ def test_a_failure_leaves_what_was_there(tmp_path):
     assert contents(tmp_path) == {"a.mp4": b"old"}
 
 
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "file.json"
+    write_text(path, "first")
+    assert path.read_text() == "first" and path.stat().st_mode & 0o777 == 0o644
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+        write_text(path, "second")
+    assert [p.name for p in path.parent.iterdir()] == ["file.json"]
+    assert path.read_text() == "first"
+
+
 def test_only_our_own_unfinished_files_are_removed(tmp_path):
     mine = (".config.settings", ".bashrc", "a.json")
     for name in (*mine, ".frictionid-ab12cd34.json"):

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,6 @@ from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
-from frictionid.files import write_text
 from frictionid.outputs import replace_files
 
 SLOW = """
@@ -386,18 +384,3 @@ def test_a_lock_keeps_others_out_until_it_is_released(tmp_path):
             pass
     with lock(tmp_path / "new"):
         pass
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    path = tmp_path / "new" / "file.json"
-    write_text(path, "first")
-    assert path.read_text() == "first" and path.stat().st_mode & 0o777 == 0o644
-
-    def fail(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
-        write_text(path, "second")
-    assert [p.name for p in Path(path.parent).iterdir()] == ["file.json"]
-    assert path.read_text() == "first"
