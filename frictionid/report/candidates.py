@@ -17,7 +17,7 @@ from frictionid.evaluation.statistics import (
 )
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed
-from frictionid.report.plausibility import FAILED, Check, Control, checks_of
+from frictionid.report.plausibility import FAILED, Check, checks_of
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
@@ -105,12 +105,17 @@ def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
     column : of the score that is compared
     """
     models = [model for model in data.of_role(*CANDIDATES) if not _has_seen(model, data)]
-    errors = _fold_errors(data, models, column)
-    own = [
-        Candidate(model, e, complexity_of(data, model))
-        for model, e in zip(models, errors, strict=True)
+    candidates = [
+        Candidate(model, errors, complexity_of(data, model))
+        for model, errors in zip(models, _fold_errors(data, models, column), strict=True)
     ]
-    return [replace(c, checks=checks_of(c.model, data, _control(c, own))) for c in own]
+    static = [c for c in candidates if not has_memory(c.model)]
+    controls = {
+        c.model: (best.first.name, best.test)
+        for c in candidates
+        if c not in static and (best := contrast(static, [c])) is not None
+    }
+    return [replace(c, checks=checks_of(c.model, data, controls.get(c.model))) for c in candidates]
 
 
 def _has_seen(model: Model, data: SummaryData) -> bool:
@@ -127,19 +132,11 @@ def complexity_of(data: SummaryData, model: Model) -> float:
     return next((count for count in counts if np.isfinite(count)), float("inf"))
 
 
-def _control(candidate: Candidate, candidates: Sequence[Candidate]) -> Control | None:
-    """The best candidate without memory beside one with memory."""
-    if not has_memory(candidate.model):
-        return None
-    found = contrast([c for c in candidates if not has_memory(c.model)], [candidate])
-    return None if found is None else Control(found.first.name, found.test)
-
-
 def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Array:
     """A score of each model in each fold (M, F); infinite where it is missing."""
     each = [data.of_folds(model, column) for model in models]
-    folds = max((len(own) for own in each), default=0)
-    whole = [own if len(own) == folds else np.full(folds, np.inf) for own in each]
+    folds = max(map(len, each), default=0)
+    whole = [errors if len(errors) == folds else np.full(folds, np.inf) for errors in each]
     return np.where(np.isnan(whole), np.inf, whole) if whole else np.empty((0, 0))
 
 
@@ -157,10 +154,10 @@ def judged(candidates: Sequence[Candidate], choice: Choice) -> tuple[Candidate, 
 
 def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contrast | None:
     """The best of a group against the best of another; None where one has no finite candidate."""
-    groups = [[c for c in own if c.is_finite] for own in (first, second)]
+    groups = [[c for c in group if c.is_finite] for group in (first, second)]
     if not all(groups):
         return None
-    a, b = (min(own, key=lambda c: c.error) for own in groups)
+    a, b = (min(group, key=lambda c: c.error) for group in groups)
     test = _test(a, b, REGION * min(a.error, b.error))
     return test and Contrast(a, b, test)
 
@@ -201,13 +198,13 @@ def family_table(section: Section) -> Table | None:
     values = np.array([[data.value(m, rollout(h)) for data, h in places] for _, m in models])
     lowest = np.where(np.isfinite(values), values, np.inf).min(axis=0)
     digits = [decimals(column) for column in values.T]
-    lines = []
-    for (name, model), row in zip(models, values, strict=True):
-        cells = [
-            Cell(fixed(value, places), bool(value == low))
-            for value, places, low in zip(row, digits, lowest, strict=True)
-        ]
-        lines.append(line([FAMILIES[name], model.name, *cells], name))
+    lines = [
+        line(
+            [FAMILIES[name], model.name, *map(Cell, map(fixed, row, digits), row == lowest)],
+            name,
+        )
+        for (name, model), row in zip(models, values, strict=True)
+    ]
     columns = [Column(f"{d.dataset}, {h:g} s", unit=d.description.angle_unit) for d, h in places]
     return Table(
         f"Median {section.description.coordinate} error of predictions by what a model knows: on "

@@ -11,7 +11,6 @@ from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
 from frictionid.report.figures.fits import correlation, correlation_caption
-from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.motion import example_motions, motions, speed_table, velocity_scatter
 from frictionid.report.figures.scores import (
     error_over_complexity,
@@ -22,7 +21,7 @@ from frictionid.report.figures.scores import (
 from frictionid.report.figures.studies import learning_curves
 from frictionid.report.figures.style import Style, styles
 from frictionid.report.fit_table import parameter_numbers, parameter_table
-from frictionid.report.memory import loop_table
+from frictionid.report.memory import loop_pictures, loop_table
 from frictionid.report.recommended import chosen_of
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.shooting_results import (

@@ -9,12 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.statistics import Pair
+from frictionid.report.figures.style import (
+    DARK,
+    DASHED,
+    GREY,
+    ZERO,
+    Style,
+    figure,
+    key_above,
+    mixed,
+    plain,
+    side_by_side,
+)
+from frictionid.report.figures.style import line as drawn_line
 from frictionid.report.numbers import either, mean_sd, percent
 from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
 from frictionid.report.tables import Column, Table, line, text_columns
@@ -45,9 +59,9 @@ class Loop(NamedTuple):
     @property
     def share(self) -> float:
         """Mean width over the folds in units of the torque's RMS."""
-        own = self.torque[self.folds]
         width = abs(self.width[self.folds].mean())
-        return float(width / max(np.sqrt(np.mean(own**2)), 1e-300))
+        size = np.sqrt(np.mean(self.torque[self.folds] ** 2))
+        return float(width / max(size, 1e-300))
 
     @property
     def verdict(self) -> str:
@@ -74,15 +88,13 @@ def _sd(values: Array) -> float:
 
 def loops_of(model: Model, joint: int, kind: str) -> list[Loop]:
     """Loops of a model's joint on one kind of motion, from slow to fast."""
-    own = [
-        Loop(
-            *(int(d["joint"]), str(d["kind"]), float(d["frequency"])),
-            *(np.asarray(d[key], dtype=float) for key in ("velocity", "torque", "width", "lag")),
-        )
+    arrays = ("velocity", "torque", "width", "lag")
+    loops = [
+        Loop(joint, kind, float(d["frequency"]), *(np.asarray(d[a], dtype=float) for a in arrays))
         for d in model.loops
         if d["joint"] == joint and d["kind"] == kind
     ]
-    return sorted(own, key=lambda loop: loop.frequency)
+    return sorted(loops, key=lambda loop: loop.frequency)
 
 
 def middle(loops: Sequence[Loop]) -> Loop:
@@ -92,14 +104,11 @@ def middle(loops: Sequence[Loop]) -> Loop:
 
 def has_memory(model: Model) -> bool:
     """Whether any of a model's loops is open at all: friction of the velocity alone has none."""
-    return any(
-        bool((np.abs(np.asarray(d["width"], dtype=float)) > ROUNDING * _size(d["torque"])).any())
+    pairs = [
+        (np.asarray(d["width"], dtype=float), np.asarray(d["torque"], dtype=float))
         for d in model.loops
-    )
-
-
-def _size(torque: object) -> float:
-    return float(np.abs(np.asarray(torque, dtype=float)).max())
+    ]
+    return any(bool((np.abs(w) > ROUNDING * np.abs(torque).max()).any()) for w, torque in pairs)
 
 
 def with_loops(section: Section) -> list[Model]:
@@ -109,7 +118,7 @@ def with_loops(section: Section) -> list[Model]:
 
 def with_memory(section: Section) -> list[Model]:
     """Fitted and given models of a section whose loops are open."""
-    return [model for model in with_loops(section) if has_memory(model)]
+    return list(filter(has_memory, with_loops(section)))
 
 
 def loop_table(section: Section) -> Table | None:
@@ -119,25 +128,19 @@ def loop_table(section: Section) -> Table | None:
         return None
     models += [model for model in section.of_role("truth") if has_memory(model)]
     data = section.description
-    columns = [*text_columns("model", "joint"), Column("Hz")]
     unit = either([f"m{unit}" for unit in data.torque_units])
+    columns = [*text_columns("model", "joint"), Column("Hz")]
     columns += [Column(f"{text} width [{unit}]") for text in KINDS.values()]
     columns += [Column(f"{KINDS['offset']} lag [ms]"), Column("share of torque")]
     columns += text_columns("verdict")
     lines = []
-    for model in models:
-        for joint, name in enumerate(data.joints):
-            pairs = [loops_of(model, joint, kind) for kind in KINDS]
-            for loops in zip(*pairs, strict=True):
-                cells = [model.name, name, f"{loops[0].frequency:.3g}"]
-                cells += [mean_sd(1e3 * loop.width[loop.folds]) for loop in loops]
-                offset = loops[-1]
-                cells += [
-                    mean_sd(1e3 * offset.lag[offset.folds]),
-                    percent(offset.share),
-                    offset.verdict,
-                ]
-                lines.append(line(cells, model.name))
+    for model, (joint, name) in product(models, enumerate(data.joints)):
+        for loops in zip(*(loops_of(model, joint, kind) for kind in KINDS), strict=True):
+            offset = loops[-1]
+            widths = [mean_sd(1e3 * loop.width[loop.folds]) for loop in loops]
+            cells = [model.name, name, f"{offset.frequency:.3g}", *widths]
+            cells += [mean_sd(1e3 * offset.lag[offset.folds]), percent(offset.share)]
+            lines.append(line([*cells, offset.verdict], model.name))
     caption = (
         f"{section.dataset}: loops of friction over velocity, mean ± standard deviation over the "
         "folds. Width: torque at rising less that at falling speed, mean over the speeds. Lag: how "
@@ -148,6 +151,112 @@ def loop_table(section: Section) -> Table | None:
     )
     return Table(caption, f"loops-{section.dataset}", tuple(columns), tuple(lines))
 
+
+# --- Pictures of loops ----------------------------------------------------------------------------
+
+COLUMNS = 4  # models side by side; more go to another picture
+REST = 1e-6  # of the largest velocity: there sgn(w) is rounding
+RESOLVED = 0.01  # of the largest velocity: closer samples on both sides of a reversal are joined
+TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
+
+
+def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, list[Any]]:
+    """Pictures of the loops by recipe: a column for each model, rows of joints and motions."""
+    models = with_loops(section)
+    by_recipe = {m.recipe: [o for o in models if o.recipe == m.recipe] for m in models}
+    return {
+        recipe: [_picture(section, part, styles) for part in side_by_side(columns, COLUMNS)]
+        for recipe, columns in by_recipe.items()
+    }
+
+
+def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:
+    data = section.description
+    rows = list(product(range(len(data.joints)), KINDS))
+    picture = figure(0.6 + 1.5 * len(rows))
+    axes = picture.subplots(len(rows), len(columns), squeeze=False, sharey="row", sharex="row")
+    for row, (joint, kind) in zip(axes, rows, strict=True):
+        tones: dict[str, None] = {}
+        for axis, model in zip(row, columns, strict=True):
+            loops = loops_of(model, joint, kind)
+            _panel(axis, loops, styles[model.label].colour)
+            _truth(axis, section, joint, kind)
+            tones |= dict.fromkeys(f"{loop.frequency:.3g}" for loop in loops)
+        name = f"{plain(data.joints[joint])}, {KINDS[kind]}"
+        label = f"{name}\n{', '.join(tones)} Hz  [{data.torque_units[joint]}]"
+        row[0].set_ylabel(label, fontsize=7)
+    for axis, model in zip(axes[0], columns, strict=True):
+        axis.set_title(plain(model.label), color=styles[model.label].colour, weight="bold")
+    slow, between, fast = (drawn_line(mixed(GREY, tone), linewidth=1.5) for tone in TONES)
+    key = {"slow": slow, "middle frequency": between, "fast": fast}
+    key["each fold, middle frequency"] = drawn_line(GREY, linewidth=0.5, alpha=0.6)
+    if section.of_role("truth") or data.truth is not None:
+        key["truth"] = drawn_line(DARK, DASHED, 1)
+    key_above(picture, key)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
+    return picture
+
+
+def _panel(axis: Any, loops: Sequence[Loop], colour: str) -> None:
+    axis.locator_params(nbins=5)
+    if not loops:
+        return
+    shown = middle(loops)
+    if shown.kind == "reversing":
+        axis.axhline(0, **ZERO)
+    for torque in shown.torque[shown.folds]:
+        axis.plot(*_closed(shown.velocity, torque), color=colour, linewidth=0.4, alpha=0.35)
+    for loop, tone in zip(loops, _tones(len(loops)), strict=True):
+        mean = loop.torque[loop.folds].mean(axis=0)
+        axis.plot(*_closed(loop.velocity, mean), color=mixed(colour, tone), linewidth=1.3)
+
+
+def _truth(axis: Any, section: Section, joint: int, kind: str) -> None:
+    """The true friction: its loop where it has one, else its curve."""
+    style = {"color": DARK, "linewidth": 0.9, "linestyle": DASHED, "zorder": 4}
+    data = section.description
+    for model in section.of_role("truth"):
+        loops = loops_of(model, joint, kind)
+        if loops:
+            w, torque = middle(loops).velocity, middle(loops).torque[-1]
+            order = np.argsort(w)  # there and back on one line, dashes would fill each other
+            ends = _closed(w, torque) if has_memory(model) else _broken(w[order], torque[order])
+            axis.plot(*ends, **style)
+            return
+    if data.truth is not None:
+        low, high = axis.get_xlim()
+        w = data.velocity[:, joint]
+        inside = (w >= low) & (w <= high)
+        axis.plot(*_broken(w[inside], data.truth[inside, joint]), **style)
+
+
+def _closed(w: Array, torque: Array) -> tuple[Array, Array]:
+    """The closed loop, open at reversals that no sample resolves: friction jumps there.
+
+    >>> _closed(np.array([1.0, 3.0, 2.0]), np.ones(3))[0]
+    array([1., 3., 2., 1.])
+    >>> _closed(np.array([-2.0, 2.0]), np.ones(2))[0]
+    array([-2., nan,  2., nan, -2.])
+    """
+    return _broken(np.append(w, w[0]), np.append(torque, torque[0]))
+
+
+def _broken(w: Array, torque: Array) -> tuple[Array, Array]:
+    """The line, with a gap between samples that are not close and have no common direction."""
+    most = np.abs(w).max()
+    side = np.where(np.abs(w) < REST * most, 0.0, np.sign(w))
+    far = np.abs(np.diff(w)) > RESOLVED * most
+    jumps = np.flatnonzero(far & (side[1:] != side[:-1])) + 1
+    return np.insert(w, jumps, np.nan), np.insert(torque, jumps, np.nan)
+
+
+def _tones(count: int) -> list[float]:
+    if count == 1:
+        return [0.0]
+    return [float(t) for t in np.interp(np.linspace(0, 2, count), (0, 1, 2), TONES)]
+
+
+# --- What the advantage of memory consists of -----------------------------------------------------
 
 BOTH = frozenset(("delay", "inertia"))
 

@@ -27,11 +27,8 @@ UNBALANCED = 0.1  # of the energy that the motion implies
 ENERGY = "dissipated_energy_ratio"
 
 
-class Control(NamedTuple):
-    """The best model without memory beside one with memory, and the test of its errors less its."""
-
-    name: str
-    test: CorrelatedTest
+# Name of the best model without memory beside one with memory, and the test of its errors less its.
+Control = tuple[str, CorrelatedTest]
 
 
 @dataclass(frozen=True)
@@ -177,15 +174,15 @@ def _hysteresis(model: Model, joints: _Joints, control: Control | None) -> _Answ
     words = f"shows hysteresis of {_percent(widest)} of its torque on {KINDS['offset']} motion"
     if control is None:
         return NOT_EVALUATED, f"{words}; no control without memory"
-    above = control.test.above
+    name, above = control[0], control[1].above
     if above >= CERTAIN and "open" not in verdicts:
         outcome, reason = NOTED, "a lag closes it, as a torque clock that is off would"
     elif above >= CERTAIN:
-        outcome, reason = PASSED, f"{control.name}, without memory, is practically worse"
+        outcome, reason = PASSED, f"{name}, without memory, is practically worse"
     elif above <= 1 - CERTAIN:
-        outcome, reason = FAILED, f"{control.name} predicts as well without memory"
+        outcome, reason = FAILED, f"{name} predicts as well without memory"
     else:
-        outcome, reason = NOTED, f"{control.name} may predict as well without memory"
+        outcome, reason = NOTED, f"{name} may predict as well without memory"
     return outcome, f"{words}; {reason}", widest
 
 

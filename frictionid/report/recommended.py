@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,29 +14,21 @@ from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
-from frictionid.friction.provenance import Estimate
 from frictionid.report.estimates import digits, interval, mark_of, rounded
 from frictionid.report.numbers import MINUS, either, short
 from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.tables import Cell
 from frictionid.report.verdict import Verdict
 
 NEAR = 1e-6  # of a bound, in units of its size
 
 
-class Value(NamedTuple):
-    """A parameter of a joint as text: value, 95 % interval, and a mark or ""."""
-
-    text: str
-    interval: str = ""
-    mark: str = ""
-
-
 class Row(NamedTuple):
-    """A parameter with its unit, and its value at each joint; None where a joint has none."""
+    """A parameter with its unit, and its value at each joint with its 95 % interval, or None."""
 
     name: str
     unit: str
-    values: tuple[Value | None, ...]
+    values: tuple[Cell | None, ...]
 
 
 class Horizon(NamedTuple):
@@ -78,11 +69,12 @@ def equation_of(model: Model) -> str:
 
 def horizons_of(data: SummaryData, model: Model) -> list[Horizon]:
     """Errors of a model after each horizon at which it was scored."""
-    out = []
-    for h in data.horizons:
-        values = (data.value(model, rollout(h, s)) for s in ("median", "q90", "diverged"))
-        out.append(Horizon(h, *values))
-    return [own for own in out if np.isfinite(own.median)]
+    statistics = ("median", "q90", "diverged")
+    errors = [
+        Horizon(h, *(data.value(model, rollout(h, statistic)) for statistic in statistics))
+        for h in data.horizons
+    ]
+    return [horizon for horizon in errors if np.isfinite(horizon.median)]
 
 
 def parameter_rows(model: Model, data: SummaryData) -> list[Row]:
@@ -91,53 +83,49 @@ def parameter_rows(model: Model, data: SummaryData) -> list[Row]:
     Intervals are those of shooting or, for other fits, of the jackknife over the folds.
     """
     joints = model.document.get("joints", ())
-    names = list(dict.fromkeys(name for own in joints for name in own))
     values = _shot(model) if model.refined is not None else _fitted(model)
     rows = []
-    for name in names:
-        units = [own[name]["unit"] for own in joints if name in own]
+    for name in dict.fromkeys(name for parameters in joints for name in parameters):
+        units = [parameters[name]["unit"] for parameters in joints if name in parameters]
         each = tuple(values.get((j, name)) for j in range(len(data.description.joints)))
         rows.append(Row(name, either(units).replace("^2", "²"), each))
     return rows
 
 
-def _shot(model: Model) -> dict[tuple[int, str], Value]:
-    return {(e.joint, e.parameter): shown(e) for e in model.estimates if e.joint is not None}
+def _shot(model: Model) -> dict[tuple[int, str], Cell]:
+    """Estimates of shooting; one that data do not determine has no digits."""
+    cells = {}
+    for e in model.estimates:
+        if e.joint is not None:
+            mark = mark_of(e)
+            words = "at its bound" if e.at_bound else "not identified"
+            value = f"{e.value:.2g}" if mark else digits(e.value, e.error)
+            beside = words if mark else interval(e.low, e.high, e.error)
+            texts = (text.replace("-", MINUS) for text in (value, beside))
+            cells[e.joint, e.parameter] = Cell(next(texts), mark=mark, interval=next(texts))
+    return cells
 
 
-def shown(e: Estimate) -> Value:
-    """An estimate of shooting with its interval; one that data do not determine has no digits."""
-    mark = mark_of(e)
-    if mark:
-        words = "at its bound" if e.at_bound else "not identified"
-        return Value(f"{e.value:.2g}".replace("-", MINUS), words, mark)
-    text = digits(e.value, e.error).replace("-", MINUS)
-    return Value(text, interval(e.low, e.high, e.error).replace("-", MINUS))
-
-
-def _fitted(model: Model) -> dict[tuple[int, str], Value]:
+def _fitted(model: Model) -> dict[tuple[int, str], Cell]:
     """Values from all data, with the jackknife's intervals where enough folds were fitted."""
     theta = np.asarray(model.theta, dtype=float)
-    known = model.role == "fitted" and len(theta) >= FEWEST
-    bounds = _bounds(model)
-    out = {}
-    for j, i, name, number in _numbers(model):
-        value = float("nan") if number["value"] is None else float(number["value"])
-        half = float(jackknife_width(theta[:, j, i])) if known else float("nan")
-        if name in bounds and model.role == "fitted" and _near(value, bounds[name]):
-            out[j, name] = Value(f"{value:.3g}", "at its bound", "bound")
-        elif np.isfinite(half) and half > 0:
-            low, high = (rounded(v, half / 2) for v in (value - half, value + half))
-            out[j, name] = Value(rounded(value, half / 2), f"{low} to {high}")
-        else:
-            out[j, name] = Value(short(value, 3).replace("-", MINUS))
-    return out
-
-
-def _numbers(model: Model) -> Iterator[tuple[int, int, str, Mapping[str, Any]]]:
-    for j, own in enumerate(model.document.get("joints", ())):
-        for i, (name, number) in enumerate(own.items()):
-            yield j, i, name, number
+    fitted, bounds, cells = model.role == "fitted", _bounds(model), {}
+    for j, parameters in enumerate(model.document.get("joints", ())):
+        for i, (name, number) in enumerate(parameters.items()):
+            value = float("nan") if number["value"] is None else float(number["value"])
+            enough = fitted and len(theta) >= FEWEST
+            half = float(jackknife_width(theta[:, j, i])) if enough else float("nan")
+            if fitted and name in bounds and _near(value, bounds[name]):
+                cell = Cell(f"{value:.3g}", mark="bound", interval="at its bound")
+            elif np.isfinite(half) and half > 0:
+                middle, low, high = (
+                    rounded(v, half / 2) for v in (value, value - half, value + half)
+                )
+                cell = Cell(middle, interval=f"{low} to {high}")
+            else:
+                cell = Cell(short(value, 3).replace("-", MINUS))
+            cells[j, name] = cell
+    return cells
 
 
 def _bounds(model: Model) -> dict[str, Array]:

@@ -37,7 +37,9 @@ from frictionid.report.tables import (
     Cell,
     Column,
     Line,
+    Part,
     Table,
+    by_columns,
     latex,
     line,
     markdown,
@@ -67,20 +69,20 @@ def write_sensitivity(
         FRAME: frame.to_csv(index=False, float_format="%.9g").encode(),
         PROVENANCE: json_text(dict(provenance)).encode(),
     }
-    own = list(studies(frame))
-    stems = file_names("--".join(key) for key, _ in own)
+    parts = dict(studies(frame))
+    stems = file_names(map("--".join, parts))
     shown = []
     with drawing():
-        for key, part in own:
+        for key, part in parts.items():
             stem, table = stems["--".join(key)], sensitivity_table(part)
-            pictures = {f"tornado--{stem}": tornado(part), f"amounts--{stem}": over_amounts(part)}
-            for name, picture in pictures.items():
-                if picture is not None:
-                    kinds = rendered(picture)
-                    contents |= {f"figures/{name}.{kind}": kinds[kind] for kind in kinds}
+            figures = {f"tornado--{stem}": tornado(part), f"amounts--{stem}": over_amounts(part)}
+            figures = {name: figure for name, figure in figures.items() if figure is not None}
+            for name, figure in figures.items():
+                files = rendered(figure).items()
+                contents |= {f"figures/{name}.{kind}": content for kind, content in files}
             contents[f"tables/sensitivity--{stem}.md"] = markdown(table).encode()
             contents[f"tables/sensitivity--{stem}.tex"] = latex(table).encode()
-            shown.append((key, table, [n for n, p in pictures.items() if p is not None]))
+            shown.append((key, table, list(figures)))
     context = {"studies": shown, "provenance": provenance}
     contents[PAGE] = render("sensitivity.md.j2", context).encode()
     replace_files(folder, contents, replace=replace)
@@ -93,13 +95,13 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
     frame : summarised
     """
     dataset, identifier = frame.dataset.iloc[0], frame.identifier.iloc[0]
-    shown = [CHANGE, *([ERROR] if is_known(frame) else []), ROLLOUT, LOSS]
-    columns = [*text_columns("recipe", "what is wrong", "by")]
-    columns += [Column(measure.label) for measure in shown]
-    words, numbers = frame[["recipe", "name", "text"]], frame[[m.column for m in shown]]
+    measures = [CHANGE, *([ERROR] if is_known(frame) else []), ROLLOUT, LOSS]
+    columns = text_columns("recipe", "what is wrong", "by")
+    columns += [Column(measure.label) for measure in measures]
+    words, numbers = frame[["recipe", "name", "text"]], frame[[m.column for m in measures]]
     lines = [
-        line([*map(str, own), *map(_number, values)], str(own[0]))
-        for own, values in zip(words.to_numpy(), numbers.to_numpy(), strict=True)
+        line([*texts, *(short(v, 3) if np.isfinite(v) else NOTHING for v in values)], texts[0])
+        for texts, values in zip(words.astype(str).to_numpy(), numbers.to_numpy(), strict=True)
     ]
     caption = (
         f"{dataset}, {identifier}: fitted with one thing wrong, judged on held-out recordings that "
@@ -107,10 +109,6 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
         "with nothing wrong."
     )
     return Table(caption, f"sensitivity-{dataset}-{identifier}", tuple(columns), tuple(lines))
-
-
-def _number(value: float) -> str:
-    return short(value, 3) if np.isfinite(value) else NOTHING
 
 
 def beside(results: Results, section: Section, names: Names) -> Iterator[Picture]:
@@ -124,22 +122,19 @@ def beside(results: Results, section: Section, names: Names) -> Iterator[Picture
         frame = pd.read_csv(study / FRAME, dtype={"text": str})
     except (InputError, ValueError):
         return  # a damaged study is no reason to have no report
-    known = results.provenance.get("data", {}).get(section.dataset)
-    if known is None or data.get(section.dataset) != known:
+    hashes = results.provenance.get("data", {}).get(section.dataset)
+    if hashes is None or data.get(section.dataset) != hashes:
         return
     stem = names.stems[section.dataset, section.dataset]
-    found = [(name, own) for (dataset, name), own in studies(frame) if dataset == section.dataset]
-    files = file_names(identifier for identifier, _ in found)
-    for identifier, own in found:
+    parts = {name: part for (dataset, name), part in studies(frame) if dataset == section.dataset}
+    files = file_names(parts)
+    for identifier, part in parts.items():
         ending = f"{stem}--{files[identifier]}"
         words = f"{identifier} on {section.dataset} with one thing wrong at a time"
-        yield Picture(f"tornado--{ending}", tornado(own), f"{words}: what it changes.")
-        lines = over_amounts(own)
+        yield Picture(f"tornado--{ending}", tornado(part), f"{words}: what it changes.")
+        lines = over_amounts(part)
         if lines is not None:
             yield Picture(f"amounts--{ending}", lines, f"{words}, over the amounts.")
-
-
-SPLIT = "held out"
 
 
 def write_outcome(
@@ -156,15 +151,18 @@ def write_outcome(
     """
     texts = {"trials.csv": trials(studies).to_csv(index=False, float_format="%.9g")}
     datasets = []
-    for name, own in _by_dataset(studies):
+    by_dataset: dict[str, list[StudyResult]] = {}
+    for study in studies:
+        by_dataset.setdefault(study.task.benchmark.dataset.name, []).append(study)
+    for name, part in by_dataset.items():
         suite = folder / f"{file_names([name])[name]}.toml"
-        texts[suite.name] = chosen_suite(file, own, suite, objective)
-        datasets.append((name, [score_table(own, objective), *settings_tables(own)], suite.name))
+        texts[suite.name] = chosen_suite(file, part, suite, objective)
+        datasets.append((name, [score_table(part, objective), *settings_tables(part)], suite.name))
     texts["summary.md"] = render("tuning.md.j2", {"datasets": datasets, "picture": "progress"})
     contents = {name: text.encode() for name, text in texts.items()} | own_modules(file)
     with drawing():
-        for kind, picture in rendered(progress(studies, objective)).items():
-            contents[f"progress.{kind}"] = picture
+        files = rendered(progress(studies, objective))
+    contents |= {f"progress.{kind}": picture for kind, picture in files.items()}
     replace_files(folder, contents, replace=replace)
     return folder / "summary.md"
 
@@ -173,9 +171,7 @@ def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
     """All trials, one in a line: study, number, score on the inner folds, settings."""
     lines = [
         {
-            "dataset": study.task.benchmark.dataset.name,
-            "identifier": study.task.name,
-            "fit": study.task.recipe.name,
+            **_names(study, "fit"),
             "sampler": study.sampler,
             "fold": "all" if study.fold is None else study.fold,
             "trial": number,
@@ -189,13 +185,21 @@ def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def _names(study: StudyResult, recipe: str) -> dict[str, Any]:
+    """What was tuned: names of the data set, the identifier and, under a key, the recipe."""
+    task = study.task
+    return {
+        "dataset": task.benchmark.dataset.name,
+        "identifier": task.name,
+        recipe: task.recipe.name,
+    }
+
+
 def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
     """Scores and chosen settings of each study as JSON; its trials stand in trials.csv."""
-    found = [
+    outcomes = [
         {
-            "dataset": study.task.benchmark.dataset.name,
-            "identifier": study.task.name,
-            "recipe": study.task.recipe.name,
+            **_names(study, "recipe"),
             "sampler": study.sampler,
             "fold": study.fold,
             "trials": len(study.trials),
@@ -207,28 +211,23 @@ def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
         }
         for study in studies
     ]
-    return json_text({"studies": found, "written": [page, page.with_name("trials.csv")]})
-
-
-def _by_dataset(studies: Sequence[StudyResult]) -> list[tuple[str, list[StudyResult]]]:
-    names = dict.fromkeys(study.task.benchmark.dataset.name for study in studies)
-    return [(n, [s for s in studies if s.task.benchmark.dataset.name == n]) for n in names]
+    return json_text({"studies": outcomes, "written": [page, page.with_name("trials.csv")]})
 
 
 def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
     """Scores of each sampler's choice, on inner folds and on recordings held out from tuning."""
     unit = "rad" if objective.horizon is not None else "rad/s"
     rows = [
-        (whole, [s for s in own if s.sampler == whole.sampler and s.fold is not None])
-        for own in by_task(studies)
-        for whole in own
+        (whole, [s for s in task if s.sampler == whole.sampler and s.fold is not None])
+        for task in by_task(studies)
+        for whole in task
         if whole.fold is None
     ]
     shown = [s.held_out for _, nested in rows for s in nested]
     places = decimals([*shown, *(whole.best.value for whole, _ in rows)], 3)
     columns = [*text_columns("identifier", "sampler"), Column("trials")]
     columns += [Column(name, "inner folds", unit) for name in ("as in the suite", "best")]
-    columns += [Column(name, SPLIT, unit) for name in ("as in the suite", "tuned", "gain")]
+    columns += [Column(name, "held out", unit) for name in ("as in the suite", "tuned", "gain")]
     caption = (
         f"{objective.words}. Inner folds: of all recordings; the best of many trials is "
         "optimistic. Held out: mean ± standard deviation over the outer folds, each tuned for "
@@ -260,35 +259,36 @@ def _score_line(whole: StudyResult, nested: Sequence[StudyResult], places: int) 
 
 def _gain(values: Any, places: int) -> str:
     """Mean ± standard error of the finite differences (F,)."""
-    known = values[np.isfinite(values)]
-    if len(known) < 2:
+    finite = values[np.isfinite(values)]
+    if len(finite) < 2:
         return NOTHING
-    error = float(known.std(ddof=1) / np.sqrt(len(known)))
-    return f"{fixed(float(known.mean()), places)} ± {fixed(error, places)}"
+    error = float(finite.std(ddof=1) / np.sqrt(len(finite)))
+    return f"{fixed(float(finite.mean()), places)} ± {fixed(error, places)}"
 
 
 def settings_tables(studies: Sequence[StudyResult]) -> list[Table]:
-    """A table of settings for each tuning task."""
-    return [settings_table(own) for own in by_task(studies)]
+    """Settings of each tuning task: what was searched, what the suite has, what was chosen."""
+    return list(map(_settings_table, by_task(studies)))
 
 
-def settings_table(studies: Sequence[StudyResult]) -> Table:
-    """Settings of one tuning task: what was searched, what the suite has, what was chosen."""
+def _settings_table(studies: Sequence[StudyResult]) -> Table:
     task, first = studies[0].task, best_of(studies)
     whole = [study for study in studies if study.fold is None]
     nested = [study for study in studies if study.fold is not None]
-    own = {key: text_of(value) for key, value in task.suite_settings.items()}
-    columns = [*text_columns("setting", "searched"), Column("suite")]
-    columns += [Column(study.sampler, "chosen on all data") for study in whole]
-    columns += text_columns("chosen in the training folds") if nested else []
-    lines = []
-    for key, space in task.search.items():
-        cells: list[str | Cell] = [key, space.words, own.get(key, NOTHING)]
-        cells += [Cell(_shown(study.best.settings[key]), study is first) for study in whole]
-        cells += [_range([study.best.settings[key] for study in nested])] if nested else []
-        lines.append(line(cells))
+    suite = {key: text_of(value) for key, value in task.suite_settings.items()}
+    parts: list[Part] = [
+        (Column("setting", words=True), task.search),
+        (Column("searched", words=True), [space.words for space in task.search.values()]),
+        (Column("suite"), [suite.get(key, NOTHING) for key in task.search]),
+    ]
+    for study in whole:
+        cells = [Cell(_shown(study.best.settings[key]), study is first) for key in task.search]
+        parts.append((Column(study.sampler, "chosen on all data"), cells))
+    if nested:
+        ranges = [_range([study.best.settings[key] for study in nested]) for key in task.search]
+        parts.append((Column("chosen in the training folds", words=True), ranges))
     caption = f"{task.title}: settings searched and chosen; in bold those of the written suite."
-    return Table(caption, "tuning-settings", tuple(columns), tuple(lines))
+    return by_columns(caption, "tuning-settings", parts)
 
 
 def _shown(value: Any) -> str:

@@ -11,7 +11,7 @@ from frictionid.comparison.results import Results
 from frictionid.errors import InputError
 from frictionid.evaluation.statistics import CERTAIN, REGION, correlated_test
 from frictionid.report.numbers import NOTHING, decimals, fixed, seconds, signed
-from frictionid.report.sections import Model, Section, SummaryData, rollout, sections_of
+from frictionid.report.sections import Model, Section, rollout, sections_of
 from frictionid.report.tables import Column, Table, line, text_columns
 
 SAME = 1e-9  # relative difference of equal numbers
@@ -61,6 +61,23 @@ class SideBySide(NamedTuple):
         return all(same["data"] and same["folds"] for same in self.datasets.values())
 
 
+class _Pair(NamedTuple):
+    """A data set that was fitted in both results, whether its folds are the same, and its models.
+
+    models : of both results, None where one has no model of this label and recipe
+    """
+
+    before: Section
+    after: Section
+    alike: bool
+    models: tuple[tuple[Model | None, Model | None], ...]
+
+    @property
+    def common(self) -> Iterator[tuple[Model, Model]]:
+        """Models that both results have."""
+        return ((a, b) for a, b in self.models if a is not None and b is not None)
+
+
 def side_by_side(first: Results, second: Results) -> SideBySide:
     """Two results of comparisons, the second one against the first.
 
@@ -69,32 +86,41 @@ def side_by_side(first: Results, second: Results) -> SideBySide:
     InputError
         Where no data set was fitted in both.
     """
-    sections = [{s.dataset: s for s in sections_of(own)} for own in (first, second)]
-    common = [name for name in sections[0] if name in sections[1]]
+    before, after = ({s.dataset: s for s in sections_of(result)} for result in (first, second))
+    common = [name for name in before if name in after]
     if not common:
-        names = " and ".join(", ".join(own) for own in sections)
+        names = " and ".join(", ".join(sections) for sections in (before, after))
         raise InputError(
             f"{first.folder} and {second.folder} have no fitted data set in common ({names}): give "
             "two results on the same data"
         )
     a, b = first.provenance, second.provenance
     same = {name: {key: _equal(a, b, key, name) for key in ("data", "folds")} for name in common}
-    pairs = [(sections[0][name], sections[1][name]) for name in common]
+    pairs = [_pair(before[name], after[name], all(same[name].values())) for name in common]
     return SideBySide(
         datasets=same,
         settings=_changes(_flat(a.get("settings", {})), _flat(b.get("settings", {}))),
         versions=_changes(a.get("versions", {}), b.get("versions", {})),
-        scores=tuple(
-            s for pair in pairs for s in _scores(*pair, all(same[pair[0].dataset].values()))
+        scores=tuple(score for pair in pairs for score in _scores(pair)),
+        parameters=tuple(change for pair in pairs for change in _parameters(pair)),
+        missing=tuple(
+            Change(pair.before.dataset, a and a.name, b and b.name)
+            for pair in pairs
+            for a, b in pair.models
+            if a is None or b is None
         ),
-        parameters=tuple(p for pair in pairs for p in _parameters(*pair)),
-        missing=tuple(p for pair in pairs for p in _missing(*pair)),
     )
+
+
+def _pair(before: Section, after: Section, alike: bool) -> _Pair:
+    a, b = ({(m.label, m.recipe): m for m in section.models} for section in (before, after))
+    models = tuple((a.get(key), b.get(key)) for key in dict.fromkeys([*a, *b]))
+    return _Pair(before, after, alike, models)
 
 
 def _equal(a: Mapping[str, Any], b: Mapping[str, Any], key: str, dataset: str) -> bool:
     """Whether the hashes of a data set, or of its folds, are known and the same."""
-    hashes = [own.get(key, {}).get(dataset) for own in (a, b)]
+    hashes = [provenance.get(key, {}).get(dataset) for provenance in (a, b)]
     return bool(hashes[0]) and hashes[0] == hashes[1]
 
 
@@ -104,54 +130,33 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
     >>> _flat({"folds": {"count": 3}, "seeds": [0, 1]})
     {'folds.count': 3, 'seeds.1': 0, 'seeds.2': 1}
     """
-    entries: Any = None
-    if isinstance(value, Mapping):
-        entries = value.items()
-    elif isinstance(value, list):
-        entries = enumerate(value, 1)
-    if entries is None:
+    entries = dict(enumerate(value, 1)) if isinstance(value, list) else value
+    if not isinstance(entries, Mapping):
         return {name: value}
-    return {k: v for key, own in entries for k, v in _flat(own, f"{name}.{key}".strip(".")).items()}
+    parts = (_flat(part, f"{name}.{key}".strip(".")) for key, part in entries.items())
+    return {key: leaf for part in parts for key, leaf in part.items()}
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Change, ...]:
-    names = dict.fromkeys([*before, *after])
-    every = (Change(name, before.get(name), after.get(name)) for name in names)
+    every = (Change(n, before.get(n), after.get(n)) for n in dict.fromkeys([*before, *after]))
     return tuple(change for change in every if change.before != change.after)
 
 
-def _matched(a: Section, b: Section) -> Iterator[tuple[Model, Model]]:
-    """Models of the same label and recipe."""
-    known = {(model.label, model.recipe): model for model in b.models}
-    for model in a.models:
-        if (model.label, model.recipe) in known:
-            yield model, known[model.label, model.recipe]
-
-
-def _missing(a: Section, b: Section) -> Iterator[Change]:
-    names = [{(m.label, m.recipe): m.name for m in own.models} for own in (a, b)]
-    for key in dict.fromkeys([*names[0], *names[1]]):
-        if key not in names[0] or key not in names[1]:
-            yield Change(a.dataset, names[0].get(key), names[1].get(key))
-
-
-def _scores(a: Section, b: Section, folds: bool) -> Iterator[Score]:
-    horizons = [h for h in a.fitted.reported if h in b.fitted.reported]
-    for one, other in _matched(a, b):
-        for horizon in horizons:
+def _scores(pair: _Pair) -> Iterator[Score]:
+    a, b = pair.before.fitted, pair.after.fitted
+    unit = a.description.angle_unit
+    for first, second in pair.common:
+        for horizon in (h for h in a.reported if h in b.reported):
             column = rollout(horizon)
-            values = a.fitted.value(one, column), b.fitted.value(other, column)
-            standing = _standing(a.fitted, one, b.fitted, other, column) if folds else ""
-            unit = a.description.angle_unit
-            yield Score(a.dataset, one.name, horizon, unit, *values, standing)
+            folds = a.of_folds(first, column), b.of_folds(second, column)
+            values = a.value(first, column), b.value(second, column)
+            standing = _standing(*folds) if pair.alike else ""
+            yield Score(a.dataset, first.name, horizon, unit, *values, standing)
 
 
-def _standing(a: SummaryData, one: Model, b: SummaryData, other: Model, column: str) -> str:
-    """How the second result's errors of the folds stand against the first one's."""
-    before, after = a.of_folds(one, column), b.of_folds(other, column)
-    if len(before) != len(after) or len(before) < 2:
-        return ""
-    if not (np.isfinite(before).all() and np.isfinite(after).all()):
+def _standing(before: Any, after: Any) -> str:
+    """How the second result's errors of the folds (F,) stand against the first one's."""
+    if len(before) != len(after) or len(before) < 2 or not np.isfinite([before, after]).all():
         return ""
     region = REGION * float(min(before.mean(), after.mean()))
     test = correlated_test(after - before, region)
@@ -159,49 +164,46 @@ def _standing(a: SummaryData, one: Model, b: SummaryData, other: Model, column: 
     return next((name for name, chance in chances.items() if chance >= CERTAIN), "undecided")
 
 
-def _parameters(a: Section, b: Section) -> Iterator[Change]:
+def _parameters(pair: _Pair) -> Iterator[Change]:
     """Fitted parameters, of all data, that are not the same."""
-    for one, other in _matched(a, b):
-        values = [_values(one, a.description.joints), _values(other, b.description.joints)]
-        for name in dict.fromkeys([*values[0], *values[1]]):
-            before, after = (own.get(name) for own in values)
+    for first, second in pair.common:
+        values = _values(first, pair.before), _values(second, pair.after)
+        for name, before, after in _changes(*values):
             if before is None or after is None or abs(after - before) > SAME * abs(before):
-                yield Change(f"{a.dataset}, {one.name}: {name}", before, after)
+                yield Change(f"{pair.before.dataset}, {first.name}: {name}", before, after)
 
 
-def _values(model: Model, joints: tuple[str, ...]) -> dict[str, float]:
+def _values(model: Model, section: Section) -> dict[str, float]:
+    joints = zip(section.description.joints, model.document.get("joints", ()), strict=False)
     return {
         f"{name} of {joint} [{number['unit']}]": float(number["value"])
-        for joint, own in zip(joints, model.document.get("joints", ()), strict=False)
-        for name, number in own.items()
+        for joint, parameters in joints
+        for name, number in parameters.items()
         if number["value"] is not None
     }
 
 
 # --- As text --------------------------------------------------------------------------------------
 
+WORDS = {
+    (True, True): "same data and same folds: scores can be compared fold by fold",
+    (True, False): "same data, other folds: scores are of other held-out parts",
+    (False, True): "other data: scores cannot be compared",
+    (False, False): "other data and other folds: scores cannot be compared",
+}
 
-def comparable_lines(found: SideBySide) -> list[str]:
+
+def comparable_lines(compared: SideBySide) -> list[str]:
     """Whether each data set's scores can be compared, a sentence each."""
-    words = {
-        (True, True): "same data and same folds: scores can be compared fold by fold",
-        (
-            True,
-            False,
-        ): "same data, other folds: scores are of other held-out parts",
-        (False, True): "other data: scores cannot be compared",
-        (False, False): "other data and other folds: scores cannot be compared",
-    }
-    return [
-        f"{name}: {words[same['data'], same['folds']]}." for name, same in found.datasets.items()
-    ]
+    datasets = compared.datasets.items()
+    return [f"{name}: {WORDS[same['data'], same['folds']]}." for name, same in datasets]
 
 
-def score_table(found: SideBySide) -> Table:
+def score_table(compared: SideBySide) -> Table:
     """Median errors of both results."""
-    places = decimals([v for score in found.scores for v in (score.before, score.after)])
+    places = decimals([v for score in compared.scores for v in (score.before, score.after)])
     lines = []
-    for score in found.scores:
+    for score in compared.scores:
         ratio = score.after / score.before if score.before > 0 else float("nan")
         change = f"{signed(100 * (ratio - 1), 1)} %" if np.isfinite(ratio) else NOTHING
         after = f"{seconds(score.horizon)} [{score.unit}]"
@@ -214,11 +216,11 @@ def score_table(found: SideBySide) -> Table:
 
 def change_table(changes: tuple[Change, ...], what: str) -> Table:
     """What changed: name, value in the first and in the second result."""
-
-    def text(value: Any) -> str:
-        return (
-            NOTHING if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
-        )
-
-    lines = [line([c.name, text(c.before), text(c.after)]) for c in changes]
+    lines = [line([name, _shown(before), _shown(after)]) for name, before, after in changes]
     return Table("", what, tuple(text_columns(what, "first", "second")), tuple(lines))
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return NOTHING
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -26,11 +26,13 @@ class Cell(NamedTuple):
     """Text of a cell; the best of a column stands out.
 
     mark : what is wrong with it, on the page; "bound" or "unknown" of a value that is no estimate
+    interval : its 95 % interval, on the page
     """
 
     text: str
     best: bool = False
     mark: str = ""
+    interval: str = ""
 
 
 class Column(NamedTuple):
@@ -284,12 +286,12 @@ def _group_heads(columns: Sequence[Column], widths: list[int], indent: int) -> A
     top, at = Text(" " * indent), 0
     for group, members in groupby(columns, key=lambda column: column.above):
         count = len(list(members))
-        own = sum(widths[at : at + count]) + GAP * (count - 1)
-        widths[at + count - 1] += max(0, len(group) - own)
-        own = max(own, len(group))
+        width = sum(widths[at : at + count]) + GAP * (count - 1)
         at += count
-        ruled = group and own > len(group) + 3
-        top.append(f" {group} ".center(own, "─") if ruled else group.center(own), "dim")
+        widths[at - 1] += max(0, len(group) - width)
+        width = max(width, len(group))
+        ruled = group and width > len(group) + 3
+        top.append(f" {group} ".center(width, "─") if ruled else group.center(width), "dim")
         top.append(" " * GAP)
     top.rstrip()
     return top

@@ -56,8 +56,7 @@ def show_summary(results: Results) -> None:
 
 def verdict(section: Section) -> str:
     """Which model the evidence supports, the main doubt, and what to record next."""
-    found = {"verdict": verdict_of(section)}
-    return render("verdict.md.j2", found, markup=False).strip()
+    return render("verdict.md.j2", {"verdict": verdict_of(section)}, markup=False).strip()
 
 
 def results_json(results: Results) -> str:
@@ -81,29 +80,29 @@ def results_json(results: Results) -> str:
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 
 
-def show_side_by_side(found: SideBySide) -> None:
+def show_side_by_side(compared: SideBySide) -> None:
     """Print whether two results can be compared, and what changed."""
     out = console()
-    for text in comparable_lines(found):
+    for text in comparable_lines(compared):
         out.print(text, markup=False, soft_wrap=True)
-    if found.scores:
-        show_table(score_table(found))
+    if compared.scores:
+        show_table(score_table(compared))
     changes = {
-        "setting": found.settings,
-        "version": found.versions,
-        "model of one result": found.missing,
-        "parameter": found.parameters,
+        "setting": compared.settings,
+        "version": compared.versions,
+        "model of one result": compared.missing,
+        "parameter": compared.parameters,
     }
-    for what, own in changes.items():
-        if own:
-            show_table(change_table(own, what))
+    for what, changed in changes.items():
+        if changed:
+            show_table(change_table(changed, what))
         else:
             out.print(f"{what}: nothing changed", markup=False)
 
 
-def side_by_side_json(found: SideBySide) -> str:
+def side_by_side_json(compared: SideBySide) -> str:
     """Two results side by side as JSON text; null for what is not finite."""
-    document = found._asdict() | {"comparable": found.comparable}
+    document = compared._asdict() | {"comparable": compared.comparable}
     for name in ("settings", "versions", "scores", "parameters", "missing"):
         document[name] = [entry._asdict() for entry in document[name]]
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
@@ -111,46 +110,43 @@ def side_by_side_json(found: SideBySide) -> str:
 
 def show_scores(table: pd.DataFrame) -> None:
     """Print the scores of given models, a table with the columns of scores.csv, in short."""
-    for dataset, own in table.groupby("dataset", sort=False):
-        own = own.assign(task=own["identifier"])
-        folds, level = score_tables(own)
-        level = level.loc[own["task"].unique()]
-        horizons = tuple(sorted(own["horizon_s"].dropna().unique()))
-        joints = sorted(own[own["score"] == "curve_error"]["joint"].unique())
+    for dataset, rows in table.groupby("dataset", sort=False):
+        rows = rows.assign(task=rows["identifier"])
+        folds, level = score_tables(rows)
+        level = level.loc[rows["task"].unique()]
+        horizons = tuple(sorted(rows["horizon_s"].dropna().unique()))
+        joints = tuple(sorted(rows[rows["score"] == "curve_error"]["joint"].unique()))
         frame = summary_numbers(level, folds, horizons, joints).reset_index(names="identifier")
         frame = frame.assign(recipe="", role="given")
-        ahead = own[own["score"].str.startswith("rollout") & (own["statistic"] == "median")]
-        units = {"1": "sizes"} | {unit: unit for unit in ("rad", "m")}
-        unit = units[next(iter(ahead.loc[ahead["joint"] == "all", "unit"]), "rad")]
-        _print_summary(Summary(frame, str(dataset), horizons, tuple(joints), unit), str(dataset))
+        medians = rows["score"].str.startswith("rollout") & (rows["statistic"] == "median")
+        unit = next(iter(rows.loc[medians & (rows["joint"] == "all"), "unit"]), "rad")
+        unit = "sizes" if unit == "1" else unit
+        _print_summary(Summary(frame, str(dataset), horizons, joints, unit), str(dataset))
 
 
 def show_table(table: Table) -> None:
     """Print a table with its caption."""
-    for text in (*for_terminal(table), table.caption, ""):
-        console().print(text, soft_wrap=True, markup=False)
+    for part in (table, table.caption, ""):
+        console().print(part, soft_wrap=True, markup=False)
 
 
 def show_refined(refined: Estimates) -> None:
     """Print the result of shooting: what makes it doubtful, parameters with intervals, findings."""
-    found = {"found": shooting_results(refined)}
-    for template in ("shooting_head.j2", "", "shooting_terminal.j2"):
-        if template:
-            text = render(template, found, markup=False).strip()
-            console().print(text, markup=False, soft_wrap=True)
-        else:
-            for row in for_terminal(parameter_table(refined.parameters)):
-                console().print(row, soft_wrap=True)
+    context = {"found": shooting_results(refined)}
+    head, rest = (
+        render(f"shooting_{part}.j2", context, markup=False).strip()
+        for part in ("head", "terminal")
+    )
+    out = console()
+    out.print(head, markup=False, soft_wrap=True)
+    out.print(parameter_table(refined.parameters), soft_wrap=True)
+    out.print(rest, markup=False, soft_wrap=True)
 
 
 def parameter_table(read: Sequence[Estimate]) -> Table:
     """Parameters with their values, 95 % intervals and units."""
-    columns = [
-        *text_columns("parameter"),
-        Column("value"),
-        Column("95 % interval"),
-        *text_columns("unit"),
-    ]
+    columns = [*text_columns("parameter"), Column("value"), Column("95 % interval")]
+    columns += text_columns("unit")
     lines = [line((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit)) for e in read]
     return Table("", "parameters", tuple(columns), tuple(lines))
 
@@ -162,12 +158,13 @@ def show_fit(friction: Friction) -> None:
         show_refined(source.refined)
     else:
         out.print(str(friction), markup=False, soft_wrap=True)
-    if source.equation:
-        lines = [f"with {source.equation_errors}:", *source.equation]
-        out.print("\n  ".join(lines), markup=False, soft_wrap=True)
-    if source.inclusion:
-        lines = ["how often draws of the recordings had a term:", *source.inclusion]
-        out.print("\n  ".join(lines), markup=False, soft_wrap=True)
+    notes = {
+        f"with {source.equation_errors}:": source.equation,
+        "how often draws of the recordings had a term:": source.inclusion,
+    }
+    for head, lines in notes.items():
+        if lines:
+            out.print("\n  ".join([head, *lines]), markup=False, soft_wrap=True)
     for sentence in (*source.equality, *source.torque):
         out.print(sentence, markup=False, soft_wrap=True)
 

@@ -12,9 +12,9 @@ from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loop
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
 from frictionid.report.figures.curves import friction_curves
-from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.scores import loss_against
 from frictionid.report.figures.style import drawing, styles
+from frictionid.report.memory import loop_pictures
 from frictionid.rig.align.alignment_figure import least_squares_friction
 
 PLANT = plant_of(tiny.dataset())[0]

@@ -19,10 +19,9 @@ from frictionid.evaluation.hysteresis import (
 )
 from frictionid.friction import Friction, Law, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.report.figures.loops import loop_pictures
 from frictionid.report.figures.studies import learning_curves, losses_of
 from frictionid.report.figures.style import drawing, rendered, styles
-from frictionid.report.memory import loop_table, with_memory
+from frictionid.report.memory import loop_pictures, loop_table, with_memory
 from frictionid.report.memory import loops_of as shown_loops
 
 PLANT = plant_of(tiny.dataset())[0]

@@ -18,6 +18,7 @@ from frictionid.report.figures.style import (
     key_above,
     line,
     marker,
+    mixed,
     plain,
     plain_logarithm,
 )
@@ -26,18 +27,19 @@ from frictionid.report.sections import EULER, Model, Section, SummaryData, rollo
 from frictionid.report.summary_table import ONE_STEP
 from frictionid.report.verdict import Verdict
 
+TRUTH = {"color": DARK, "linewidth": 1, "linestyle": DASHED, "zorder": 1}
+
 
 def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
     """Losses of the held-out folds: a box for each identifier and recipe, a panel for each loss."""
-    models = section.of_role("none", "fitted", "given")
-    heights, several = _heights(models), len(section.recipes) > 1
-    picture = figure(0.75 + 0.24 * max(heights.values(), default=0.0) + 0.24)
+    heights = _heights(section.of_role("none", "fitted", "given"))
+    lowest = max(heights.values(), default=0.0)
+    picture = figure(0.99 + 0.24 * lowest)
     axes = picture.subplots(1, len(ONE_STEP), sharey=True, squeeze=False)[0]
     for axis, (column, name) in zip(axes, ONE_STEP.items(), strict=True):
         for model, height in heights.items():
-            hollow = several and model.recipe == section.recipes[0]
-            losses = section.fitted.of_folds(model, column)
-            _box(axis, losses, height, styles[model.label].colour, hollow)
+            losses, colour = section.fitted.of_folds(model, column), styles[model.label].colour
+            _box(axis, losses, height, colour, _is_hollow(section, model.recipe))
         _truth(axis, section, column)
         scheme, statistic = name.split()
         unit = section.description.angle_unit
@@ -46,7 +48,7 @@ def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
         axis.set_axisbelow(True)
         axis.tick_params(axis="y", length=0)
     axes[0].set_yticks(list(heights.values()), [plain(model.name) for model in heights])
-    axes[0].set_ylim(max(heights.values(), default=0.0) + 0.7, -0.7)
+    axes[0].set_ylim(lowest + 0.7, -0.7)
     return picture
 
 
@@ -55,8 +57,8 @@ def _heights(models: Sequence[Model]) -> dict[Model, float]:
     labels = list(dict.fromkeys(model.label for model in models))
     ordered = sorted(models, key=lambda model: labels.index(model.label))
     out, at = {}, 0.0
-    for _, own in groupby(ordered, key=lambda model: model.label):
-        for model in own:
+    for _, recipes in groupby(ordered, key=lambda model: model.label):
+        for model in recipes:
             out[model] = at
             at += 0.8
         at += 0.45
@@ -73,7 +75,7 @@ def _box(axis: Any, losses: Array, height: float, colour: str, hollow: bool) -> 
     if not len(finite):
         return
     edge = {"color": colour, "linewidth": 0.9}
-    face = "white" if hollow else _tint(colour, 0.3)
+    face = "white" if hollow else mixed(colour, 0.7)
     axis.boxplot(
         [finite],
         positions=[height],
@@ -93,30 +95,15 @@ def _box(axis: Any, losses: Array, height: float, colour: str, hollow: bool) -> 
     axis.plot([finite.mean()], [height], "D", markersize=3, **mean)
 
 
-def _tint(colour: str, strength: float) -> Any:
-    from matplotlib.colors import to_rgb
-
-    return tuple(1 - strength * (1 - part) for part in to_rgb(colour))
-
-
 def _truth(axis: Any, section: Section, column: str) -> None:
     for model in section.of_role("truth"):
         losses = section.fitted.of_folds(model, column)
-        if not len(losses) or not np.isfinite(losses).all():
-            continue
-        mean = float(losses.mean())
-        axis.axvline(mean, color=DARK, linewidth=1, linestyle=DASHED, zorder=1)
-        axis.annotate(
-            f"truth {short(mean, 3)}",
-            (mean, 1),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 1),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=7,
-            color=DARK,
-        )
+        if len(losses) and np.isfinite(losses).all():
+            mean = float(losses.mean())
+            axis.axvline(mean, **TRUTH)
+            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
+            above = {"xytext": (0, 1), "textcoords": "offset points", "fontsize": 7}
+            axis.annotate(f"truth {short(mean, 3)}", (mean, 1), **place, **above, color=DARK)
 
 
 SHORT_DOTS = (0, (1, 1.4))
@@ -127,43 +114,42 @@ def rollout_errors(section: Section, styles: Mapping[str, Style]) -> Any:
     horizons, description = section.fitted.horizons, section.description
     if not horizons:
         return None
-    rows = [[(data, recipe) for recipe in section.recipes] for data in section.data]
-    if len(section.recipes) == 1 and len(rows) <= 3:
-        rows = [[panel for row in rows for panel in row]]
-    picture = figure(0.75 + 2.1 * len(rows))
-    axes = picture.subplots(len(rows), len(rows[0]), sharex=True, sharey=True, squeeze=False)
-    for row, axes_of_row in zip(rows, axes, strict=True):
-        for (data, recipe), axis in zip(row, axes_of_row, strict=True):
-            for model in section.under(recipe):
-                _errors(axis, data, model, styles[model.label])
-            axis.set_title(_title(section, data, recipe), fontsize=7.5)
-            axis.grid(**GRID)
-        axes_of_row[0].set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
+    panels = [(data, recipe) for data in section.data for recipe in section.recipes]
+    abreast = len(section.recipes)
+    if abreast == 1 and len(panels) <= 3:
+        abreast = len(panels)
+    rows = len(panels) // abreast
+    picture = figure(0.75 + 2.1 * rows)
+    axes = picture.subplots(rows, abreast, sharex=True, sharey=True, squeeze=False)
+    for (data, recipe), axis in zip(panels, axes.flat, strict=True):
+        for model in section.under(recipe):
+            _errors(axis, data, model, styles[model.label])
+        words = [plain(data.dataset), data.novelty]
+        words += [f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else []
+        axis.set_title(", ".join(words), fontsize=7.5)
+        axis.grid(**GRID)
+    for axis in axes[:, 0]:
+        axis.set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
     _scales(axes[0, 0], horizons)
     picture.supxlabel("horizon [s]", fontsize=8)
     labels = dict.fromkeys(model.label for model in section.models)
-    key = {name: line(styles[name].colour, styles[name].line) for name in labels}
     median = line("black")
     median.set(marker="o", markersize=2.8)
-    quantile = line("black", SHORT_DOTS, 0.8)
-    key_above(picture, {**key, "median": median, "90 % quantile": quantile})
+    key = {name: line(styles[name].colour, styles[name].line) for name in labels}
+    key |= {"median": median, "90 % quantile": line("black", SHORT_DOTS, 0.8)}
+    key_above(picture, key)
     return picture
-
-
-def _title(section: Section, data: SummaryData, recipe: str) -> str:
-    parts = [plain(data.dataset), data.novelty]
-    return ", ".join([*parts, f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else parts)
 
 
 def _errors(axis: Any, data: SummaryData, model: Model, style: Style) -> None:
     """Errors of a model that was scored there; arrows at the upper edge where one is infinite."""
     horizons = np.asarray(data.horizons)
-    for statistic, width, alpha, dot in (("median", 1.3, 1.0, "o"), ("q90", 0.8, 0.75, "")):
+    median = {"linewidth": 1.3, "marker": "o", "linestyle": style.line}
+    quantile = {"linewidth": 0.8, "alpha": 0.75, "marker": "", "linestyle": SHORT_DOTS}
+    for statistic, drawn in (("median", median), ("q90", quantile)):
         values = np.array([data.value(model, rollout(h, statistic)) for h in horizons])
-        drawn = {"color": style.colour, "linewidth": width, "alpha": alpha, "marker": dot}
-        drawn["linestyle"] = style.line if statistic == "median" else SHORT_DOTS
         shown = np.where(np.isfinite(values) & (values > 0), values, np.nan)
-        axis.plot(horizons, shown, markersize=2.8, **drawn)
+        axis.plot(horizons, shown, color=style.colour, markersize=2.8, **drawn)
         infinite = horizons[np.isposinf(values)]
         if len(infinite):
             upper = axis.get_xaxis_transform()
@@ -187,15 +173,15 @@ def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
     Points are means over the folds, bars reach from the lowest to the highest fold. The band is
     the region of practical equivalence above the best model.
     """
-    own = [c for c in verdict.candidates if c.is_finite and np.isfinite(c.complexity)]
-    if len(own) < 2 or not np.isfinite(verdict.region):
+    shown = [c for c in verdict.candidates if c.is_finite and np.isfinite(c.complexity)]
+    if len(shown) < 2 or not np.isfinite(verdict.region):
         return None
     picture = figure(2.7)
     axis = picture.subplots()
-    best = min(c.error for c in own)
+    best = min(c.error for c in shown)
     axis.axhspan(best, best + verdict.region, color=DARK, alpha=0.12, linewidth=0)
     axis.axhline(best, color=DARK, linewidth=0.8, linestyle=DASHED)
-    for candidate in own:
+    for candidate in shown:
         place, colour = candidate.complexity, styles[candidate.model.label].colour
         ends = candidate.errors.min(), candidate.errors.max()
         axis.plot([place, place], ends, color=colour, linewidth=1.0, alpha=0.6)
@@ -209,13 +195,13 @@ def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
     axis.set_xlabel("effective parameters")
     axis.set_ylabel(f"error after {seconds(verdict.horizon)} [{verdict.unit}]")
     axis.grid(**GRID)
-    labels = dict.fromkeys(c.model.label for c in own)
-    key = {label: marker(styles[label].colour, "o", 5) for label in labels}
-    key_above(picture, key, 0.8)
+    labels = dict.fromkeys(c.model.label for c in shown)
+    key_above(picture, {label: marker(styles[label].colour, "o", 5) for label in labels}, 0.8)
     return picture
 
 
 MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others have those of their recipes
+SIZES = {"none": 6, "truth": 9}
 RECIPES = ("o", "^", "v", "P", "X", "<", ">", "p")
 
 
@@ -247,7 +233,12 @@ def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
         axis.set_ylabel(label)
         axis.grid(**GRID)
         plain_logarithm(axis)
-    key_above(picture, _key(section, styles), 0.8)
+    roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
+    key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}
+    for recipe in section.recipes if len(section.recipes) > 1 else ():
+        face = "white" if _is_hollow(section, recipe) else "black"
+        key[f"{recipe} recipe"] = marker("black", _marker(section, recipe), 6, face)
+    key_above(picture, key, 0.8)
     return picture
 
 
@@ -258,27 +249,13 @@ def _point(
     height, size = place
     loss = section.fitted.value(model, EULER)
     if model.role == "truth" and np.isfinite(loss):
-        axis.axvline(loss, color=DARK, linewidth=1, linestyle=DASHED, zorder=1)
+        axis.axvline(loss, **TRUTH)
     if not np.isfinite([loss, height]).all() or height <= 0:
         return
-    axis.plot(
-        loss,
-        height,
-        MARKERS.get(model.role) or _marker(section, model.recipe),
-        color=colour,
-        markerfacecolor="white" if _hollow(section, model.recipe) else colour,
-        markeredgewidth=1.3,
-        markersize={"none": 6, "truth": 9}.get(model.role, size),
-    )
-
-
-def _key(section: Section, styles: Mapping[str, Style]) -> dict[str, Any]:
-    roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
-    key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}
-    for recipe in section.recipes if len(section.recipes) > 1 else ():
-        face = "white" if _hollow(section, recipe) else "black"
-        key[f"{recipe} recipe"] = marker("black", _marker(section, recipe), 6, face)
-    return key
+    kind = MARKERS.get(model.role) or _marker(section, model.recipe)
+    face = "white" if _is_hollow(section, model.recipe) else colour
+    look = {"markersize": SIZES.get(model.role, size), "markeredgewidth": 1.3}
+    axis.plot(loss, height, kind, color=colour, markerfacecolor=face, **look)
 
 
 def _marker(section: Section, recipe: str) -> str:
@@ -287,5 +264,5 @@ def _marker(section: Section, recipe: str) -> str:
     return RECIPES[max(place - 1, 0) % len(RECIPES)]
 
 
-def _hollow(section: Section, recipe: str) -> bool:
+def _is_hollow(section: Section, recipe: str) -> bool:
     return len(section.recipes) > 1 and recipe == section.recipes[0]

@@ -151,6 +151,14 @@ def plain(name: str) -> str:
     return words.replace("$", r"\$")
 
 
+def mixed(colour: str, tone: float) -> Any:
+    """A colour with so much white, or, for negative tones, black."""
+    from matplotlib.colors import to_rgb
+
+    base, end = np.array(to_rgb(colour)), 1.0 if tone > 0 else 0.0
+    return tuple(base + abs(tone) * (end - base))
+
+
 def line(color: Any, linestyle: Any = "-", linewidth: float = 1.2, alpha: float = 1.0) -> Any:
     """A line for a legend."""
     from matplotlib.lines import Line2D
