@@ -140,7 +140,7 @@ def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Arr
     return np.where(np.isnan(whole), np.inf, whole) if whole else np.empty((0, 0))
 
 
-def judged(candidates: Sequence[Candidate], choice: Choice) -> tuple[Candidate, ...]:
+def judged_by(choice: Choice, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """The candidates with how they stand, from the simplest to the most complex."""
     reference = None if choice.adequate is None else candidates[choice.adequate]
     out = []

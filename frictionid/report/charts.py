@@ -20,7 +20,6 @@ from frictionid.report.sections import DataDescription, Model, Section
 
 DIGITS = 5  # significant, of numbers in a chart
 MEASURED = "#8C8C8C"
-GRID = "#E6E6E6"
 SILENT: Mapping[str, Any] = {"hoverinfo": "skip", "showlegend": False}
 FRICTION = {"yaxis": "y2"}  # above the density of speeds
 MOST = 161  # velocities of a line
@@ -33,7 +32,9 @@ Example = Mapping[str, Any]
 
 
 class Chart(NamedTuple):
-    """A chart: a heading, what it shows in words, and Plotly's data, layout and frames.
+    """A chart: a heading, what it shows in words, and Plotly's data, axes and frames.
+
+    The page's script adds what all charts look like, and the controls of an animation.
 
     height : [px]
     """
@@ -111,23 +112,7 @@ def dash(linestyle: Any) -> str:
 
 def axis(title: str, changes: Mapping[str, Any]) -> dict[str, Any]:
     """An axis with its title, which names the unit."""
-    plain = {"title": {"text": escape(title), "standoff": 8}, "gridcolor": GRID, "automargin": True}
-    return {**plain, "zerolinecolor": "#BBBBBB", "linecolor": "#888888", **changes}
-
-
-def layout(parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Layout of a chart with these axes and changes: fingers scroll the page, the bar zooms."""
-    return {
-        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#222222"},
-        "margin": {"l": 52, "r": 10, "t": 8, "b": 40},
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "dragmode": False,
-        "hovermode": "x unified",
-        "hoverlabel": {"namelength": 28},
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        **parts,
-    }
+    return {"title": {"text": escape(title)}, **changes}
 
 
 def thinned(count: int, most: int = MOST) -> Array:
@@ -184,7 +169,7 @@ def _friction_chart(
         "Friction over velocity: fit to all data with its 95 % band, each fold (thin), "
         "grey: how often each speed occurred. A click on a name shows or hides a model."
     )
-    return Chart(data.joints[joint], words, traces, layout(axes), height=320 + 20 * len(models))
+    return Chart(data.joints[joint], words, traces, axes, height=320 + 20 * len(models))
 
 
 def _curve(
@@ -255,7 +240,7 @@ def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart
     axes["xaxis"] = axis("time since the start [s]", below)
     words = "Measured (grey) and predicted motion"
     words += "; the band is the 95 % interval of the prediction." if banded else "."
-    return Chart("", words, traces, layout(axes), height=130 + 120 * n)
+    return Chart("", words, traces, axes, height=130 + 120 * n)
 
 
 def animation(example: Example, style: Style) -> Chart | None:
@@ -286,9 +271,8 @@ def animation(example: Example, style: Style) -> Chart | None:
         }
         for k, t in enumerate(time)
     ]
-    step = 1e3 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     words = "The mechanism, measured (grey) against predicted, in real time."
-    return Chart("", words, traces, layout(_plane(lines) | _controls(time, step)), frames, 440)
+    return Chart("", words, traces, _plane(lines), frames, 440)
 
 
 def side_view(lines: list[Array]) -> list[Array]:
@@ -316,45 +300,4 @@ def _plane(lines: list[Array]) -> dict[str, Any]:
     return {
         "xaxis": axis("x [m]", {"range": ends[0], **shown}),
         "yaxis": axis("height [m]", {"range": ends[1], "scaleanchor": "x", **shown}),
-        "margin": {"l": 52, "r": 10, "t": 34, "b": 130, "autoexpand": False},
     }
-
-
-def _controls(time: Array, step: float) -> dict[str, Any]:
-    """Play and pause, and a slider of the time of the drawing; step [ms] from frame to frame."""
-    now = {"frame": {"duration": 0, "redraw": False}, "mode": "immediate"}
-    play = {
-        "frame": {"duration": step, "redraw": False},
-        "transition": {"duration": 0},
-        "fromcurrent": True,
-        "mode": "immediate",
-    }
-    buttons = {
-        "type": "buttons",
-        "direction": "left",
-        "x": 0,
-        "y": -0.17,  # below the labels of the axis
-        "xanchor": "left",
-        "yanchor": "top",
-        "showactive": False,
-        "pad": {"t": 0, "r": 6},
-        "buttons": [
-            {"label": "▶ play", "method": "animate", "args": [None, play]},
-            {"label": "❚❚ pause", "method": "animate", "args": [[None], now]},
-        ],
-    }
-    slider = {
-        "steps": [
-            {"label": f"{t:.2f}", "method": "animate", "args": [[f"{t:.3f}"], now]} for t in time
-        ],
-        "x": 0,
-        "len": 1.0,
-        "y": -0.28,  # below the buttons
-        "yanchor": "top",
-        "pad": {"t": 0, "b": 0},
-        "ticklen": 0,
-        "minorticklen": 0,
-        "font": {"color": "rgba(0,0,0,0)"},
-        "currentvalue": {"prefix": "time ", "suffix": " s", "font": {"size": 12, "color": "#222"}},
-    }
-    return {"updatemenus": [buttons], "sliders": [slider]}

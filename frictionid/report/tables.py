@@ -168,53 +168,26 @@ def escape_latex(text: str) -> str:
 
 def latex(table: Table) -> str:
     """A table for a LaTeX document that uses the package booktabs."""
-    shape = "".join("l" if column.words else "r" for column in table.columns)
-    head = [escape_latex(column.name) for column in table.columns]
-    body = [
-        "\n".join(_guarded(" & ".join(map(_latex_cell, line.cells))) + r" \\" for line in lines)
-        for lines in blocks(table)
-    ]
-    return "\n".join(
-        [
-            "% needs \\usepackage{booktabs}",
-            r"\begin{table}",
-            r"  \centering",
-            rf"  \caption{{{escape_latex(table.caption)}}}",
-            rf"  \label{{tab:{re.sub(r'[^A-Za-z0-9.-]+', '-', table.label)}}}",
-            rf"  \begin{{tabular}}{{{shape}}}",
-            r"\toprule",
-            *_latex_groups(table.columns),
-            " & ".join(head) + r" \\",
-            r"\midrule",
-            "\n\\midrule\n".join(body),
-            r"\bottomrule",
-            r"  \end{tabular}",
-            r"\end{table}",
-            "",
-        ]
-    )
-
-
-def _guarded(row: str) -> str:
-    """A row after an end of line, which would take a star or a bracket for its own argument."""
-    return "{}" + row if row.startswith(("*", "[")) else row
-
-
-def _latex_cell(cell: Cell) -> str:
-    text = escape_latex(cell.text)
-    return rf"\textbf{{{text}}}" if cell.best else text
-
-
-def _latex_groups(columns: Sequence[Column]) -> list[str]:
-    """Line of the groups' headings with a rule under each."""
-    heads, rules, at = [], [], 1
-    for group, members in groupby(columns, key=lambda column: column.above):
+    groups, at = [], 1
+    for name, members in groupby(table.columns, key=lambda column: column.above):
         width = len(list(members))
-        heads.append(rf"\multicolumn{{{width}}}{{c}}{{{escape_latex(group)}}}")
-        if group:
-            rules.append(rf"\cmidrule(lr){{{at}-{at + width - 1}}}")
+        groups.append((escape_latex(name), width, at))
         at += width
-    return [" & ".join(heads) + r" \\", "".join(rules)] if rules else []
+    context = {
+        "table": table,
+        "label": re.sub(r"[^A-Za-z0-9.-]+", "-", table.label),
+        "groups": groups if any(name for name, *_ in groups) else [],
+        "blocks": [[_latex_row(line) for line in lines] for lines in blocks(table)],
+        "latex": escape_latex,
+    }
+    return render("table.tex.j2", context)
+
+
+def _latex_row(line: Line) -> str:
+    """A row; after an end of line a star or a bracket would be taken for its own argument."""
+    texts = ((escape_latex(cell.text), cell.best) for cell in line.cells)
+    row = " & ".join(rf"\textbf{{{text}}}" if best else text for text, best in texts)
+    return "{}" + row if row.startswith(("*", "[")) else row
 
 
 # --- HTML -------------------------------------------------------------------------------------

@@ -8,12 +8,12 @@ error of each fold's predictions, half a second ahead or at the nearest reported
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from frictionid.evaluation.statistics import FEWEST, Choice, CorrelatedTest, choose
-from frictionid.report.candidates import Candidate, candidates_of, judged
+from frictionid.report.candidates import Candidate, candidates_of, judged_by
 from frictionid.report.numbers import percent, seconds, short
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
@@ -24,13 +24,14 @@ from frictionid.report.questions import (
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.sections import Model, Section, rollout
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
 KINDS = (RECOMMENDED, SIMPLE, UNDECIDED, NOT_EVALUATED)
 MANY = 10  # times as many recordings: beyond that their number says little
 MODEL = "Which friction model do these data support?"
+WHOLE = "At least three recordings, so that each can be held out as a whole."
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,28 +57,28 @@ class Verdict:
     """
 
     dataset: str
-    kind: str
-    recommended: str | None
-    provisional: str | None
-    sentence: str
-    horizon: float
-    error: float
-    unit: str
-    region: float
-    folds: int
-    recordings: int
-    candidates: tuple[Candidate, ...]
-    main_doubt: str
-    record_next: str
-    questions: tuple[Question, ...]
+    kind: str = NOT_EVALUATED
+    recommended: str | None = None
+    provisional: str | None = None
+    sentence: str = ""
+    horizon: float = float("nan")
+    error: float = float("nan")
+    unit: str = ""
+    region: float = float("nan")
+    folds: int = 0
+    recordings: int = 0
+    candidates: tuple[Candidate, ...] = ()
+    main_doubt: str = ""
+    record_next: str = WHOLE
+    questions: tuple[Question, ...] = ()
 
     @property
     def failed(self) -> dict[Model, tuple[str, ...]]:
         """Names of the checks that models fail, see `frictionid.report.plausibility.Check`."""
-        own = {
+        names = {
             c.model: tuple(k.name for k in c.checks if k.outcome == FAILED) for c in self.candidates
         }
-        return {model: names for model, names in own.items() if names}
+        return {model: checks for model, checks in names.items() if checks}
 
     def candidate(self, name: str | None) -> Candidate | None:
         """The candidate of a name; None where there is none."""
@@ -86,59 +87,70 @@ class Verdict:
 
 def verdict_of(section: Section) -> Verdict:
     """The verdict on the models that were fitted to a data set."""
-    data = section.fitted
+    data, choice = section.fitted, None
+    horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
+    candidates = candidates_of(data, rollout(horizon) if data.reported else "")
+    folds = max((len(c.errors) for c in candidates), default=0)
     if not data.reported:
         reason = "the comparison predicts no motion"
-        return _not_evaluated(data, float("nan"), candidates_of(data, ""), reason)
-    horizon = min(data.reported, key=lambda h: abs(h - HORIZON))
-    candidates = candidates_of(data, rollout(horizon))
-    folds = max((len(c.errors) for c in candidates), default=0)
-    if folds < FEWEST:
+    elif folds < FEWEST:
         reason = f"errors are known of {folds} folds, and {FEWEST} are needed"
-        return _not_evaluated(data, horizon, candidates, reason)
-    choice = choose(
-        np.array([c.errors for c in candidates]),
-        np.array([c.complexity for c in candidates]),
-        np.array([bool(c.implausible) for c in candidates]),
-    )
-    if choice.best is None:
+    else:
         reason = "no model's predictions are finite in every fold"
-        return _not_evaluated(data, horizon, candidates, reason)
-    return _decided(section, horizon, choice, candidates)
+        choice = choose(
+            np.array([c.errors for c in candidates]),
+            np.array([c.complexity for c in candidates]),
+            np.array([bool(c.implausible) for c in candidates]),
+        )
+    verdict = Verdict(
+        dataset=data.dataset,
+        horizon=horizon,
+        unit=data.description.angle_unit,
+        folds=folds,
+        recordings=data.description.recordings,
+        candidates=tuple(sorted(candidates, key=lambda c: c.complexity)),
+    )
+    if choice is not None and choice.best is not None:
+        return _decided(section, verdict, choice, candidates)
+    sentence = f"No verdict: {reason}."
+    question = Question("model", MODEL, NOT_EVALUATED, sentence, {})
+    return replace(
+        verdict,
+        sentence=sentence,
+        main_doubt=f"{reason[0].upper()}{reason[1:]}.",
+        questions=(question, *unanswered(reason)),
+    )
 
 
 def _decided(
-    section: Section, horizon: float, choice: Choice, candidates: Sequence[Candidate]
+    section: Section, verdict: Verdict, choice: Choice, candidates: Sequence[Candidate]
 ) -> Verdict:
+    """The verdict with what was chosen of the candidates, which are in the choice's order."""
     assert choice.simplest is not None and choice.adequate is not None
-    data, own = section.fitted, judged(candidates, choice)
-    by_model = {c.model: c for c in own}
-    simplest = by_model[candidates[choice.simplest].model]
-    provisional = by_model[candidates[choice.adequate].model]
+    judged = judged_by(choice, candidates)
+    by_model = {c.model: c for c in judged}
+    simplest, provisional = (
+        by_model[candidates[i].model] for i in (choice.simplest, choice.adequate)
+    )
     kind = UNDECIDED
     if choice.recommended is not None:
-        kind = SIMPLE if _is_simplest(provisional, own) else RECOMMENDED
+        kind = SIMPLE if _is_simplest(provisional, judged) else RECOMMENDED
     recommended = None if kind == UNDECIDED else provisional.name
-    unit = data.description.angle_unit
-    sentence = _sentence(kind, provisional, simplest, own, horizon, unit)
-    question = Question(
-        "model", MODEL, recommended or UNDECIDED, sentence, {"error": provisional.error}
-    )
-    asked = Asked(section, own, provisional, rollout(horizon))
+    error = f"{short(provisional.error)} {verdict.unit} off after {seconds(verdict.horizon)}"
+    sentence = _sentence(kind, provisional, simplest, judged, error)
+    evidence = {"error": provisional.error}
+    question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
+    asked = Asked(section, judged, provisional, rollout(verdict.horizon))
     doubt, remedy = _doubt(section, kind, provisional, simplest)
-    return Verdict(
-        dataset=data.dataset,
+    return replace(
+        verdict,
         kind=kind,
         recommended=recommended,
         provisional=provisional.name,
         sentence=sentence,
-        horizon=horizon,
         error=provisional.error,
-        unit=unit,
         region=choice.region,
-        folds=len(provisional.errors),
-        recordings=data.description.recordings,
-        candidates=own,
+        candidates=judged,
         main_doubt=doubt,
         record_next=remedy,
         questions=(question, *questions_to(asked)),
@@ -154,61 +166,55 @@ def _is_simplest(candidate: Candidate, candidates: Sequence[Candidate]) -> bool:
 
 def _sentence(
     kind: str,
-    own: Candidate,
+    model: Candidate,
     simplest: Candidate,
     candidates: Sequence[Candidate],
-    horizon: float,
-    unit: str,
+    error: str,
 ) -> str:
-    error = f"{short(own.error)} {unit} off after {seconds(horizon)}"
+    """The verdict in one sentence; `error` says how far off the model is."""
     if kind == UNDECIDED:
         return (
-            f"These data cannot tell whether {simplest.name} is enough or {own.name} is needed, "
+            f"These data cannot tell whether {simplest.name} is enough or {model.name} is needed, "
             f"{error}."
         )
-    if own.model.role == "none":
-        return f"No friction is needed to predict this motion: {own.name} is {error}."
+    if model.model.role == "none":
+        return f"No friction is needed to predict this motion: {model.name} is {error}."
+    others = len(candidates) - 1
     worse = sum(c.standing in ("worse", "diverged") for c in candidates)
-    rivals = f"{worse} of {len(candidates) - 1} other models are practically worse"
-    if worse < len(candidates) - 1:
-        rivals += f", {len(candidates) - 1 - worse} no better"
-    unfit = [c.name for c in candidates if c.implausible and c.standing in ("best", "adequate")]
-    spared = [name for name in unfit if name != own.name]
-    if spared:
-        rivals += f"; {', '.join(spared)} would do, but {'are' if spared[1:] else 'is'} implausible"
+    rivals = f"{worse} of {others} other models are practically worse"
+    rivals += f", {others - worse} no better" if worse < others else ""
+    good = [c for c in candidates if c.standing in ("best", "adequate") and c is not model]
+    unfit = [c.name for c in good if c.implausible]
+    if unfit:
+        rivals += f"; {', '.join(unfit)} would do, but {'are' if unfit[1:] else 'is'} implausible"
     if kind == SIMPLE:
-        return f"The simple model is enough: {own.name} is {error}; {rivals}."
-    return f"Use {own.name}, {error}" + (f"; {rivals}." if len(candidates) > 1 else ".")
+        return f"The simple model is enough: {model.name} is {error}; {rivals}."
+    return f"Use {model.name}, {error}" + (f"; {rivals}." if others else ".")
 
 
-def _doubt(section: Section, kind: str, own: Candidate, simplest: Candidate) -> tuple[str, str]:
+def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -> tuple[str, str]:
     """What speaks most against the verdict, and what to record next, a sentence each."""
     data = section.fitted
-    recordings, speeds = data.description.recordings, "Motion through the speeds at which it fails."
-    if own.implausible:
-        return f"{own.name} is not plausible: it {own.implausible[0]}.", speeds
+    recordings = data.description.recordings
+    if model.implausible:
+        doubt = f"{model.name} is not plausible: it {model.implausible[0]}."
+        return doubt, "Motion through the speeds at which it fails."
     if kind == UNDECIDED and simplest.against_best is not None:
-        low, high = (percent_of(v / own.error) for v in simplest.against_best[2:4])
-        most = recordings_needed(recordings, simplest.against_best, 0.1 * own.error)
+        low, high = (percent_of(v / model.error) for v in simplest.against_best[2:4])
+        most = recordings_needed(recordings, simplest.against_best, 0.1 * model.error)
         words = f"about {most} recordings in place of {recordings}"
         if most > MANY * recordings:
             words = f"more than {MANY} times as many recordings, or longer ones"
-        return (
-            f"{simplest.name} is between {low} and {high} worse than the best model.",
-            f"More of the same motion: {words}.",
-        )
+        doubt = f"{simplest.name} is between {low} and {high} worse than the best model."
+        return doubt, f"More of the same motion: {words}."
     if recordings < FEWEST:
-        return (
-            f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}: another one "
-            "may say something else.",
-            "At least three recordings, so that each can be held out as a whole.",
-        )
-    share = data.value(own.model, rollout(data.reported[-1], "diverged"))
+        parts = f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}"
+        return f"{parts}: another one may say something else.", WHOLE
+    share = data.value(model.model, rollout(data.reported[-1], "diverged"))
     if share >= 0.01:
-        return (
-            f"{percent(share)} of its predictions diverge within {seconds(data.reported[-1])}.",
-            "Motion like that from which they start.",
-        )
+        horizon = seconds(data.reported[-1])
+        doubt = f"{percent(share)} of its predictions diverge within {horizon}."
+        return doubt, "Motion like that from which they start."
     if not section.tests:
         return (
             "The models are judged on motion like that which they were fitted to.",
@@ -232,26 +238,3 @@ def recordings_needed(recordings: int, test: CorrelatedTest, region: float) -> i
     33
     """
     return max(recordings + 1, round(recordings * ((test.high - test.low) / (2 * region)) ** 2))
-
-
-def _not_evaluated(
-    data: SummaryData, horizon: float, candidates: Sequence[Candidate], reason: str
-) -> Verdict:
-    sentence = f"No verdict: {reason}."
-    return Verdict(
-        dataset=data.dataset,
-        kind=NOT_EVALUATED,
-        recommended=None,
-        provisional=None,
-        sentence=sentence,
-        horizon=horizon,
-        error=float("nan"),
-        unit=data.description.angle_unit,
-        region=float("nan"),
-        folds=max((len(c.errors) for c in candidates), default=0),
-        recordings=data.description.recordings,
-        candidates=tuple(sorted(candidates, key=lambda c: c.complexity)),
-        main_doubt=f"{reason[0].upper()}{reason[1:]}.",
-        record_next="At least three recordings, so that each can be held out as a whole.",
-        questions=(Question("model", MODEL, NOT_EVALUATED, sentence, {}), *unanswered(reason)),
-    )
