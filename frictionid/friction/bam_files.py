@@ -96,7 +96,7 @@ def _gear(
         ),
     }
     for name, names in both.items():
-        values |= {one: values[name] for one in names if name in values}
+        values |= {side: values[name] for side in names if name in values}
     loaded = any(values.get(name) for name in GEAR if name.startswith("load_"))
     if loaded and "moment" not in document:
         raise InputError(
@@ -115,9 +115,9 @@ def _gear(
 def _number(document: Mapping[str, Any], name: str, where: str) -> float:
     value = document.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        found = "is missing" if name not in document else f"is {value!r}"
+        state = "is missing" if name not in document else f"is {value!r}"
         raise InputError(
-            f"{where}: BAM's {document['model']} needs the number {name!r}, it {found}"
+            f"{where}: BAM's {document['model']} needs the number {name!r}, it {state}"
         )
     if value < 0 and name != "q_offset":
         raise InputError(f"{where}: {name} = {value} must not be negative")

@@ -136,19 +136,19 @@ def _checked_groups(law: Law, equal: Sequence[Sequence[int]], joints: int) -> Gr
 
 
 def _checked(
-    name: str, given: tuple[float, float], own: tuple[float, float]
+    name: str, entry: tuple[float, float], limits: tuple[float, float]
 ) -> tuple[float, float]:
-    low, high = given
-    if not own[0] <= low < high <= own[1]:
+    low, high = entry
+    if not limits[0] <= low < high <= limits[1]:
         raise InputError(
             f"bounds of {name!r} = [{low:g}, {high:g}] must increase, within the law's own "
-            f"[{own[0]:g}, {own[1]:g}]"
+            f"[{limits[0]:g}, {limits[1]:g}]"
         )
     return low, high
 
 
-def _prior(name: str, given: tuple[float, float] | None) -> tuple[float, float]:
-    mean, deviation = (0.0, float("inf")) if given is None else given
+def _prior(name: str, entry: tuple[float, float] | None) -> tuple[float, float]:
+    mean, deviation = (0.0, float("inf")) if entry is None else entry
     if not (np.isfinite(mean) and deviation > 0):
         raise InputError(
             f"prior of {name!r} = [{mean:g}, {deviation:g}] must be a mean and a positive standard "

@@ -122,8 +122,8 @@ def with_places(mechanism: Mechanism, r: Array, G: Array) -> tuple[Array, Array]
     if not mechanism.coupled:
         return r, G
     A = mechanism.friction_map
-    more = len(A) - A.shape[1]
-    return np.pad(r, ((0, 0), (0, more))), np.pad(G @ A.T, ((0, 0), (0, more), (0, 0)))
+    added = len(A) - A.shape[1]
+    return np.pad(r, ((0, 0), (0, added))), np.pad(G @ A.T, ((0, 0), (0, added), (0, 0)))
 
 
 def with_units_of(mechanism: Mechanism, friction: Friction) -> Friction:

@@ -131,8 +131,8 @@ class Friction:
     def __getitem__(self, index: Any) -> Friction:
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
         calibration = None if self.calibration is None else self.calibration[index]
-        own = None if self.constraints is None else self.constraints.at(index)
-        return replace(self, theta=self.theta[index], calibration=calibration, constraints=own)
+        limits = None if self.constraints is None else self.constraints.at(index)
+        return replace(self, theta=self.theta[index], calibration=calibration, constraints=limits)
 
     def noted(self, notes: Mapping[str, Any]) -> Friction:
         """The friction with other notes in its provenance."""
@@ -260,7 +260,7 @@ def along(friction: Friction, nodes: Nodes) -> Array:
     if relaxing is not None:
         return law.torque(theta, nodes.inputs, (relaxing,))
     xp = namespace(friction.theta, nodes.inputs.w)
-    each = [_torque_with_memory(friction, own) for own in _side_by_side(nodes, friction.theta)]
+    each = [_torque_with_memory(friction, group) for group in _side_by_side(nodes, friction.theta)]
     return each[0] if len(each) == 1 else xp.concat(each, axis=-2)
 
 
@@ -324,10 +324,10 @@ def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
     middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), None)
     dt = np.diff(nodes.time)[:, None]
     dt[nodes.first[1:-1] - 1] = 0.0  # from the end of a recording to the next
-    of = law.relaxation(theta, middle, dt)
-    if of is None:
+    relaxation = law.relaxation(theta, middle, dt)
+    if relaxation is None:
         return None
-    return relaxed(*of, law.start(theta, _take(x, nodes.first[:-1]))[0], nodes.first)
+    return relaxed(*relaxation, law.start(theta, _take(x, nodes.first[:-1]))[0], nodes.first)
 
 
 def _torque_without_memory(friction: Friction, x: Inputs) -> Array:
@@ -364,8 +364,8 @@ def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
         longest = np.maximum.accumulate(sizes[begin:])
         fits = longest * np.arange(1, len(longest) + 1) <= most
         end = begin + max(1, len(fits) if fits.all() else int(np.argmin(fits)))
-        own = slice(int(first[begin]), int(first[end]))
-        x, time = _take(nodes.inputs, own), nodes.time[own]
+        rows = slice(int(first[begin]), int(first[end]))
+        x, time = _take(nodes.inputs, rows), nodes.time[rows]
         yield Nodes(x, time, first[begin : end + 1] - first[begin], nodes.per_sample)
         begin = end
 

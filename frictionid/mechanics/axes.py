@@ -45,7 +45,9 @@ def two_mass_axis(
     if isinstance(gap, bool) or not isinstance(gap, int | float) or not 0 <= gap < 1e3:
         raise ValueError(f"two_mass_axis: gap = {gap!r} must be zero or a positive angle [rad]")
     description = _two_mass_description(bool(hanging), float(gap))
-    return SymbolicMechanism.of(description, arguments, {"hanging": False, "gap": 0.0})
+    return SymbolicMechanism.from_description(
+        description, arguments, {"hanging": False, "gap": 0.0}
+    )
 
 
 @cache
@@ -114,7 +116,7 @@ def linear_axis(
     """
     if driven not in (False, True):
         raise ValueError(f"linear_axis: driven = {driven!r} must be true or false")
-    return SymbolicMechanism.of(_axis_description(driven), locals(), {"driven": True})
+    return SymbolicMechanism.from_description(_axis_description(driven), locals(), {"driven": True})
 
 
 @cache
@@ -152,18 +154,18 @@ def unit_inertia(position_units: tuple[str, ...] = ("rad",)) -> SymbolicMechanis
     joints = len(position_units)
     inertia, gravity = sp.symbols("inertia g")
     q = sp.symbols(f"q1:{joints + 1}")
-    one = "kg m^2" if "rad" in position_units else "kg"
-    return SymbolicMechanism.of(
+    unit = "kg m^2" if "rad" in position_units else "kg"
+    return SymbolicMechanism.from_description(
         Description(
             kind="unit",
             joints=tuple(f"joint {j + 1}" for j in range(joints)),
             q=tuple(q),
             gravity=gravity,
-            parameters=(Parameter("inertia", 1.0, one, "of each joint"),),
+            parameters=(Parameter("inertia", 1.0, unit, "of each joint"),),
             bodies=(),
             rotors=tuple((inertia, angle) for angle in q),
             driven=(False,) * joints,
-            base=(Base("inertia", inertia, one),),
+            base=(Base("inertia", inertia, unit),),
             position_units=position_units,
             torque_units=tuple(f"{unit}/s^2" for unit in position_units),
         )

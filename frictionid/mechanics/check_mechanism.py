@@ -110,8 +110,8 @@ class _Check(NamedTuple):
             ("driven", m.driven),
         ):
             self.require(len(entries) == m.n, f"{label} must have one entry per joint: {entries}")
-        known = set(m.position_units) <= {"rad", "m"}
-        self.require(known, f'position_units must be "rad" or "m", not {m.position_units}')
+        valid = set(m.position_units) <= {"rad", "m"}
+        self.require(valid, f'position_units must be "rad" or "m", not {m.position_units}')
         for label, texts in (("base_units", m.base_units), ("base_meanings", m.base_meanings)):
             same = len(texts) == len(m.base_names)
             self.require(same, f"{label} must have one entry per base parameter")
@@ -202,8 +202,8 @@ class _Check(NamedTuple):
                     together = getattr(terms, name)
                     picked = together if name == "B" else together[i, k]
                     self.equal(picked, value, f"{name} of a batch must be that of each entry")
-                one = m.partials(p[i], q[k], w[k], a[k])
-                for name, value in one._asdict().items():
+                single = m.partials(p[i], q[k], w[k], a[k])
+                for name, value in single._asdict().items():
                     picked = getattr(partials, name)[i, k]
                     self.equal(picked, value, f"{name} of a batch must be that of each entry")
 

@@ -99,8 +99,8 @@ def from_bodies(
     )
     _check(described)
     parts = list(_parts(described))
-    own = _derived(parts) if base is None else _named(base, parts)
-    return SymbolicMechanism.of(replace(described, base=tuple(own)))
+    derived = _derived(parts) if base is None else _named(base, parts)
+    return SymbolicMechanism.from_description(replace(described, base=tuple(derived)))
 
 
 class _Part(NamedTuple):
@@ -115,8 +115,10 @@ def _parts(d: Description) -> Iterator[_Part]:
     """Coefficients of the Lagrangian: kinetic ones first, short ones first."""
     symbols = set(d.symbols)
     for kinetic, energy in zip((True, False), energies(d), strict=True):
-        found = by_motion(energy, d)
-        for motion, coefficient in sorted(found.items(), key=lambda x: (len(x[1].args), str(x))):
+        coefficients = by_motion(energy, d)
+        for motion, coefficient in sorted(
+            coefficients.items(), key=lambda x: (len(x[1].args), str(x))
+        ):
             if inside := motion.free_symbols & symbols:
                 raise InputError(
                     f"{d.kind}: parameter {str(min(inside, key=str))!r} stands inside {motion}, "
@@ -140,8 +142,8 @@ def _derived(parts: Sequence[_Part]) -> Iterator[Base]:
 
 def _named(base: Mapping[str, Expression], parts: Sequence[_Part]) -> Iterator[Base]:
     """Base parameters of given names, with the units that their coefficients have."""
-    for name, given in base.items():
-        expression = sp.expand(_plain(given))
+    for name, text in base.items():
+        expression = sp.expand(_plain(text))
         units = [p.unit for p in parts if sp.cancel(p.expression / expression).is_number]
         yield Base(name, expression, units[0] if units else "")
 

@@ -71,10 +71,12 @@ def links_of_bodies(d: Description, values: Mapping[str, float]) -> Links:
     pivots, axes = (np.array(x) for x in zip(*(_joint(d, j, parts) for j in range(n)), strict=True))
     carried = np.where(parent[:, None] >= 0, pivots[parent], 0.0)
     turns = _turns_of_links(parent, axes[:, 1])
-    own = [[p for p in parts if p.link == link] for link in range(n)]
-    inertia = [_inertia(own[j], turns[j], pivots[j]) for j in range(n)]
+    bodies = [[p for p in parts if p.link == link] for link in range(n)]
+    inertia = [_inertia(bodies[j], turns[j], pivots[j]) for j in range(n)]
     rotors = [(_number(size, numbers), _row(_put(a, numbers), d)) for size, a in d.rotors]
-    rotors += [(p.body.inertia, p.turns) for j in range(n) for p in own[j] if _apart(p, turns[j])]
+    rotors += [
+        (p.body.inertia, p.turns) for j in range(n) for p in bodies[j] if _apart(p, turns[j])
+    ]
     rotors = [(size, row) for size, row in rotors if size != 0]
     tree = Tree(
         joints=d.joints,
@@ -183,20 +185,20 @@ def _apart(part: _Part, turns: Array) -> bool:
     return min(np.abs(part.turns - turns).max(), np.abs(part.turns + turns).max()) > _SAME
 
 
-def _inertia(own: Sequence[_Part], turns: Array, pivot: Array) -> Array:
+def _inertia(bodies: Sequence[_Part], turns: Array, pivot: Array) -> Array:
     """Inertial parameters (10,) of the bodies of a link, about its joint.
 
     Only the inertia about the plane's normal matters; it is the same about all axes, which can be.
     """
-    mass = np.array([p.body.mass for p in own])
-    if not own or mass.sum() == 0:
-        size = sum(p.body.inertia for p in own if not _apart(p, turns))
+    mass = np.array([p.body.mass for p in bodies])
+    if not bodies or mass.sum() == 0:
+        size = sum(p.body.inertia for p in bodies if not _apart(p, turns))
         return np.array([0.0] * 4 + [size, 0.0, 0.0, size, 0.0, size])
-    zero = {s: 0.0 for p in own for e in (p.body.x, p.body.y) for s in e.free_symbols}
-    r = np.array([[float(e.subs(zero)) for e in (p.body.x, p.body.y)] for p in own])
+    zero = {s: 0.0 for p in bodies for e in (p.body.x, p.body.y) for s in e.free_symbols}
+    r = np.array([[float(e.subs(zero)) for e in (p.body.x, p.body.y)] for p in bodies])
     centre = mass @ r / mass.sum()
     size = float(mass @ ((r - centre) ** 2).sum(axis=1))
-    size += sum(p.body.inertia for p in own if not _apart(p, turns))
+    size += sum(p.body.inertia for p in bodies if not _apart(p, turns))
     at_centre = np.array([mass.sum(), 0.0, 0.0, 0.0, size, 0.0, 0.0, size, 0.0, size])
     return moved(at_centre, np.eye(3), _in_space(centre - pivot))
 

@@ -180,7 +180,7 @@ class Mechanism(ABC):
     def friction_units(self) -> tuple[str, ...]:
         """Unit of the position at each of these places: "rad", or "m"."""
         moved = (np.flatnonzero(row) for _, row in self.coupled)
-        return (*self.position_units, *(self.position_units[int(own[0])] for own in moved))
+        return (*self.position_units, *(self.position_units[int(row[0])] for row in moved))
 
     @property
     def friction_torque_units(self) -> tuple[str, ...]:
@@ -221,8 +221,8 @@ class Mechanism(ABC):
     @property
     def table(self) -> dict[str, Any]:
         """The [mechanism] table that stands for this mechanism in files."""
-        given = {"parameters": dict(self.values)} if self.values else {}
-        return {"kind": self.kind, **self.options, **given}
+        parameters = {"parameters": dict(self.values)} if self.values else {}
+        return {"kind": self.kind, **self.options, **parameters}
 
     def nominal(self, overrides: Mapping[str, float] | None = None) -> dict[str, float]:
         """All physical parameters: the overrides, else the given values, else the defaults; SI.
@@ -239,9 +239,9 @@ class Mechanism(ABC):
         0.2
         """
         self.check_values(overrides or {})
-        given = {**self.values, **(overrides or {})}
-        self._check_complete(given)
-        values = {**self.defaults, **given}
+        values_given = {**self.values, **(overrides or {})}
+        self._check_complete(values_given)
+        values = {**self.defaults, **values_given}
         self._check_positive(values)
         return values
 
@@ -291,17 +291,17 @@ class Mechanism(ABC):
 
     def check_name(self, name: str) -> None:
         """Raise InputError, with the nearest name, where this is no parameter's."""
-        known = [parameter.name for parameter in self.parameters]
-        if name not in known:
+        names = [parameter.name for parameter in self.parameters]
+        if name not in names:
             raise InputError(
-                f"[mechanism] {self.kind} has no parameter {name!r}; {nearest(name, known)}"
+                f"[mechanism] {self.kind} has no parameter {name!r}; {nearest(name, names)}"
             )
 
-    def _check_complete(self, given: Mapping[str, float]) -> None:
+    def _check_complete(self, values_given: Mapping[str, float]) -> None:
         missing = [
             f"{p.name} [{p.unit}] ({p.meaning})"
             for p in self.parameters
-            if p.required and p.name not in given
+            if p.required and p.name not in values_given
         ]
         if missing:
             raise InputError(

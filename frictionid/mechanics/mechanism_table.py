@@ -56,7 +56,7 @@ def mechanism_of(table: Mapping[str, Any], code: Code | None = None) -> Mechanis
     return replace(mechanism, kind=kind, options=options).with_values(parameters)
 
 
-def as_mechanism(given: Any) -> Mechanism:
+def as_mechanism(mechanism: Any) -> Mechanism:
     """A mechanism as it is, and that of a [mechanism] table.
 
     Raises
@@ -67,14 +67,14 @@ def as_mechanism(given: Any) -> Mechanism:
     >>> as_mechanism(pendulum(mass=0.5))
     pendulum(mass=0.5)
     """
-    if isinstance(given, Mechanism):
-        return given
-    if not isinstance(given, Mapping):
+    if isinstance(mechanism, Mechanism):
+        return mechanism
+    if not isinstance(mechanism, Mapping):
         raise InputError(
             f"a mechanism must be one of frictionid.mechanics, such as pendulum(mass=0.4, "
-            f"length=0.25), or a [mechanism] table, not {given!r:.60}"
+            f"length=0.25), or a [mechanism] table, not {mechanism!r:.60}"
         )
-    return mechanism_of(given)
+    return mechanism_of(mechanism)
 
 
 def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..., Mechanism]]:
@@ -89,7 +89,7 @@ def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..
         return described[0], FORMATS[described[0]]
     kind = str(table.get("kind", ""))
     if ":" in kind:
-        return kind, _own(kind, code)
+        return kind, _user_function(kind, code)
     if kind not in _KINDS:
         raise InputError(
             f"[mechanism] kind = {kind!r} is unknown; {nearest(kind, _KINDS)}; or name the file "
@@ -98,7 +98,7 @@ def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..
     return kind, _KINDS[kind]
 
 
-def _own(kind: str, code: Code | None) -> Callable[..., Mechanism]:
+def _user_function(kind: str, code: Code | None) -> Callable[..., Mechanism]:
     """A function of one's own that gives a mechanism."""
     if code is None:
         raise InputError(
@@ -113,14 +113,14 @@ def _own(kind: str, code: Code | None) -> Callable[..., Mechanism]:
 
 def _built(build: Callable[..., Mechanism], kind: str, options: Mapping[str, Any]) -> Mechanism:
     """What the function of a kind gives for the options of a table."""
-    known = mechanism_options(build)
+    names = mechanism_options(build)
     for name in options:
-        if name not in known:
-            raise InputError(f"[mechanism] {kind} has no option {name!r}; {nearest(name, known)}")
+        if name not in names:
+            raise InputError(f"[mechanism] {kind} has no option {name!r}; {nearest(name, names)}")
     plain = kind in _KINDS or ":" in kind
-    given = {name: _frozen(name, v) if plain else v for name, v in options.items()}
+    settings = {name: _frozen(name, v) if plain else v for name, v in options.items()}
     try:
-        mechanism = build(**given)
+        mechanism = build(**settings)
     except InputError:
         raise
     except Exception as error:
@@ -143,8 +143,8 @@ def mechanism_options(build: Callable[..., Mechanism]) -> dict[str, Any]:
     >>> mechanism_options(pendulum)
     {'driven': True, 'motor': False}
     """
-    known = inspect.signature(build).parameters.values()
-    return {p.name: p.default for p in known if p.kind is not p.KEYWORD_ONLY}
+    arguments = inspect.signature(build).parameters.values()
+    return {p.name: p.default for p in arguments if p.kind is not p.KEYWORD_ONLY}
 
 
 def _frozen(name: str, value: Any) -> Any:

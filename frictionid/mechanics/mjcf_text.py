@@ -68,8 +68,8 @@ def mjcf_of(
     """
     links = _links(mechanism, mechanism.nominal(parameters))
     tree = links.tree
-    own = (np.abs(tree.rotors) > 0).sum(axis=1) == 1
-    armature = (tree.rotors[own] ** 2 * links.rotors[own, None]).sum(axis=0)
+    single = (np.abs(tree.rotors) > 0).sum(axis=1) == 1
+    armature = (tree.rotors[single] ** 2 * links.rotors[single, None]).sum(axis=0)
     root = [j for j in range(tree.n) if tree.parent[j] < 0]
     lines = [
         f"<mujoco model={quoteattr(mechanism.kind)}>",
@@ -80,9 +80,9 @@ def mjcf_of(
         *(line for j in root for line in _body(links, armature, j, "    ")),
         "  </worldbody>",
     ]
-    if (~own).any():
+    if (~single).any():
         lines += ["  <tendon>"]
-        for k in np.flatnonzero(~own):
+        for k in np.flatnonzero(~single):
             lines += _tendon(tree.rotor_names[k], links.rotors[k], tree.rotors[k], tree.joints)
         lines += ["  </tendon>"]
     driven = [name for name, motor in zip(tree.joints, mechanism.driven, strict=True) if motor]
@@ -126,20 +126,22 @@ def _inertial(inertia: Array, name: str) -> str:
     """The inertial element of inertial parameters (10,) about the joint's frame."""
     mass = inertia[0]
     centre = inertia[1:4] / mass if mass > 0 else np.zeros(3)
-    own = matrix_of(inertia[4:]) - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    axes = np.linalg.eigvalsh(own)
-    short = _LEAST + 1e-12 * np.trace(own) - min(axes[0], axes[0] + axes[1] - axes[2])
+    about_centre = matrix_of(inertia[4:]) - mass * (
+        centre @ centre * np.eye(3) - np.outer(centre, centre)
+    )
+    axes = np.linalg.eigvalsh(about_centre)
+    short = _LEAST + 1e-12 * np.trace(about_centre) - min(axes[0], axes[0] + axes[1] - axes[2])
     # what MuJoCo asks of rounded numbers: no inertia at all, or a plate's, is a little more
-    if mass < 0 or short > _LEAST + _SHARE * max(np.trace(own), inertia[4::3].sum(), 0.0):
+    if mass < 0 or short > _LEAST + _SHARE * max(np.trace(about_centre), inertia[4::3].sum(), 0.0):
         raise InputError(
             f"{name}: mass {mass:.4g} kg and inertias {_text(axes.round(9))} kg m^2 about its "
             "centre of mass are those of no body, which MJCF cannot hold: correct its parameters"
         )
-    own = own + max(short, 0.0) * np.eye(3)
-    six = (own[0, 0], own[1, 1], own[2, 2], own[0, 1], own[0, 2], own[1, 2])
+    about_centre = about_centre + max(short, 0.0) * np.eye(3)
+    six = about_centre[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return (
         f'<inertial pos="{_text(centre)}" mass="{max(float(mass), _LEAST)!r}" '
-        f'fullinertia="{_text(np.array(six))}"/>'
+        f'fullinertia="{_text(six)}"/>'
     )
 
 

@@ -50,7 +50,7 @@ def pendulum(
         if arguments[name] not in (False, True):
             raise ValueError(f"pendulum: {name} = {arguments[name]!r} must be true or false")
     usual = {"driven": True, "motor": False}
-    return SymbolicMechanism.of(_description(driven, motor), arguments, usual)
+    return SymbolicMechanism.from_description(_description(driven, motor), arguments, usual)
 
 
 @cache

@@ -82,7 +82,7 @@ class SymbolicMechanism(Mechanism):
     description: Description
 
     @staticmethod
-    def of(
+    def from_description(
         description: Description,
         arguments: Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,

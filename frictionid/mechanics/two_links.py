@@ -72,7 +72,9 @@ def double_pendulum(
     arguments = dict(locals())
     if driven not in product((False, True), repeat=2):
         raise ValueError(f"double_pendulum: driven = {driven!r} must be a pair of true and false")
-    return SymbolicMechanism.of(_double_pendulum(driven), arguments, {"driven": (True, True)})
+    return SymbolicMechanism.from_description(
+        _double_pendulum(driven), arguments, {"driven": (True, True)}
+    )
 
 
 @cache
@@ -203,7 +205,7 @@ def acrobot(
     acrobot(m4=0.1)
     """
     arguments, usual = dict(locals()), {"inertias": "printed", "link2_rate": "absolute"}
-    return SymbolicMechanism.of(_acrobot(inertias, link2_rate), arguments, usual)
+    return SymbolicMechanism.from_description(_acrobot(inertias, link2_rate), arguments, usual)
 
 
 @cache

@@ -154,9 +154,9 @@ def _hold_margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
 
 def _within(system: TrueSystem, y: Array, u: Array, hold: Array) -> Array:
     """Distance of a holding torque to the nearer end of the break-away band, negative outside."""
-    rest, one = np.zeros_like(y[1]), np.ones_like(y[1])
-    upper = system.torque(y, u, one, rest)
-    lower = system.torque(y, u, -one, rest)
+    rest, forward = np.zeros_like(y[1]), np.ones_like(y[1])
+    upper = system.torque(y, u, forward, rest)
+    lower = system.torque(y, u, -forward, rest)
     within: Array = np.minimum(upper - hold, hold - lower)
     return within
 

@@ -56,8 +56,8 @@ def rig_of(document: dict[str, Any], file: str) -> Rig:
 
 def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Settings:
     """A dataclass of settings from a parsed TOML document; `file` is its name in errors."""
-    for place, key, known in _unknown_keys(document, kind, ""):
-        raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, known)}")
+    for place, key, names in _unknown_keys(document, kind, ""):
+        raise InputError(f"{file}: {place}unknown key {key!r}; {nearest(key, names)}")
     try:
         # as JSON: lists become tuples, tables dataclasses, and nothing else is converted
         text = json.dumps(document, default=str)
@@ -91,10 +91,10 @@ def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str,
     if not (isinstance(table, dict) and is_dataclass(kind)):
         return
     hints = get_type_hints(kind)
-    known = [field.name for field in fields(kind)]
+    names = [field.name for field in fields(kind)]
     for key, value in table.items():
-        if key not in known:
-            yield f"{place}: " if place else "", key, known
+        if key not in names:
+            yield f"{place}: " if place else "", key, names
             continue
         inner = f"{place}.{key}".lstrip(".")
         if isinstance(value, list):
@@ -106,8 +106,8 @@ def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str,
 
 def _chosen(hint: Any, table: Any) -> Any:
     """The dataclass of a table, among those of a type hint."""
-    found = [hint] if is_dataclass(hint) else list(_dataclasses(hint))
-    named = [d for d in found if isinstance(table, dict) and _kind(d) == table.get("kind")]
+    kinds = [hint] if is_dataclass(hint) else list(_dataclasses(hint))
+    named = [d for d in kinds if isinstance(table, dict) and _kind(d) == table.get("kind")]
     return named[0] if named else None
 
 

@@ -131,10 +131,10 @@ def _recorded(
 
 def _covariates(rig: Rig, run: Run, time: Array) -> dict[str, Signal]:
     """The temperature of the recording, where the rig has one."""
-    known = rig.variation.temperature if rig.variation is not None else ()
-    if not known:
+    temperatures = rig.variation.temperature if rig.variation is not None else ()
+    if not temperatures:
         return {}
-    value = known[[own.name for own in rig.recordings].index(run.name)]
+    value = temperatures[[other.name for other in rig.recordings].index(run.name)]
     return {"temperature": Signal(time, np.full((len(time), 1), value))}
 
 

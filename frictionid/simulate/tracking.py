@@ -104,7 +104,7 @@ def track(
     >>> bool(np.abs(done.states[:, 0, 0, 0] - wanted.motion(time)[0]).max() < 0.003)
     True
     """
-    motions = [[joint.motion(time) for joint in own] for own in references]
+    motions = [[joint.motion(time) for joint in run] for run in references]
     wanted = np.moveaxis(np.array(motions), (0, 1, 2, 3), (2, 3, 1, 0))  # (T, 3, R, n)
     M, h = nominal.dynamics(wanted[:, 0], wanted[:, 1])
     forward = times(M, wanted[:, 2]) - h

@@ -57,10 +57,10 @@ class Variation:
     def check(self, joints: int, recordings: int) -> None:
         """Raise InputError where a list does not fit the numbers of joints and recordings."""
         for name, wanted in (("wear", joints), ("temperature", recordings)):
-            given = getattr(self, name)
-            if given and len(given) != wanted:
+            values = getattr(self, name)
+            if values and len(values) != wanted:
                 raise InputError(
-                    f"variation: {name} has {len(given)} numbers; it needs {wanted}, or none"
+                    f"variation: {name} has {len(values)} numbers; it needs {wanted}, or none"
                 )
 
     def factors(self, names: Sequence[str], joints: int, seed: int) -> tuple[Array, Array]:

@@ -223,7 +223,7 @@ def description(base):
 def test_a_mechanism_of_ones_own_needs_only_a_description():
     m, r, J, g = sp.symbols("m r J g")
     base = (Base("inertia", 2 * (J + m * r**2), "kg m^2"), Base("gravity", -m * g * r, "N m"))
-    wheel = SymbolicMechanism.of(description(base))
+    wheel = SymbolicMechanism.from_description(description(base))
     t = wheel.terms(wheel.base({"J": 0.5}), np.array([0.3]), np.array([2.0]))
     assert t.M[0, 0] == pytest.approx(1.5)  # factors of a base parameter are taken care of
     assert t.h[0] == pytest.approx(-9.81 * np.sin(0.3))

@@ -163,28 +163,30 @@ def _check_batches(law: Law, theta: Array, x: Inputs) -> None:
             _require(np.isfinite(alone).all(), law, f"{name} must be finite, it is {value}")
             close = np.allclose(full[b, v], alone, rtol=1e-9, atol=_ROUNDING)
             _require(close, law, f"{name} of a point must not depend on the others in its batch")
-    shape, given = (_DRAWS, V, n), np.shape(together["torque"])
+    shape, actual = (_DRAWS, V, n), np.shape(together["torque"])
     static = not law.start(theta, x)
-    _require(not static or given == shape, law, f"torque must have the shape {shape}, not {given}")
+    _require(
+        not static or actual == shape, law, f"torque must have the shape {shape}, not {actual}"
+    )
 
 
 def _shaped(law: Law, name: str, value: Array, shape: tuple[int, ...]) -> Array:
     try:
         return np.broadcast_to(value, shape)
     except ValueError:
-        given = np.shape(value)
-    raise AssertionError(f"{law}: {name} must have shape {shape}, or broadcast to it, not {given}")
+        actual = np.shape(value)
+    raise AssertionError(f"{law}: {name} must have shape {shape}, or broadcast to it, not {actual}")
 
 
-def _known(x: Inputs) -> list[Array]:
+def _present(x: Inputs) -> list[Array]:
     return [a for a in x if a is not None]
 
 
 def _check_inputs_stay(law: Law, theta: Array, x: Inputs) -> None:
-    before = [theta.copy(), *(np.copy(a) for a in _known(x))]
+    before = [theta.copy(), *(np.copy(a) for a in _present(x))]
     first = dict(_values(law, theta, x))
     second = dict(_values(law, theta, x))
-    same = all(np.array_equal(a, b) for a, b in zip(before, (theta, *_known(x)), strict=True))
+    same = all(np.array_equal(a, b) for a, b in zip(before, (theta, *_present(x)), strict=True))
     _require(same, law, "its methods must not change theta or the inputs")
     again = all(np.array_equal(first[name], second[name]) for name in first)
     _require(again, law, "the same numbers must give the same torque: a law holds none of its own")

@@ -30,7 +30,7 @@ PARTS: Mapping[str, type[Law]] = {
 }
 
 
-def part_of(given: Any, where: str, kinds: Sequence[str] = tuple(PARTS)) -> Law:
+def part_of(part: Any, where: str, kinds: Sequence[str] = tuple(PARTS)) -> Law:
     """A law of one of these kinds; `where` it stands begins every complaint.
 
     given : its name, a table of its name as `kind` and of its settings, or the law itself
@@ -43,15 +43,15 @@ def part_of(given: Any, where: str, kinds: Sequence[str] = tuple(PARTS)) -> Law:
     >>> part_of({"kind": "stribeck", "symmetric": False}, "sum: laws")
     Stribeck(width=0.02, shape='tanh', symmetric=False)
     """
-    settings = dict(given) if isinstance(given, Mapping) else {"kind": given}
+    settings = dict(part) if isinstance(part, Mapping) else {"kind": part}
     kind = settings.pop("kind", None)
-    if isinstance(given, Law):
-        kind = next((name for name in kinds if PARTS[name] is type(given)), given)
+    if isinstance(part, Law):
+        kind = next((name for name in kinds if PARTS[name] is type(part)), part)
     if kind not in kinds:
         words = f"{', '.join(map(repr, kinds[:-1]))} or {kinds[-1]!r}"
         raise InputError(f"{where}: it should be {words}, not {kind!r}")
-    if isinstance(given, Law):
-        return given
+    if isinstance(part, Law):
+        return part
     names = [field.name for field in fields(PARTS[kind])]
     for name in settings:
         if name not in names:
@@ -72,9 +72,9 @@ class CombinedLaw(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in self.made_of:
-            given, where = getattr(self, name), f"{type(self).__name__}: {name}"
-            laws = [self._smoothed(part_of(law, where, self.kinds)) for law in _each_of(given)]
-            object.__setattr__(self, name, tuple(laws) if isinstance(given, tuple) else laws[0])
+            part, where = getattr(self, name), f"{type(self).__name__}: {name}"
+            laws = [self._smoothed(part_of(law, where, self.kinds)) for law in _each_of(part)]
+            object.__setattr__(self, name, tuple(laws) if isinstance(part, tuple) else laws[0])
 
     @cached_property
     def parts(self) -> tuple[Law, ...]:
@@ -216,7 +216,7 @@ class PerJoint(CombinedLaw):
         if not most:
             return ()
         like = next(entries[0] for entries in memories if entries)
-        filled = [(*own, *(0.0 * like,) * (most - len(own))) for own in memories]
+        filled = [(*entries, *(0.0 * like,) * (most - len(entries))) for entries in memories]
         return tuple(map(_joined, zip(*filled, strict=True)))
 
 

@@ -184,11 +184,11 @@ def _b_splines(xp: Any, speed: Array, knots: tuple[float, ...], degree: int) -> 
     last = knots[-1]
     t = [0.0] * (degree + 1) + list(knots) + [last] * degree
     s = xp.minimum(speed, last + 0.0 * speed)
-    one, zero = 1.0 + 0.0 * speed, 0.0 * speed
+    unity, zero = 1.0 + 0.0 * speed, 0.0 * speed
     parts = []
     for a, b in zip(t[:-1], t[1:], strict=True):
         inside = (s >= a) & ((s < b) if b < last else (s <= b))
-        parts.append(xp.where(inside, one, zero) if a < b else zero)
+        parts.append(xp.where(inside, unity, zero) if a < b else zero)
     for d in range(1, degree + 1):
         parts = [
             _share(s - t[i], t[i + d] - t[i]) * parts[i]
@@ -198,8 +198,8 @@ def _b_splines(xp: Any, speed: Array, knots: tuple[float, ...], degree: int) -> 
     return parts
 
 
-def _share(part: Array, of: float) -> Array:
-    return part / of if of else 0.0 * part
+def _share(part: Array, whole: float) -> Array:
+    return part / whole if whole else 0.0 * part
 
 
 def _sum(theta: Array, steps: Sequence[Array]) -> Array:

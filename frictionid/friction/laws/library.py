@@ -182,10 +182,10 @@ def _candidates(law: Library) -> tuple[Candidate, ...]:
 
 def _active(law: Library, theta: Array) -> list[tuple[int, Candidate]]:
     """Candidates that some entry of the batch has: the others cost nothing."""
-    return [(i, c) for i, c in enumerate(law.candidates) if _some(theta[..., i])]
+    return [(i, c) for i, c in enumerate(law.candidates) if _any_active(theta[..., i])]
 
 
-def _some(values: Array) -> bool:
+def _any_active(values: Array) -> bool:
     """Whether some value is not zero, or is not known yet: where a program is written."""
     try:
         return bool((values != 0).any())

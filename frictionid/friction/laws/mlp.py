@@ -174,10 +174,10 @@ class WindowMLP(LevelNetwork):
 
     def _rate(self, part: Array, side: Array) -> Array:
         """Derivative of the input that a velocity over reach makes."""
-        xp, one = namespace(part), 1.0 + 0.0 * part
+        xp, unity = namespace(part), 1.0 + 0.0 * part
         if self.presliding:
             return side * fine_slope(xp.abs(part))
-        return xp.where(xp.abs(part) < 1.0, one, 0.0 * part) * (side if self.odd else one)
+        return xp.where(xp.abs(part) < 1.0, unity, 0.0 * part) * (side if self.odd else unity)
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         newest = x.w + 0.0 * memory[0]

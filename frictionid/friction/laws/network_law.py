@@ -161,8 +161,8 @@ def side_of(w: Array) -> Array:
     >>> side_of(np.array([-2.0, 0.0, 2.0]))
     array([-1., -1.,  1.])
     """
-    one = 1.0 + 0.0 * w
-    return on_side(w, one, -one)
+    unity = 1.0 + 0.0 * w
+    return on_side(w, unity, -unity)
 
 
 def fine(share: Array) -> Array:
@@ -187,8 +187,8 @@ def within(share: Array) -> Array:
     >>> within(np.array([-3.0, 0.5, 3.0]))
     array([-1. ,  0.5,  1. ])
     """
-    xp, one = namespace(share), 0.0 * share + 1.0
-    return xp.minimum(xp.maximum(share, -one), one)
+    xp, unity = namespace(share), 0.0 * share + 1.0
+    return xp.minimum(xp.maximum(share, -unity), unity)
 
 
 class LevelSlopes(NamedTuple):

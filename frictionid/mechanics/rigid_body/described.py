@@ -91,7 +91,7 @@ class _Options(NamedTuple):
     driven: Sequence[bool] | bool
     coupled: Mapping[str, Mapping[str, float]] | None
 
-    def given(self) -> dict[str, Any]:
+    def changed(self) -> dict[str, Any]:
         """Those that are not what they are if not given."""
         usual = (None, None, None, None, None, True, None)
         pairs = zip(self._asdict().items(), usual, strict=True)
@@ -126,7 +126,7 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         base_names=reduction.names,
         base_units=reduction.units,
         base_meanings=("",) * len(reduction.names),
-        options={kind: robot.place, **options.given()},
+        options={kind: robot.place, **options.changed()},
         coupled=coupled,
         tree=tree,
         reduction=reduction,
@@ -179,15 +179,15 @@ def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[boo
     return each
 
 
-def _coupled(given: object, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def _coupled(table: object, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Names of the coupled parts, and their turns for one of each joint."""
-    if given is None:
+    if table is None:
         return ()
     example = "coupled.motor_6 = { joint_5 = 1.0, joint_6 = 1.0 }"
-    if not isinstance(given, Mapping):
-        raise InputError(f"[mechanism] coupled = {given!r} must be a table: {example}")
+    if not isinstance(table, Mapping):
+        raise InputError(f"[mechanism] coupled = {table!r} must be a table: {example}")
     out = []
-    for name, turns in given.items():
+    for name, turns in table.items():
         where = f"[mechanism] coupled: {name}"
         if not isinstance(turns, Mapping) or len(turns) < 2:
             raise InputError(f"{where} = {turns!r} must name two joints or more: {example}")

@@ -71,8 +71,8 @@ class RigidBodyTree(Mechanism):
     @property
     def table(self) -> dict[str, Any]:
         """The [mechanism] table that stands for this mechanism; the file's format is its kind."""
-        given = {"parameters": dict(self.values)} if self.values else {}
-        return {**self.options, **given}
+        parameters = {"parameters": dict(self.values)} if self.values else {}
+        return {**self.options, **parameters}
 
     def base(self, parameters: Mapping[str, Any]) -> Array:
         for name in parameters:

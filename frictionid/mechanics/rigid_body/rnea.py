@@ -46,9 +46,9 @@ def lagrangian_slopes(
     g0, g1, g2 = tree.gravity[0], tree.gravity[1], tree.gravity[2]
     energy = 0.0
     for i in range(len(out)):
-        own = momentum(inertia[i], v[i])
+        moment = momentum(inertia[i], v[i])
         for c in range(6):
-            moving[i, c] = own[c]
+            moving[i, c] = moment[c]
         energy -= inertia[i, 1] * g0 + inertia[i, 2] * g1 + inertia[i, 3] * g2
     add_to_parents(tree.parent, moving, 6)
     for i in range(len(out)):
@@ -96,9 +96,13 @@ def _relative(e: Any, rate: Any, omega: Any) -> Any:
 def _wrenches(R: Any, o: Any, v: Any, a: Any, out: Any) -> None:
     """Forces about the base's origin (10, 6) that units of a body's ten parameters need."""
     omega, rate = (v[0], v[1], v[2]), (a[0], a[1], a[2])
-    turned, own = _cross(omega, (v[3], v[4], v[5])), _relative(o, rate, omega)
+    turned, turning = _cross(omega, (v[3], v[4], v[5])), _relative(o, rate, omega)
     # acceleration of the body's origin less gravity
-    point = (a[3] + turned[0] + own[0], a[4] + turned[1] + own[1], a[5] + turned[2] + own[2])
+    point = (
+        a[3] + turned[0] + turning[0],
+        a[4] + turned[1] + turning[1],
+        a[5] + turned[2] + turning[2],
+    )
     moment = _cross(o, point)
     for c in range(3):
         out[0, c], out[0, 3 + c] = moment[c], point[c]

@@ -153,15 +153,15 @@ def tree_of(
         if here.body >= 0:
             inertia[here.body] += moved(robot.links[joint.child], here.turn, here.shift)
     _check_order(robot, moving, parent)
-    of = [frames[i] for i in range(n)]
+    placed = [frames[i] for i in range(n)]
     return Tree(
         joints=moving,
-        bodies=tuple(joint.child for joint, _, _ in of),
+        bodies=tuple(joint.child for joint, _, _ in placed),
         parent=parent,
-        prismatic=np.array([joint.kind == "prismatic" for joint, _, _ in of]),
-        axis=np.array([joint.axis for joint, _, _ in of]),
-        turn=np.array([turn for _, turn, _ in of]),
-        shift=np.array([shift for _, _, shift in of]),
+        prismatic=np.array([joint.kind == "prismatic" for joint, _, _ in placed]),
+        axis=np.array([joint.axis for joint, _, _ in placed]),
+        turn=np.array([turn for _, turn, _ in placed]),
+        shift=np.array([shift for _, _, shift in placed]),
         inertia=inertia,
         rotor_names=tuple(f"rotor_{name}" for name in moving),
         rotors=np.eye(n),
@@ -178,10 +178,10 @@ def moved(inertia: Array, turn: Array, shift: Array) -> Array:
     array([2. , 1. , 0.5, 0.5, 0. ])
     """
     mass, h = inertia[0], turn @ inertia[1:4]
-    own = turn @ matrix_of(inertia[4:]) @ turn.T
+    turned = turn @ matrix_of(inertia[4:]) @ turn.T
     first = h + mass * shift
     about = np.outer(first, shift) + np.outer(shift, h)
-    J = own + np.trace(about) * np.eye(3) - (about + about.T) / 2
+    J = turned + np.trace(about) * np.eye(3) - (about + about.T) / 2
     return np.array([mass, *first, J[0, 0], J[0, 1], J[0, 2], J[1, 1], J[1, 2], J[2, 2]])
 
 
@@ -257,48 +257,48 @@ def _base(robot: Robot, wanted: str | None) -> str:
 
 def _reached(robot: Robot, below: Mapping[str, list[Joint]], base: str) -> list[Joint]:
     """Joints beyond the base link, each after the one that carries it."""
-    found, todo = [], [base]
+    joints, todo = [], [base]
     while todo:
-        own = below[todo.pop()]
-        for joint in own:
+        beyond = below[todo.pop()]
+        for joint in beyond:
             if joint.child == base:
                 raise InputError(
                     f"{robot.place}: joint {joint.name!r} closes a loop through {base!r}: a closed "
                     "chain is no tree; remove a joint of the loop"
                 )
-        found += own
-        todo += [joint.child for joint in reversed(own)]
-    return found
+        joints += beyond
+        todo += [joint.child for joint in reversed(beyond)]
+    return joints
 
 
 def _moving(robot: Robot, choice: Choice, reached: list[Joint]) -> tuple[str, ...]:
     """Names of the joints that move, checked."""
-    known = {joint.name: joint for joint in reached}
+    by_name = {joint.name: joint for joint in reached}
     if choice.joints is None:
         chosen = tuple(j.name for j in reached if j.kind != "fixed")
     else:
         chosen = tuple(choice.joints)
     for name in chosen:
-        if name not in known:
+        if name not in by_name:
             beyond = " beyond the base" if any(j.name == name for j in robot.joints) else ""
             raise InputError(
-                f"{robot.place}: there is no joint {name!r}{beyond}; {nearest(name, known)}"
+                f"{robot.place}: there is no joint {name!r}{beyond}; {nearest(name, by_name)}"
             )
         if chosen.count(name) > 1:
             raise InputError(f"{robot.place}: joint {name!r} is named twice in joints")
-        if known[name].kind not in MOVING:
+        if by_name[name].kind not in MOVING:
             raise InputError(
-                f"{robot.place}: joint {name!r} is {known[name].kind}, but joints that move are "
+                f"{robot.place}: joint {name!r} is {by_name[name].kind}, but joints that move are "
                 f"{', '.join(MOVING)}; name others in joints = [...] or the link beyond it as base"
             )
     if not chosen:
         raise InputError(f"{robot.place}: no joint moves; friction needs at least one")
-    _check_mimics(robot, known, chosen)
+    _check_mimics(robot, by_name, chosen)
     return chosen
 
 
-def _check_mimics(robot: Robot, known: Mapping[str, Joint], chosen: tuple[str, ...]) -> None:
-    for joint in known.values():
+def _check_mimics(robot: Robot, by_name: Mapping[str, Joint], chosen: tuple[str, ...]) -> None:
+    for joint in by_name.values():
         if joint.mimic is not None and (joint.name in chosen or joint.mimic in chosen):
             raise InputError(
                 f"{robot.place}: joint {joint.name!r} follows {joint.mimic!r} (mimic), which is no "
@@ -310,11 +310,13 @@ def _check_locked(
     robot: Robot, choice: Choice, moving: tuple[str, ...], reached: list[Joint]
 ) -> None:
     for name, value in choice.locked.items():
-        known = {joint.name: joint for joint in reached if joint.name not in moving}
-        if name not in known:
-            reason = "it moves" if name in moving else nearest(name, known) if known else "all move"
+        by_name = {joint.name: joint for joint in reached if joint.name not in moving}
+        if name not in by_name:
+            reason = (
+                "it moves" if name in moving else nearest(name, by_name) if by_name else "all move"
+            )
             raise InputError(f"{robot.place}: joint {name!r} cannot be locked: {reason}")
-        if not np.isfinite(value) or known[name].kind not in MOVING:
+        if not np.isfinite(value) or by_name[name].kind not in MOVING:
             raise InputError(
                 f"{robot.place}: locked joint {name!r} = {value!r} must be a finite number, and "
                 f"the joint {', '.join(MOVING)}"

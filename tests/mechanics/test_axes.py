@@ -1,6 +1,4 @@
-"""The axis of two masses: motor and load with a spring between them."""
-
-from __future__ import annotations
+"""Mechanisms without links: a linear axis, and two masses with a spring between them."""
 
 from dataclasses import replace
 
@@ -9,10 +7,73 @@ import pandas as pd
 import pytest
 
 import frictionid as fid
-from frictionid.mechanics import check_mechanism, pendulum, two_mass_axis
-from frictionid.mechanics.mechanism_table import mechanism_of
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
+from frictionid.comparison.registry import LAWS
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
+from frictionid.errors import InputError
+from frictionid.friction import Friction, units_of
+from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction.model_files import load_model, save_model
+from frictionid.mechanics import (
+    Plant,
+    check_mechanism,
+    linear_axis,
+    mechanism_of,
+    pendulum,
+    two_mass_axis,
+)
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate
+from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.drive_logs import LooseAxis
+
+
+def test_a_carriage_follows_newtons_second_law():
+    rng = np.random.default_rng(0)
+    q, w = rng.normal(size=(2, 20, 1))
+    mechanism = linear_axis()
+    terms = mechanism.terms(mechanism.base({"mass": 95.0}), q, w)
+    np.testing.assert_allclose(terms.M, 95.0 * np.ones((20, 1, 1)))
+    np.testing.assert_array_equal(terms.h, np.zeros((20, 1)))
+    np.testing.assert_allclose(terms.momentum, 95.0 * w)
+    np.testing.assert_allclose(terms.energy, 95.0 * w[:, 0] ** 2 / 2)
+
+
+def test_the_guide_carries_the_weight():
+    zero = np.zeros((1, 1))
+    assert linear_axis().load({"mass": 2.0}, zero, zero, zero) == pytest.approx(2.0 * 9.81)
+
+
+def test_a_sliding_carriage_stops_where_friction_says():
+    """v^2 = 2 (Fc/M) s under Coulomb friction alone."""
+    plant = Plant.from_parameters(linear_axis(), {"mass": 4.0})
+    friction = Friction(CoulombViscous(width=1e-3), np.array([[8.0, 0.0]]))
+    start = State(np.zeros(1), np.array([0.3]))
+    motion = rollout(plant, friction, start, np.zeros((200, 1)), np.full(200, 1e-3))
+    assert motion.w[-1, 0] == 0.0
+    assert motion.q[-1, 0] == pytest.approx(0.3**2 / (2 * 8.0 / 4.0), rel=1e-2)
+
+
+def test_options_are_checked():
+    assert mechanism_of({"kind": "linear_axis", "driven": False}).B[0, 0] == 0.0
+    with pytest.raises(InputError, match="driven = 3 must be true or false"):
+        mechanism_of({"kind": "linear_axis", "driven": 3})
+
+
+@pytest.mark.parametrize("law", [CoulombViscous(), Stribeck(), Stribeck(symmetric=False)], ids=str)
+def test_no_unit_of_a_prismatic_joint_turns(law):
+    assert units_of(law) == law.units
+    assert not any("rad" in unit or "N m" in unit for unit in units_of(law, "m"))
+
+
+def test_forces_are_printed_and_kept_in_newtons(tmp_path):
+    friction = Friction(CoulombViscous(), np.array([[20.4, 203.5]]), position_units=("m",))
+    assert "coulomb 20.4 N, viscous 203.5 N s/m" in str(friction)
+    assert friction[..., :].position_units == ("m",)
+    save_model(friction, tmp_path / "model.json", LAWS)
+    text = (tmp_path / "model.json").read_text()
+    assert '"N s/m"' in text and "N m" not in text
+    assert load_model(tmp_path / "model.json", LAWS).units_at(0) == ("N", "N s/m")
+
 
 NUMBERS = dict(motor_inertia=0.01, load_inertia=0.04, stiffness=80.0)
 
@@ -46,7 +107,7 @@ def test_both_masses_together_are_a_pendulum():
 
 def test_friction_of_motor_and_load_and_the_stiffness_come_out():
     machine = {"kind": "two_mass_axis", "parameters": NUMBERS}
-    friction = Stribeck(Curve((0.10, 0.05), (0.10, 0.05), (0.01, 0.02)))
+    friction = TrueStribeck(Curve((0.10, 0.05), (0.10, 0.05), (0.01, 0.02)))
     runs = tuple(
         Run(f"{k}", (0.0, 0.0), (), (Sine(0.8, f),)) for k, f in enumerate((1.3, 5.0, 9.0))
     )

@@ -1,11 +1,10 @@
-"""A law of its own for each joint: as the laws alone; fits, files and refusals."""
-
-from __future__ import annotations
+"""Laws made of others: one for each joint as the laws alone, sums with each term once."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.exact_problems import everything, explained_by
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -14,7 +13,15 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction import Friction, Inputs
-from frictionid.friction.laws import CoulombViscous, PerJoint, Stribeck
+from frictionid.friction.laws import (
+    CoulombViscous,
+    LoadDependent,
+    MotorLoad,
+    PerJoint,
+    Quadratic,
+    Stribeck,
+    Sum,
+)
 from frictionid.friction.laws.combined import PARTS, part_of
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, simulate
@@ -120,3 +127,64 @@ def test_smoothing_reaches_the_parts():
     friction = Friction(MIXED, np.array([[0.1, 0.05, 1.0, 0.01], [0.1, 0.0, 0.0, 0.01]]))
     wide = replace(friction, law=MIXED.with_width(0.5)).torque(Inputs(*np.full((4, 1, 2), 0.1)))
     assert (np.abs(wide) < 0.5 * np.abs(friction.torque(Inputs(*np.full((4, 1, 2), 0.1))))).all()
+
+
+X = Inputs(*np.random.default_rng(0).normal(size=(4, 60, 2)))._replace(
+    load=np.random.default_rng(1).uniform(1.0, 5.0, (60, 2))
+)
+
+
+def torque(law, *theta):
+    return law.torque(np.array([theta, theta]), X, ())
+
+
+def test_a_sum_is_the_sum_of_its_laws_with_each_term_once():
+    both = torque(Sum(), 0.1, 0.05, 1.5, 0.02, 0.3)
+    apart = torque(Stribeck(), 0.1, 0.05, 1.5, 0.02) + torque(MotorLoad(), 0.0, 0.0, 0.3)
+    np.testing.assert_allclose(both, apart, rtol=1e-13)
+
+
+def test_levels_by_direction_stand_for_a_level_of_both():
+    law = Sum((Stribeck(symmetric=False), "motor_load"))
+    assert "coulomb" not in law.names and law.names[-1] == "loss"
+    both = torque(law, 0.1, 0.2, 0.05, 0.03, 1.5, 0.02, 0.3)
+    own = torque(Stribeck(symmetric=False), 0.1, 0.2, 0.05, 0.03, 1.5, 0.02)
+    np.testing.assert_allclose(both, own + torque(MotorLoad(), 0.0, 0.0, 0.3), rtol=1e-13)
+
+
+def test_of_laws_that_hold_each_other_the_larger_one_is_the_sum():
+    for laws, whole in (
+        (("stribeck", LoadDependent(stribeck=True)), LoadDependent(stribeck=True)),
+        (("motor_load", MotorLoad(squared=True)), MotorLoad(squared=True)),
+        (("coulomb_viscous", "quadratic"), Quadratic()),
+    ):
+        law = Sum(laws)
+        numbers = dict(zip(whole.names, np.linspace(0.1, 0.9, len(whole.names)), strict=True))
+        both = torque(law, *(numbers[name] for name in law.names))
+        np.testing.assert_allclose(both, torque(whole, *numbers.values()), rtol=1e-13)
+
+
+def test_truth_in_truth_out():
+    theta = np.array([[0.1, 0.04, 1.5, 0.02, 0.15], [0.05, 0.03, 0.8, 0.01, 0.3]])
+    problem = explained_by(Sum(), theta)
+    found = LeastSquares(Sum()).fit(problem, everything(problem), 0)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)
+
+
+def test_a_suite_names_its_laws():
+    own = identifier_named("sum", {"laws": ["quadratic", "motor_load"]})
+    assert own == LeastSquares(Sum(("quadratic", "motor_load")))
+
+
+@pytest.mark.parametrize(
+    ("laws", "words"),
+    [
+        (("dahl", "stribeck"), "'dahl' has a memory"),
+        (("stribeck", "coulomb_viscous"), "'coulomb_viscous' adds nothing to the laws before it"),
+        (("none", "stribeck"), "'none' adds nothing"),
+        (("stribeck",), "at least 2 items"),
+    ],
+)
+def test_what_is_no_sum_is_refused(laws, words):
+    with pytest.raises(InputError, match=words):
+        Sum(laws)

@@ -1,4 +1,4 @@
-"""Friction that grows with the force in the bearing."""
+"""Friction that grows with the load: of the motor, and of the bearing."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,59 @@ from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import acceleration
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.friction import Friction, Inputs, at_rest
-from frictionid.friction.laws import CoulombViscous, LoadDependent, Stribeck
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.friction import Friction, Inputs, Nodes, at_rest
+from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
-THETA = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])
+MOTOR = np.array([[0.01, 0.005, 0.3]])
+
+
+def drawn_motion(rng, rows=400):
+    w, u = rng.normal(scale=3.0, size=(rows, 1)), rng.normal(scale=0.3, size=(rows, 1))
+    return Inputs(0.0 * w, w, u, 0.0 * w)
+
+
+def test_without_torque_it_is_coulomb_and_viscous_friction():
+    x = drawn_motion(np.random.default_rng(0))._replace(u=np.zeros((400, 1)))
+    plain = Friction(CoulombViscous(), MOTOR[:, :2]).torque(x)
+    np.testing.assert_allclose(Friction(MotorLoad(), MOTOR).torque(x), plain)
+
+
+def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
+    law = MotorLoad()
+    fast = np.array([[5.0]])
+    for sign, passed in ((1.0, 0.7), (-1.0, 1.3)):
+        x = Inputs(0 * fast, sign * fast, np.array([[0.2]]), 0 * fast)
+        share = 0.2 - law.torque(np.array([[0.0, 0.0, 0.3]]), x, ())
+        np.testing.assert_allclose(share, 0.2 * passed)
+
+
+def test_it_never_drives_and_breaks_away_at_its_level():
+    law, x = MotorLoad(), drawn_motion(np.random.default_rng(1))
+    assert np.all(law.torque(MOTOR, x, ()) * x.w >= 0)
+    np.testing.assert_allclose(law.limit(MOTOR, x, ()), 0.01 + 0.3 * np.abs(x.u))
+
+
+def test_a_fit_finds_the_truth_and_plain_coulomb_friction_is_biased():
+    rng = np.random.default_rng(3)
+    x = drawn_motion(rng)
+    nodes = Nodes(x, np.arange(400.0), np.array([0, 400]))
+    G = np.ones((400, 1, 1))
+    r = Friction(MotorLoad(), MOTOR).torque(x)
+    rows = np.arange(400)
+    problem = Problem(nodes, r, G, rows[:, None], np.ones(1), 0 * rows, 1.0 * rows, np.ones(400))
+    weights = np.ones((1, 400))
+    found = LeastSquares(MotorLoad()).fit(problem, weights, 0)
+    np.testing.assert_allclose(found.theta[0], MOTOR, rtol=1e-5)
+    plain = LeastSquares(CoulombViscous()).fit(problem, weights, 0)
+    assert plain.theta[0, 0, 0] > 5 * MOTOR[0, 0]
+
+
+BEARING = np.array([[0.04, 0.01, 0.02], [0.02, 0.005, 0.01]])
 PEAKED = np.array([[0.04, 0.03, 1.5, 0.01, 0.02], [0.02, 0.03, 2.5, 0.005, 0.01]])
 BOTH = pytest.mark.parametrize(
-    ("law", "theta"), [(LoadDependent(), THETA), (LoadDependent(stribeck=True), PEAKED)], ids=str
+    ("law", "theta"), [(LoadDependent(), BEARING), (LoadDependent(stribeck=True), PEAKED)], ids=str
 )
 
 
@@ -36,16 +81,16 @@ def test_the_level_grows_with_the_load_by_its_coefficient(law, theta):
 
 def test_without_load_it_is_the_plainer_law():
     x = at_rest(drawn().w)
-    plain = CoulombViscous().torque(THETA[:, [0, 2]], x, ())
-    np.testing.assert_allclose(LoadDependent().torque(THETA, x, ()), plain)
+    plain = CoulombViscous().torque(BEARING[:, [0, 2]], x, ())
+    np.testing.assert_allclose(LoadDependent().torque(BEARING, x, ()), plain)
     peaked = Stribeck().torque(PEAKED[:, [0, 1, 2, 4]], x, ())
     np.testing.assert_allclose(LoadDependent(stribeck=True).torque(PEAKED, x, ()), peaked)
 
 
 def test_without_a_peak_the_richer_law_is_the_plainer_one():
-    x, flat = drawn(), np.insert(THETA, [1, 1], [[0.0, 2.0], [0.0, 2.0]], axis=1)
+    x, flat = drawn(), np.insert(BEARING, [1, 1], [[0.0, 2.0], [0.0, 2.0]], axis=1)
     torque = LoadDependent(stribeck=True).torque(flat, x, ())
-    np.testing.assert_allclose(torque, LoadDependent().torque(THETA, x, ()))
+    np.testing.assert_allclose(torque, LoadDependent().torque(BEARING, x, ()))
 
 
 def test_the_load_is_that_of_the_mechanism():
@@ -72,5 +117,5 @@ def test_truth_in_truth_out(law, theta, n):
 
 
 def test_the_coefficient_of_a_prismatic_joint_has_no_unit():
-    friction = Friction(LoadDependent(), THETA, position_units=("m",) * len(THETA))
+    friction = Friction(LoadDependent(), BEARING, position_units=("m",) * len(BEARING))
     assert friction.units_at(0) == ("N", "N/N", "N s/m")
