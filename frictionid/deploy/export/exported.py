@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -20,19 +20,18 @@ from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside
-from frictionid.programs.program import Program, Value
-from frictionid.programs.trace import chained, traced
+from frictionid.programs.program import Operand, Program, Value
+from frictionid.programs.trace import traced
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
 _HORIZON = 1.0  # [s], over which it is replayed what a target loses
 
 
-@dataclass(frozen=True)
-class Programs:
+class Programs(NamedTuple):
     """What a friction computes, as programs of scalars.
 
-    torque : inputs of `inputs` and memory; output Tf, one for each joint
-    advance : the same and dt; outputs memory_1, memory_2 ..., one for each joint
+    torque : inputs of `inputs` and memory; output Tf, an entry for each joint
+    advance : the same inputs and dt; outputs memory_1, memory_2 ..., an entry for each joint
     start : inputs of `inputs`; outputs as of `advance`
     inputs : which of q, w, u and load friction depends on
     memory : number of memory entries of each joint, 0 for static laws
@@ -52,7 +51,7 @@ class ExportedFriction:
     Attributes
     ----------
     friction : Friction, theta (n, P)
-        Its law is `LinearOutside` the model's own where speeds are known.
+        Its law is `LinearOutside` the model's law where speeds are known.
     joints : names of the parts with friction
     speeds : greatest speed of each part in the data [rad/s or m/s]; () where they are not known
     data : data set whose motion shows what a target loses, where it is at hand
@@ -65,7 +64,7 @@ class ExportedFriction:
 
     @property
     def law(self) -> Law:
-        """The model's own law, without its continuation."""
+        """The model's law, without its continuation."""
         law = self.friction.law
         return law.law if isinstance(law, LinearOutside) else law
 
@@ -75,10 +74,15 @@ class ExportedFriction:
         return self.friction.position_units or ("rad",) * self.friction.n
 
     @property
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of the friction of each part: "N m" or "N"."""
+        return tuple("N m" if unit == "rad" else "N" for unit in self.units)
+
+    @property
     def horizon(self) -> float:
         """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
-        runs = () if self.data is None else self.data.recordings
-        longest = max((float(np.ptp(r.angle.time)) for r in runs), default=np.inf)
+        recordings = () if self.data is None else self.data.recordings
+        longest = max((float(np.ptp(r.angle.time)) for r in recordings), default=np.inf)
         return min(_HORIZON, float(f"{longest / 2:.1g}"))
 
     @cached_property
@@ -86,11 +90,11 @@ class ExportedFriction:
         """The data as this friction sees them, with its parameters and its calibration."""
         if self.data is None:
             return None
-        own = prepare(self.data, Protocol(horizons=(self.horizon,)))
-        return with_calibration(prepared_for(own, self.friction), self.friction.calibration)
+        prepared = prepare(self.data, Protocol(horizons=(self.horizon,)))
+        return with_calibration(prepared_for(prepared, self.friction), self.friction.calibration)
 
     def with_theta(self, theta: Array) -> ExportedFriction:
-        """The same with other parameters (n, P), on the same data."""
+        """Friction with other parameters (n, P), on the same data."""
         other = replace(self, friction=replace(self.friction, theta=theta))
         if "prepared" in vars(self):
             vars(other)["prepared"] = self.prepared  # its calibration is the same
@@ -99,7 +103,24 @@ class ExportedFriction:
     @property
     def facts(self) -> tuple[str, ...]:
         """Lines on units, signs, range and origin, for the head of a file."""
-        return _facts(self)
+        source = self.friction.provenance
+        units = zip(self.joints, self.units, self.torque_units, strict=True)
+        lines = [
+            f"Friction law: {self.law}",
+            "Tf opposes positive velocity: M(q) dw/dt = h(q, w) + B u - Tf.",
+            "SI units: " + ", ".join(f"{name} [{x}, {x}/s, {force}]" for name, x, force in units),
+            "The measured speeds are not known: Tf is the law's at all speeds.",
+        ]
+        if self.speeds:
+            reach = ", ".join(f"{v:.4g}" for v in self.speeds)
+            lines[-1] = f"Measured up to |w| = {reach}; beyond, Tf goes on as a straight line."
+        if source.dataset:
+            lines.append(f"Fitted to {source.dataset}, seed {source.seed}.")
+        hashes = source.data
+        lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
+        if len(hashes) > 3:
+            lines.append(f"  and {len(hashes) - 3} files more")
+        return tuple(" ".join(printable(line).split("\n")) for line in lines)
 
     @cached_property
     def programs(self) -> Programs:
@@ -111,16 +132,6 @@ class ExportedFriction:
             For laws that compute in other ways, such as a network of torch.
         """
         return _programs(self.friction)
-
-    @cached_property
-    def step(self) -> Program:
-        """Memory after dt and the torques with it, of laws with memory."""
-        return chained(self.programs.advance, self.programs.torque)
-
-    @cached_property
-    def first(self) -> Program:
-        """Memory at the start of a motion and the torques with it, of laws with memory."""
-        return chained(self.programs.start, self.programs.torque)
 
 
 def exported(
@@ -160,68 +171,40 @@ def exported(
             f"a model with parameters of shape {friction.theta.shape} holds several frictions: "
             "export one of them, friction[0]"
         )
-    known = tuple(float(v) for v in speeds) or friction.provenance.speeds
-    if known and len(known) != friction.n:
-        raise InputError(f"{len(known)} speeds for {friction.n} parts with friction: give one each")
-    reach = tuple(max(v, 1e-9) for v in known)  # of a joint that does not move
-    law = LinearOutside(friction.law, reach) if known else friction.law
+    measured = tuple(float(v) for v in speeds) or friction.provenance.speeds
     names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
-    if len(names) != friction.n:
-        raise InputError(f"{len(names)} names for {friction.n} parts with friction: give one each")
+    for entries, what in ((measured, "speeds"), (names, "names")):
+        if entries and len(entries) != friction.n:
+            raise InputError(
+                f"{len(entries)} {what} for {friction.n} parts with friction: give one each"
+            )
+    reach = tuple(max(v, 1e-9) for v in measured)  # of a joint that does not move
+    law = LinearOutside(friction.law, reach) if measured else friction.law
     # names stand in comments of code: on one line, whatever a file said
     names = tuple(" ".join(printable(name).split()) for name in names)
-    return ExportedFriction(replace(friction, law=law), names, known, data)
-
-
-def _facts(own: ExportedFriction) -> tuple[str, ...]:
-    source = own.friction.provenance
-    lines = [
-        f"Friction law: {own.law}",
-        "Tf opposes positive velocity: M(q) dw/dt = h(q, w) + B u - Tf.",
-        "SI units: "
-        + ", ".join(
-            f"{name} [{unit}, {unit}/s, {'N m' if unit == 'rad' else 'N'}]"
-            for name, unit in zip(own.joints, own.units, strict=True)
-        ),
-    ]
-    if own.speeds:
-        reach = ", ".join(f"{v:.4g}" for v in own.speeds)
-        lines.append(f"Measured up to |w| = {reach}; beyond, Tf goes on as a straight line.")
-    else:
-        lines.append("The measured speeds are not known: Tf is the law's at all speeds.")
-    if source.dataset:
-        lines.append(f"Fitted to {source.dataset}, seed {source.seed}.")
-    hashes = source.data
-    lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
-    if len(hashes) > 3:
-        lines.append(f"  and {len(hashes) - 3} files more")
-    return tuple(" ".join(printable(line).split("\n")) for line in lines)
+    return ExportedFriction(replace(friction, law=law), names, measured, data)
 
 
 def _programs(friction: Friction) -> Programs:
     law, theta, n = friction.law, friction.theta, friction.n
-    zero = Inputs(*(np.zeros(n) for _ in INPUTS))
-    count = len(law.start(theta, zero))
-    sizes, kept = dict.fromkeys(INPUTS, n), {f"memory_{i + 1}": n for i in range(count)}
+    count = len(law.start(theta, Inputs(*(np.zeros(n) for _ in INPUTS))))
+    entries = [f"memory_{i + 1}" for i in range(count)]
+    sizes, memory_sizes = dict.fromkeys(INPUTS, n), dict.fromkeys(entries, n)
 
-    def given(arrays: Mapping[str, Array]) -> tuple[Inputs, tuple[Array, ...]]:
-        return Inputs(*(arrays[x] for x in INPUTS)), tuple(arrays[m] for m in kept)
+    def torque(x: Mapping[str, Array]) -> Mapping[str, Array]:
+        return {"Tf": law.torque(theta, inputs_of(x), tuple(x[m] for m in entries))}
 
-    def torque(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
-        return {"Tf": law.torque(theta, *given(arrays))}
+    def advance(x: Mapping[str, Array]) -> Mapping[str, Array]:
+        memory = law.advance(theta, inputs_of(x), tuple(x[m] for m in entries), x["dt"])
+        return dict(zip(entries, memory, strict=True))
 
-    def advance(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
-        x, memory = given(arrays)
-        return dict(zip(kept, law.advance(theta, x, memory, arrays["dt"]), strict=True))
-
-    def start(arrays: Mapping[str, Array]) -> Mapping[str, Array]:
-        x = Inputs(*(arrays[name] for name in INPUTS))
-        return dict(zip(kept, law.start(theta, x), strict=True))
+    def start(x: Mapping[str, Array]) -> Mapping[str, Array]:
+        return dict(zip(entries, law.start(theta, inputs_of(x)), strict=True))
 
     try:
-        made = (
-            traced(torque, sizes | kept),
-            traced(advance, sizes | kept | {"dt": 1}),
+        programs = (
+            traced(torque, sizes | memory_sizes),
+            traced(advance, sizes | memory_sizes | {"dt": 1}),
             traced(start, sizes),
         )
     except (NotImplementedError, TypeError, ValueError) as error:
@@ -229,24 +212,31 @@ def _programs(friction: Friction) -> Programs:
             f"{type(law).__name__}: its torque cannot be written as code ({error}); "
             "export it to onnx or torchscript, or as a table"
         ) from None
-    used = {name for program in made for name in _used(program)}
-    inputs = tuple(x for x in INPUTS if used & {f"{x}_{j + 1}" for j in range(n)})
-    first, second, third = (_without(program, inputs, n) for program in made)
-    return Programs(first, second, third, inputs, count)
+    used = {
+        program.inputs[v.number].rpartition("_")[0]
+        for program in programs
+        for v in operands(program)
+        if isinstance(v, Value) and v.number < len(program.inputs)
+    }
+    unused = {f"{x}_{j + 1}" for x in INPUTS if x not in used for j in range(n)}
+    torque_, advance_, start_ = (
+        program.with_inputs([name for name in program.inputs if name not in unused])
+        for program in programs
+    )
+    return Programs(torque_, advance_, start_, tuple(x for x in INPUTS if x in used), count)
 
 
-def _used(program: Program) -> set[str]:
-    """Names of the inputs that a line or an output reads."""
-    operands = [v for line in program.lines for v in line.operands]
-    operands += [v for own in program.outputs.values() for v in own]
-    numbers = {v.number for v in operands if isinstance(v, Value)}
-    return {name for k, name in enumerate(program.inputs) if k in numbers}
+def inputs_of(arrays: Mapping[str, Array]) -> Inputs:
+    """Inputs of a law from arrays by name."""
+    return Inputs(*(arrays[x] for x in INPUTS))
 
 
-def _without(program: Program, inputs: tuple[str, ...], n: int) -> Program:
-    """The program without inputs of the law that friction does not depend on."""
-    gone = {f"{x}_{j + 1}" for x in INPUTS if x not in inputs for j in range(n)}
-    return program.with_inputs(tuple(name for name in program.inputs if name not in gone))
+def operands(program: Program) -> Iterator[Operand]:
+    """All that the lines and the outputs of a program read, in their order."""
+    for line in program.lines:
+        yield from line.operands
+    for output in program.outputs.values():
+        yield from output
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,23 @@ differ in their `Form` of each operation and in how they write numbers.
 
 from __future__ import annotations
 
+import operator
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.programs.program import Line, Operand, Program, Value
+from frictionid.deploy.export.exported import ExportedFriction, operands
+from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
-_OF_TRUTHS = ("and", "or", "not")
+# operations of values of other libraries, by Python's operators
+OPERATORS: Mapping[str, Callable[..., Any]] = {
+    **{"add": operator.add, "subtract": operator.sub, "multiply": operator.mul},
+    **{"divide": operator.truediv, "power": operator.pow, "negative": operator.neg},
+    **{"less": operator.lt, "less_equal": operator.le},
+}
 _LONGEST = 30  # operations of an expression
 WIDTH = 100
 
@@ -62,7 +68,7 @@ def blocks(program: Program, prefix: str = "v") -> tuple[Block, ...]:
     'multiply'
     """
     writer = _Writer(program, prefix)
-    count = max((len(own) for own in program.outputs.values()), default=0)
+    count = max(map(len, program.outputs.values()), default=0)
     return tuple(writer.block(j) for j in range(count))
 
 
@@ -71,103 +77,81 @@ class _Writer:
 
     def __init__(self, program: Program, prefix: str) -> None:
         self.program, self.prefix = program, prefix
-        self.known: dict[int, Expression] = dict(enumerate(program.inputs))
-        self.size = dict.fromkeys(self.known, 0)
-        uses = [v for line in program.lines for v in line.operands]
-        uses += [v for own in program.outputs.values() for v in own]
-        self.uses = Counter(v.number for v in uses if isinstance(v, Value))
-        ends = {v for own in program.outputs.values() for v in own}
-        self.ends = {v.number for v in ends if isinstance(v, Value) and self.uses[v.number] == 1}
-        self.new: list[Statement] = []
+        self.expressions: dict[int, Expression] = dict(enumerate(program.inputs))
+        self.size = dict.fromkeys(self.expressions, 0)
+        self.uses = Counter(v.number for v in operands(program) if isinstance(v, Value))
+        ends = {v for output in program.outputs.values() for v in output if isinstance(v, Value)}
+        self.ends = {v.number for v in ends if self.uses[v.number] == 1}
+        self.statements: list[Statement] = []
         self.named = 0
 
     def block(self, joint: int) -> Block:
-        """The block of a joint; what earlier joints have named is known."""
+        """The block of a joint; what earlier joints have named has its name."""
         outputs = {}
-        for name, own in self.program.outputs.items():
-            self._make(own[joint])
-            outputs[name] = _number(self._operand(own[joint]), self._is_truth(own[joint]))
-        statements, self.new = tuple(self.new), []
+        for name, values in self.program.outputs.items():
+            self._make(values[joint])
+            outputs[name] = self._operand(values[joint], is_truth=False)
+        statements, self.statements = tuple(self.statements), []
         return Block(statements, outputs)
 
     def _line(self, number: int) -> Line:
         return self.program.lines[number - len(self.program.inputs)]
 
-    def _is_truth(self, operand: Operand) -> bool:
-        return (
-            isinstance(operand, Value)
-            and operand.number >= len(self.program.inputs)
-            and self._line(operand.number).operation in TRUTHS
-        )
-
-    def _operand(self, operand: Operand) -> Expression:
-        return self.known[operand.number] if isinstance(operand, Value) else operand
+    def _operand(self, operand: Operand, *, is_truth: bool) -> Expression:
+        """An operand as a truth, or as a number."""
+        if not isinstance(operand, Value):
+            return Node("truth", (operand,)) if is_truth else operand
+        expression, number = self.expressions[operand.number], operand.number
+        known = number >= len(self.program.inputs) and self._line(number).operation in TRUTHS
+        if known == is_truth:
+            return expression
+        return Node("truth" if is_truth else "number", (expression,))
 
     def _make(self, target: Operand) -> None:
         """The expression of a value, and of all that it needs, without recursion."""
         todo = [target.number] if isinstance(target, Value) else []
         while todo:
             number = todo[-1]
-            if number in self.known:
+            if number in self.expressions:
                 todo.pop()
                 continue
             needs = [v.number for v in self._line(number).operands if isinstance(v, Value)]
-            if missing := [need for need in needs if need not in self.known]:
+            if missing := [need for need in needs if need not in self.expressions]:
                 todo += reversed(missing)
                 continue
             self._add(todo.pop(), needs)
 
     def _add(self, number: int, needs: list[int]) -> None:
-        line = self._line(number)
-        truths = [self._is_truth(v) for v in line.operands]
-        operands = tuple(map(self._operand, line.operands))
-        expression = _node(line.operation, operands, truths)
+        operation, values = self._line(number)
+        expression = _without_signs(
+            operation,
+            tuple(
+                self._operand(v, is_truth=takes_truth(operation, k)) for k, v in enumerate(values)
+            ),
+        )
         self.size[number] = 1 + sum(self.size[need] for need in needs)
         is_long = self.size[number] >= _LONGEST and number not in self.ends
         if self.uses[number] > 1 or is_long:
             self.named += 1
             name = f"{self.prefix}{self.named}"
-            self.new.append(Statement(name, expression, line.operation in TRUTHS))
+            self.statements.append(Statement(name, expression, operation in TRUTHS))
             expression, self.size[number] = name, 0
-        self.known[number] = expression
+        self.expressions[number] = expression
 
 
-def _node(operation: str, operands: tuple[Expression, ...], truths: list[bool]) -> Expression:
-    """An operation with operands of the kind that it takes, and without needless signs."""
-    wants = [operation in _OF_TRUTHS or (operation == "select" and k == 0) for k in range(3)]
-    own = tuple(
-        _truth(v, truth) if want else _number(v, truth)
-        for v, truth, want in zip(operands, truths, wants, strict=False)
-    )
-    last = own[-1]
+def takes_truth(operation: str, k: int) -> bool:
+    """Whether operand k, from 0, of an operation is true or false."""
+    return operation in ("and", "or", "not") or (operation == "select" and k == 0)
+
+
+def _without_signs(operation: str, parts: tuple[Expression, ...]) -> Expression:
+    """An operation, without needless signs."""
+    last = parts[-1]
     if operation in ("add", "subtract") and isinstance(last, float) and last < 0:
-        return Node("subtract" if operation == "add" else "add", (own[0], -last))
-    if operation == "multiply" and -1.0 in own:
-        return Node("negative", (own[1] if own[0] == -1.0 else own[0],))
-    return Node(operation, own)
-
-
-def _truth(expression: Expression, is_truth: bool) -> Expression:
-    return expression if is_truth else Node("truth", (expression,))
-
-
-def _number(expression: Expression, is_truth: bool) -> Expression:
-    return Node("number", (expression,)) if is_truth else expression
-
-
-def names(code: tuple[Block, ...]) -> set[str]:
-    """Names that expressions of these blocks read."""
-
-    def read(expression: Expression) -> Iterator[str]:
-        if isinstance(expression, str):
-            yield expression
-        elif isinstance(expression, Node):
-            for operand in expression.operands:
-                yield from read(operand)
-
-    own = [s.expression for block in code for s in block.statements]
-    own += [v for block in code for v in block.outputs.values()]
-    return {name for expression in own for name in read(expression)}
+        return Node("subtract" if operation == "add" else "add", (parts[0], -last))
+    if operation == "multiply" and -1.0 in parts:
+        return Node("negative", (parts[1] if parts[0] == -1.0 else parts[0],))
+    return Node(operation, parts)
 
 
 class Form(NamedTuple):
@@ -184,54 +168,98 @@ class Form(NamedTuple):
 
 
 ANY, CHOSEN, EITHER, BOTH, EQUAL, COMPARED, ADDED, NEGATED, MULTIPLIED, POWER, CALLED = range(11)
-
-
-def infix(symbol: str, level: int) -> Form:
-    """Form of an operation between two operands; those of the same level stand in brackets."""
-    left = {ADDED: ADDED, MULTIPLIED: NEGATED}.get(level, level + 1)
-    right = MULTIPLIED if level == ADDED else level + 1
-    return Form(f"{{}} {symbol} {{}}", level, (left, right))
-
-
-def call(name: str, operands: int = 1) -> Form:
-    """Form of a function."""
-    return Form(f"{name}({', '.join(['{}'] * operands)})", CALLED, (ANY,) * operands)
-
-
-SUMS = {
-    "add": infix("+", ADDED),
-    "subtract": infix("-", ADDED),
-    "multiply": infix("*", MULTIPLIED),
-    "divide": infix("/", MULTIPLIED),
-    "negative": Form("-{}", NEGATED, (MULTIPLIED,)),
+_LEVELS = {
+    **{"or": EITHER, "and": BOTH, "equal": EQUAL, "less": COMPARED, "less_equal": COMPARED},
+    **{"add": ADDED, "subtract": ADDED, "multiply": MULTIPLIED, "divide": MULTIPLIED},
+    "power": POWER,
 }
+_SUMS = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
 
-def text(
-    expression: Expression,
-    forms: Mapping[str, Form],
-    number: Callable[[float], str],
-    places: Mapping[str, str] | None = None,
-) -> str:
-    """Text of an expression in a language; `places` has what stands for a name, such as "w[0]".
+def forms(syntax: Mapping[str, str | Form]) -> dict[str, Form]:
+    """Forms of all operations of a language, from what is special in it.
 
-    >>> half = Node("multiply", (0.5, Node("subtract", ("a", Node("add", ("b", 1.0))))))
-    >>> text(half, SUMS, repr)
-    '0.5 * (a - (b + 1.0))'
+    A text that ends in a bracket is a function, one with {} holds its operands together; any other
+    stands between two operands, of which those of the same level stand in brackets.
+
+    >>> forms({"exp": "EXP("})["exp"].text, forms({"or": "||"})["or"].text
+    ('EXP({})', '{} || {}')
+    """
+    negative = Form("-{}", NEGATED, (MULTIPLIED,))
+    return {"negative": negative} | {k: _form(k, v) for k, v in {**_SUMS, **syntax}.items()}
+
+
+def _form(operation: str, text: str | Form) -> Form:
+    if isinstance(text, Form):
+        return text
+    count = OPERATIONS[operation].operands if operation in OPERATIONS else 1
+    if "{" in text or text.endswith("("):
+        call = text if "{" in text else f"{text}{', '.join(['{}'] * count)})"
+        return Form(call, CALLED, (ANY,) * count)
+    level = _LEVELS[operation]
+    left = {ADDED: ADDED, MULTIPLIED: NEGATED}.get(level, level + 1)
+    return Form(f"{{}} {text} {{}}", level, (left, MULTIPLIED if level == ADDED else level + 1))
+
+
+class Language(NamedTuple):
+    """How a language writes expressions.
+
+    forms : of each operation
+    number : text of a constant
+    memory : place of an entry of the memory, with {} for entry and joint
+    first : number of the first entry of an array
     """
 
-    def written(own: Expression, need: int) -> str:
-        if isinstance(own, str):
-            return (places or {}).get(own, own)
-        if isinstance(own, Node):
-            form = forms[own.operation]
-            parts = map(written, own.operands, form.needs)
-            level, made = form.level, form.text.format(*parts)
-        else:
-            level, made = CALLED if own >= 0 else NEGATED, number(own)
-        return f"({made})" if level < need else made
+    forms: Mapping[str, Form]
+    number: Callable[[float], str]
+    memory: str = "memory[{}][{}]"
+    first: int = 0
 
-    return written(expression, ANY)
+    def text(self, expression: Expression, places: Mapping[str, str] | None = None) -> str:
+        """Text of an expression; `places` has what stands for a name, such as "w[0]".
+
+        >>> half = Node("multiply", (0.5, Node("subtract", ("a", Node("add", ("b", 1.0))))))
+        >>> Language(forms({}), repr).text(half)
+        '0.5 * (a - (b + 1.0))'
+        """
+        return self._within(expression, ANY, places or {})
+
+    def _within(self, expression: Expression, need: int, places: Mapping[str, str]) -> str:
+        if isinstance(expression, str):
+            return places.get(expression, expression)
+        if isinstance(expression, Node):
+            text, level, needs = self.forms[expression.operation]
+            pairs = zip(expression.operands, needs, strict=False)
+            text = text.format(*(self._within(v, least, places) for v, least in pairs))
+        else:
+            level, text = CALLED if expression >= 0 else NEGATED, self.number(expression)
+        return f"({text})" if level < need else text
+
+    def place(self, name: str) -> str:
+        """Where an input or output of a program stands.
+
+        >>> language = Language({}, repr)
+        >>> language.place("w_2"), language.place("memory_3_1")
+        ('w[1]', 'memory[2][0]')
+        """
+        if name == "dt_1":
+            return "dt"
+        group, *entries = name.split("_")
+        at = [int(x) - 1 + self.first for x in entries]
+        return self.memory.format(*at) if group == "memory" else f"{group}[{at[0]}]"
+
+    def lines(
+        self, block: Block, joint: int, places: Mapping[str, str] | None = None
+    ) -> Iterator[tuple[str, str, str]]:
+        """Target, text and kind of what is computed for a joint, from 0.
+
+        Kinds are "number" and "truth" of named values, and "output", whose target is its name in
+        the program.
+        """
+        for name, expression, is_truth in block.statements:
+            yield name, self.text(expression, places), "truth" if is_truth else "number"
+        for output, value in block.outputs.items():
+            yield f"{output}_{joint + 1}", self.text(value, places), "output"
 
 
 def folded(line: str, indent: str = "    ") -> str:
@@ -246,14 +274,6 @@ def folded(line: str, indent: str = "    ") -> str:
     )
 
 
-class Element(NamedTuple):
-    """One number of an argument: entry `entry` of joint `joint`, both from 0."""
-
-    argument: str
-    joint: int = 0
-    entry: int = 0
-
-
 class Function(NamedTuple):
     """A function of arrays with an entry for each joint.
 
@@ -266,51 +286,31 @@ class Function(NamedTuple):
     program: Program
     says: str
 
-    @property
-    def code(self) -> tuple[Block, ...]:
-        """Its expressions, joint by joint."""
-        return blocks(self.program)
-
-    def read(self, code: tuple[Block, ...]) -> dict[str, Element]:
-        """Where the inputs that the code reads stand in the arguments, by their names in it."""
-        own = names(code)
-        return {name: element_of(name) for name in self.program.inputs if name in own}
-
-
-def element_of(name: str) -> Element:
-    """Where an input or output of a program stands.
-
-    >>> element_of("w_2"), element_of("memory_3_1")
-    (Element(argument='w', joint=1, entry=0), Element(argument='memory', joint=0, entry=2))
-    """
-    group, _, joint = name.rpartition("_")
-    if group.startswith("memory_"):
-        return Element("memory", int(joint) - 1, int(group.removeprefix("memory_")) - 1)
-    return Element(group, int(joint) - 1)
+    def reads(self, code: tuple[Block, ...]) -> list[str]:
+        """The inputs that the code reads, in the program's order."""
+        todo: list[Expression] = [s.expression for block in code for s in block.statements]
+        todo += [v for block in code for v in block.outputs.values()]
+        names = set()
+        while todo:
+            expression = todo.pop()
+            if isinstance(expression, Node):
+                todo += expression.operands
+            else:
+                names.add(expression)
+        return [name for name in self.program.inputs if name in names]
 
 
-def signatures(own: ExportedFriction) -> str:
-    """Calls of the functions, as in "torque(w, memory)", for people."""
-    made = functions(own)
-    names = {"start": "memory = ", "advance": "memory = ", "torque": "Tf = "}
-    return "; ".join(f"{names[f.name]}{f.name}({', '.join(f.arguments)})" for f in made)
-
-
-def functions(own: ExportedFriction) -> tuple[Function, ...]:
+def functions(model: ExportedFriction) -> tuple[Function, ...]:
     """Functions of a friction; those of a static law have no memory."""
-    programs = own.programs
-    x, time = programs.inputs, own.law.sample_time
+    programs = model.programs
+    x, time = programs.inputs, model.law.sample_time
     torque = "Friction torques Tf, one for each joint."
     if not programs.memory:
         return (Function("torque", x, programs.torque, torque),)
     when = "each step" if time is None else f"each {time:g} s"
+    advance = f"Memory after dt [s], at the inputs after it; to be called {when}."
     return (
         Function("start", x, programs.start, "Memory at the start of a motion."),
         Function("torque", (*x, "memory"), programs.torque, torque),
-        Function(
-            "advance",
-            (*x, "memory", "dt"),
-            programs.advance,
-            f"Memory after dt [s], at the inputs after it; to be called {when}.",
-        ),
+        Function("advance", (*x, "memory", "dt"), programs.advance, advance),
     )

@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import Element, Function, functions
 
-_CALLS = {
-    "absolute": "fabs",
-    "sqrt": "sqrt",
-    "exp": "exp",
-    "log": "log",
-    "log1p": "log1p",
-    "tanh": "tanh",
-    "arctan": "atan",
-    "sin": "sin",
-    "cos": "cos",
-}
+_CALLS = ("sqrt", "exp", "log", "log1p", "tanh", "sin", "cos")
 # which compilers put in place; fmax and fmin would be calls
 _HELPERS = {
     ("max_of", ("a", "b")): "a > b ? a : b",
@@ -29,19 +16,27 @@ _HELPERS = {
 }
 
 
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
-    made = functions(own)
-    files = {".c": _source(own, settings, made), ".h": _header(own, settings, made)}
-    calls = "; ".join(_head(f, len(own.joints), settings) for f in made)
-    note = f"compile with any C99 compiler and -lm; {calls}"
-    return Written({ending: text.encode() for ending, text in files.items()}, notes=(note,))
+    functions = ex.functions(model)
+    heads = [_head(function, len(model.joints), settings) for function in functions]
+    header = _header(model, settings, [f.says for f in functions], heads)
+    language = _language(settings.precision)
+    bodies = [
+        f"{head}\n{{\n{_body(f, model, language, settings.precision)}\n}}"
+        for f, head in zip(functions, heads, strict=True)
+    ]
+    note = f"compile with any C99 compiler and -lm; {'; '.join(heads)}"
+    files = {".c": _source(bodies, settings).encode(), ".h": header.encode()}
+    return Written(files, notes=(note,))
 
 
-def _header(own: ExportedFriction, settings: ExportSettings, made: tuple[Function, ...]) -> str:
+def _header(
+    model: ExportedFriction, settings: ExportSettings, says: list[str], heads: list[str]
+) -> str:
     """Facts, types and declarations."""
-    big, n, entries = settings.name.upper(), len(own.joints), own.programs.memory
-    about = "\n".join(f" * {_comment(line)}" for line in own.facts)
+    big, n, entries = settings.name.upper(), len(model.joints), model.programs.memory
+    about = "\n".join(f" * {_comment(line)}" for line in model.facts)
     parts = [
         f"/*\n * {settings.name}: friction of {n} parts.\n *\n{about}\n */",
         f"#ifndef {big}_H\n#define {big}_H",
@@ -54,50 +49,46 @@ def _header(own: ExportedFriction, settings: ExportSettings, made: tuple[Functio
             f"typedef struct {{\n    {settings.precision} entry[{entries}][{n}];\n"
             f"}} {settings.name}_memory;"
         )
-    parts += [f"/* {f.says} */\n{_head(f, n, settings)};" for f in made]
+    parts += [f"/* {text} */\n{head};" for text, head in zip(says, heads, strict=True)]
     parts += ["#ifdef __cplusplus\n}\n#endif", f"#endif /* {big}_H */"]
     return "\n\n".join(parts) + "\n"
 
 
-def _source(own: ExportedFriction, settings: ExportSettings, made: tuple[Function, ...]) -> str:
+def _source(bodies: list[str], settings: ExportSettings) -> str:
     """Definitions of what the header declares."""
-    n, real = len(own.joints), settings.precision
-    bodies = [f"{_head(f, n, settings)}\n{{\n{_body(f, own, real)}\n}}" for f in made]
+    real = settings.precision
     parts = [f'#include "{settings.stem}.h"\n\n#include <math.h>']
     for (name, arguments), value in _HELPERS.items():
         if any(f"{name}(" in body for body in bodies):
-            given = ", ".join(f"{real} {x}" for x in arguments)
-            returned = value.format(real=real)
-            parts.append(f"static {real} {name}({given})\n{{\n    return {returned};\n}}")
+            declared = ", ".join(f"{real} {x}" for x in arguments)
+            result = value.format(real=real)
+            parts.append(f"static {real} {name}({declared})\n{{\n    return {result};\n}}")
     return "\n\n".join([*parts, *bodies]) + "\n"
 
 
-def _head(function: Function, n: int, settings: ExportSettings) -> str:
-    real, own = settings.precision, f"{settings.name}_memory *memory"
-    types = {"memory": f"const {own}" if function.name == "torque" else own, "dt": f"{real} dt"}
+def _head(function: ex.Function, n: int, settings: ExportSettings) -> str:
+    real, memory = settings.precision, f"{settings.name}_memory *memory"
+    is_torque = function.name == "torque"
+    types = {"memory": f"const {memory}" if is_torque else memory, "dt": f"{real} dt"}
     arguments = [types.get(x, f"const {real} {x}[{n}]") for x in function.arguments]
-    arguments += {"torque": [f"{real} Tf[{n}]"], "start": [own]}.get(function.name, [])
+    arguments += {"torque": [f"{real} Tf[{n}]"], "start": [memory]}.get(function.name, [])
     return f"void {settings.name}_{function.name}({', '.join(arguments)})"
 
 
-def _body(function: Function, own: ExportedFriction, real: str) -> str:
+def _body(function: ex.Function, model: ExportedFriction, language: ex.Language, real: str) -> str:
     """All inputs are read first, so that memory can be written over."""
-    code, forms, number = function.code, _forms(real), _numbers(real)
-    read = function.read(code)
-    arguments = {element.argument for element in read.values()}
-    lines = [f"    (void){x};" for x in function.arguments if x not in {*arguments, "memory"}]
-    if function.name == "torque" and "memory" in set(function.arguments) - arguments:
-        lines.append("    (void)memory;")
-    lines += [f"    const {real} {name} = {_at(element)};" for name, element in read.items()]
-    for joint, (block, name) in enumerate(zip(code, own.joints, strict=False)):
-        lines.append(f"\n    /* {_comment(name)} */")
-        for statement in block.statements:
-            kind = "int" if statement.is_truth else real
-            made = ex.text(statement.expression, forms, number)
-            lines.append(ex.folded(f"const {kind} {statement.name} = {made};"))
-        for k, value in enumerate(block.outputs.values()):
-            target = f"Tf[{joint}]" if function.name == "torque" else f"memory->entry[{k}][{joint}]"
-            lines.append(ex.folded(f"{target} = {ex.text(value, forms, number)};"))
+    code = ex.blocks(function.program)
+    names = function.reads(code)
+    # memory is written to by other functions than that of the torques
+    arguments = {name.partition("_")[0] for name in names}
+    written = set() if function.name == "torque" else {"memory"}
+    lines = [f"    (void){x};" for x in function.arguments if x not in arguments | written]
+    lines += [f"    const {real} {name} = {language.place(name)};" for name in names]
+    for joint, block in enumerate(code):
+        lines.append(f"\n    /* {_comment(model.joints[joint])} */")
+        for target, text, kind in language.lines(block, joint):
+            types = {"truth": f"const int {target}", "number": f"const {real} {target}"}
+            lines.append(ex.folded(f"{types.get(kind) or language.place(target)} = {text};"))
     return "\n".join(lines)
 
 
@@ -106,42 +97,23 @@ def _comment(text: str) -> str:
     return text.replace("*/", "* /").replace("/*", "/ *").replace("?", ".")
 
 
-def _at(element: Element) -> str:
-    if element.argument == "dt":
-        return "dt"
-    if element.argument == "memory":
-        return f"memory->entry[{element.entry}][{element.joint}]"
-    return f"{element.argument}[{element.joint}]"
-
-
-def _forms(real: str) -> dict[str, ex.Form]:
-    """Forms of C; functions of floats end in f."""
+def _language(real: str) -> ex.Language:
+    """C; functions of floats end in f, and so do their constants, the shortest that are exact."""
     end = "f" if real == "float" else ""
-    return {
-        **ex.SUMS,
-        **{operation: ex.call(f"{name}{end}") for operation, name in _CALLS.items()},
-        "power": ex.call(f"pow{end}", 2),
-        "maximum": ex.call("max_of", 2),
-        "minimum": ex.call("min_of", 2),
-        "sign": ex.call("sign_of"),
-        "less": ex.infix("<", ex.COMPARED),
-        "less_equal": ex.infix("<=", ex.COMPARED),
-        "equal": ex.infix("==", ex.EQUAL),
-        "and": ex.infix("&&", ex.BOTH),
-        "or": ex.infix("||", ex.EITHER),
+    names = {name: name for name in _CALLS} | {"absolute": "fabs", "arctan": "atan", "power": "pow"}
+    syntax: dict[str, str | ex.Form] = {
+        **{operation: f"{name}{end}(" for operation, name in names.items()},
+        **{"maximum": "max_of(", "minimum": "min_of(", "sign": "sign_of("},
+        **{"less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||"},
         "not": ex.Form("!{}", ex.CALLED, (ex.CALLED,)),
         "select": ex.Form("{} ? {} : {}", ex.CHOSEN, (ex.EITHER,) * 3),
         "number": ex.Form(f"({real}){{}}", ex.CALLED, (ex.CALLED,)),
         "truth": ex.Form("{} != 0", ex.EQUAL, (ex.COMPARED,)),
     }
 
-
-def _numbers(real: str) -> Callable[[float], str]:
-    """Literals of C, the shortest that give the number back."""
-
-    def text(value: float) -> str:
+    def number(value: float) -> str:
         if not np.isfinite(value):
             return "NAN" if np.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
-        return f"{np.float32(value)!s}f" if real == "float" else repr(value)
+        return f"{np.float32(value)!s}f" if end else repr(value)
 
-    return text
+    return ex.Language(ex.forms(syntax), number, "memory->entry[{}][{}]")

@@ -7,39 +7,22 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.expressions import OPERATORS, functions
 from frictionid.errors import needs
-from frictionid.programs.program import Program
 
 with needs("export"):
     import casadi
 
+_SAME = ("sign", "sqrt", "exp", "log", "log1p", "tanh", "sin", "cos")
 OPERATIONS: Mapping[str, Any] = {
-    "add": lambda a, b: a + b,
-    "subtract": lambda a, b: a - b,
-    "multiply": lambda a, b: a * b,
-    "divide": lambda a, b: a / b,
-    "power": lambda a, b: a**b,
-    "negative": lambda a: -a,
-    "absolute": casadi.fabs,
-    "sign": casadi.sign,
-    "sqrt": casadi.sqrt,
-    "exp": casadi.exp,
-    "log": casadi.log,
-    "log1p": casadi.log1p,
-    "tanh": casadi.tanh,
-    "arctan": casadi.atan,
-    "sin": casadi.sin,
-    "cos": casadi.cos,
-    "maximum": casadi.fmax,
-    "minimum": casadi.fmin,
-    "less": lambda a, b: a < b,
-    "less_equal": lambda a, b: a <= b,
-    "equal": casadi.eq,
-    "and": casadi.logic_and,
-    "or": casadi.logic_or,
-    "not": casadi.logic_not,
-    "select": casadi.if_else,
+    **OPERATORS,
+    **{name: getattr(casadi, name) for name in _SAME},
+    **{"absolute": casadi.fabs, "arctan": casadi.atan, "equal": casadi.eq},
+    **{"maximum": casadi.fmax, "minimum": casadi.fmin, "select": casadi.if_else},
+    **{"and": casadi.logic_and, "or": casadi.logic_or, "not": casadi.logic_not},
 }
 
 
@@ -47,8 +30,8 @@ class Functions(NamedTuple):
     """Friction of n parts, `casadi.Function`s of columns (n,).
 
     torque : of those of q, w, u and load that friction depends on, and memory, to Tf
-    advance : of the same and dt [s], to memory after dt; None for static laws
-    start : of the inputs alone, to memory at the start of a motion; None for static laws
+    advance : of the inputs of `torque` and dt [s], to memory after dt; None for static laws
+    start : of the inputs without memory, to memory at the start of a motion; None for static laws
 
     Memory is a matrix (n, m), a column for each entry.
     """
@@ -58,7 +41,7 @@ class Functions(NamedTuple):
     start: casadi.Function | None = None
 
 
-def casadi_functions(own: ExportedFriction, name: str = "friction") -> Functions:
+def casadi_functions(model: ExportedFriction, name: str = "friction") -> Functions:
     """Functions `NAME_torque`, `NAME_advance` and `NAME_start` of CasADi.
 
     As smooth as the law is: sgn(w) of a law is smoothed over its `width`.
@@ -74,50 +57,38 @@ def casadi_functions(own: ExportedFriction, name: str = "friction") -> Functions
     >>> functions.torque.jacobian()([1.0, -1.0], 0).full().round(3).diagonal().tolist()
     [0.02, 0.01]
     """
-    programs = own.programs
-    torque = _function(f"{name}_torque", programs.torque, own, ("memory",))
-    if not programs.memory:
-        return Functions(torque)
-    return Functions(
-        torque,
-        _function(f"{name}_advance", programs.advance, own, ("memory", "dt")),
-        _function(f"{name}_start", programs.start, own, ()),
-    )
+    n = len(model.joints)
+    shapes = {"memory": (n, model.programs.memory), "dt": (1, 1)}
+    parts = {}
+    for part, arguments, program, _ in functions(model):
+        symbols = {x: casadi.SX.sym(x, *shapes.get(x, (n, 1))) for x in arguments}
+        entries = {
+            f"{x}_{i + 1}_{j + 1}" if x == "memory" else f"{x}_{j + 1}": symbol[j, i]
+            for x, symbol in symbols.items()
+            for j, i in np.ndindex(*symbol.shape)
+        }
+        columns = program.run(entries, OPERATIONS).values()
+        value = casadi.horzcat(*(casadi.vertcat(*column) for column in columns))
+        result = "Tf" if part == "torque" else "memory_after"
+        function = casadi.Function(
+            f"{name}_{part}", [*symbols.values()], [value], [*symbols], [result]
+        )
+        parts[part] = function
+    return Functions(parts["torque"], parts.get("advance"), parts.get("start"))
 
 
-def _function(
-    name: str, program: Program, own: ExportedFriction, others: tuple[str, ...]
-) -> casadi.Function:
-    """Function of a program: inputs of the law, and of `others` those that the law has."""
-    programs, n = own.programs, len(own.joints)
-    sizes = {group: (n, 1) for group in programs.inputs}
-    if programs.memory:
-        known = {"memory": (n, programs.memory), "dt": (1, 1)}
-        sizes |= {group: known[group] for group in others}
-    symbols = {group: casadi.SX.sym(group, *size) for group, size in sizes.items()}
-    entries = {"dt_1": symbols.get("dt")}
-    for group in programs.inputs:
-        entries |= {f"{group}_{j + 1}": symbols[group][j] for j in range(n)}
-    for i in range(programs.memory if "memory" in symbols else 0):
-        entries |= {f"memory_{i + 1}_{j + 1}": symbols["memory"][j, i] for j in range(n)}
-    columns = program.run(entries, OPERATIONS).values()
-    made = casadi.horzcat(*(casadi.vertcat(*column) for column in columns))
-    result = "Tf" if "Tf" in program.outputs else "memory_after"
-    return casadi.Function(name, [*symbols.values()], [made], [*symbols], [result])
-
-
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Files of the functions, which `casadi.Function.load` reads, and a text on what they are."""
-    functions = casadi_functions(own, settings.name)
+    parts = casadi_functions(model, settings.name)
     files = {
         "" if part == "torque" else f"_{part}": function
-        for part, function in functions._asdict().items()
+        for part, function in parts._asdict().items()
         if function is not None
     }
     signatures = "\n".join(f"{function}" for function in files.values())
-    text = "\n".join((*own.facts, "Read by casadi.Function.load:", signatures, ""))
+    text = "\n".join((*model.facts, "Read by casadi.Function.load:", signatures, ""))
     saved = {f"{ending}.casadi": _saved(function) for ending, function in files.items()}
-    note = f'torque = casadi.Function.load("{settings.stem}.casadi"): {functions.torque}'
+    note = f'torque = casadi.Function.load("{settings.stem}.casadi"): {parts.torque}'
     return Written({**saved, ".txt": text.encode()}, notes=(note,))
 
 

@@ -13,88 +13,75 @@ from typing import Any
 import numpy as np
 
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import TRUTHS
+from frictionid.deploy.export.expressions import TRUTHS, takes_truth
 from frictionid.errors import InputError, needs
 from frictionid.programs.program import Line, Operand, Program, Value
+from frictionid.programs.trace import chained
 
 with needs("export"):
     import onnx
     from onnx import TensorProto, helper
 
 _OPSET = 17
-_NODES = {
-    "add": "Add",
-    "subtract": "Sub",
-    "multiply": "Mul",
-    "divide": "Div",
-    "power": "Pow",
-    "negative": "Neg",
-    "absolute": "Abs",
-    "sign": "Sign",
-    "sqrt": "Sqrt",
-    "exp": "Exp",
-    "log": "Log",
-    "tanh": "Tanh",
-    "arctan": "Atan",
-    "sin": "Sin",
-    "cos": "Cos",
-    "maximum": "Max",
-    "minimum": "Min",
-    "less": "Less",
-    "less_equal": "LessOrEqual",
-    "equal": "Equal",
-    "and": "And",
-    "or": "Or",
-    "not": "Not",
-    "select": "Where",
+_NODES = {  # of operations whose node has not their name
+    **{"subtract": "Sub", "multiply": "Mul", "divide": "Div", "power": "Pow", "negative": "Neg"},
+    **{"absolute": "Abs", "arctan": "Atan", "maximum": "Max", "minimum": "Min"},
+    **{"less_equal": "LessOrEqual", "select": "Where"},
 }
 
 
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Model of the torques; of laws with memory the step, and beside it the start of a motion."""
-    if not own.programs.inputs:
+    programs, name = model.programs, settings.name
+    if not programs.inputs:
         raise InputError("a law that depends on nothing has no ONNX graph: it is zero")
-    given = ", ".join(own.programs.inputs)
-    if not own.programs.memory:
-        model = _model(own, own.programs.torque, settings.name)
-        return Written({".onnx": model}, notes=(f"inputs {given}; output Tf",))
-    start = _model(own, own.first, f"{settings.name}_start")
-    note = f"inputs {given}, memory, dt; outputs Tf, memory_after: begin with {settings.stem}_start"
-    files = {".onnx": _model(own, own.step, settings.name), "_start.onnx": start}
-    return Written(files, notes=(note,))
+    inputs = ", ".join(programs.inputs)
+    if not programs.memory:
+        return Written(
+            {".onnx": _model(model, programs.torque, name)}, notes=(f"inputs {inputs}; output Tf",)
+        )
+    step, start = (chained(first, programs.torque) for first in (programs.advance, programs.start))
+    files = {
+        ".onnx": _model(model, step, name),
+        "_start.onnx": _model(model, start, f"{name}_start"),
+    }
+    called = f"inputs {inputs}, memory, dt; outputs Tf, memory_after"
+    return Written(files, notes=(f"{called}: begin with {settings.stem}_start",))
 
 
-def _model(own: ExportedFriction, program: Program, name: str) -> bytes:
-    graph = _Graph(program)
-    read, n, m = {x.partition("_")[0] for x in program.inputs}, len(own.joints), own.programs.memory
-    sizes: dict[str, list[Any]] = {x: ["batch", n] for x in own.programs.inputs}
+def _model(model: ExportedFriction, program: Program, name: str) -> bytes:
+    graph, n, m = _Graph(program), len(model.joints), model.programs.memory
+    read = {x.partition("_")[0] for x in program.inputs}
+    sizes: dict[str, list[Any]] = {x: ["batch", n] for x in model.programs.inputs}
     sizes |= {x: size for x, size in (("memory", ["batch", m, n]), ("dt", [1])) if x in read}
     for group in sizes:
         graph.split(group, m, n)
     for line in program.lines:
         graph.add(line)
-    results = {}
-    if "Tf" in program.outputs:
-        results["Tf"] = ["batch", n]
-        graph.joined("Tf", ["Tf"], n)
-    if entries := [x for x in program.outputs if x.startswith("memory")]:
+    entries = [x for x in program.outputs if x.startswith("memory")]
+    graph.join("Tf", ["Tf"], [-1, n])
+    results: dict[str, list[Any]] = {"Tf": ["batch", n]}
+    if entries:
+        graph.join("memory_after", entries, [-1, m, n])
         results["memory_after"] = ["batch", m, n]
-        graph.joined("memory_after", entries, n)
-    made = helper.make_graph(
-        graph.nodes,
-        name,
-        [helper.make_tensor_value_info(x, TensorProto.FLOAT, size) for x, size in sizes.items()],
-        [helper.make_tensor_value_info(x, TensorProto.FLOAT, s) for x, s in results.items()],
-        [helper.make_tensor(x, TensorProto.FLOAT, [], [v]) for v, x in graph.constants.items()],
+    ends = (
+        [helper.make_tensor_value_info(x, TensorProto.FLOAT, size) for x, size in ends.items()]
+        for ends in (sizes, results)
     )
-    version = helper.make_opsetid("", _OPSET)
-    model = helper.make_model(made, opset_imports=[version], producer_name="frictionid")
-    model.ir_version = 8  # which runtimes of some years ago read, too
-    facts = {"friction": "\n".join(own.facts), "joints": ", ".join(own.joints)}
+    constants = [
+        helper.make_tensor(x, TensorProto.FLOAT, [], [v]) for v, x in graph.constants.items()
+    ]
+    proto = helper.make_model(
+        helper.make_graph(graph.nodes, name, *ends, constants),
+        opset_imports=[helper.make_opsetid("", _OPSET)],
+        producer_name="frictionid",
+    )
+    proto.ir_version = 8  # which runtimes of some years ago read, too
+    facts = {"friction": "\n".join(model.facts), "joints": ", ".join(model.joints)}
     facts |= {"dt": "[s] since the step before, whose memory goes in"} if "dt" in sizes else {}
-    helper.set_model_props(model, facts)
-    onnx.checker.check_model(model)
-    content: bytes = model.SerializeToString()
+    helper.set_model_props(proto, facts)
+    onnx.checker.check_model(proto)
+    content: bytes = proto.SerializeToString()
     return content
 
 
@@ -128,31 +115,26 @@ class _Graph:
 
     def add(self, line: Line) -> None:
         """The node of a line, with values of the kinds that it takes."""
-        wants = [line.operation in ("and", "or", "not")] * len(line.operands)
-        if line.operation == "select":
-            wants[0] = True
-        inputs = [self._of(v, want) for v, want in zip(line.operands, wants, strict=True)]
-        if line.operation == "log1p":
-            name = self.node("Log", [self.node("Add", [*inputs, self._of(1.0, False)])])
-        else:
-            name = self.node(_NODES[line.operation], inputs)
+        operation, values = line
+        inputs = [self._name(v, takes_truth(operation, k)) for k, v in enumerate(values)]
+        if operation == "log1p":
+            operation, inputs = "log", [self.node("Add", [*inputs, self._name(1.0)])]
+        name = self.node(_NODES.get(operation, operation.capitalize()), inputs)
         self.names[len(self.names)] = name
-        if line.operation in TRUTHS:
+        if operation in TRUTHS:
             self.truths.add(name)
 
-    def joined(self, name: str, outputs: Sequence[str], n: int) -> None:
-        """An output of the model (batch, n) or (batch, m, n), of outputs of the program."""
-        first = self.names[0]  # constants become columns, too
-        zero = self.node("Mul", [first, self._of(0.0, False)])
-        columns = [self._of(v, False) for x in outputs for v in self.program.outputs[x]]
+    def join(self, name: str, outputs: Sequence[str], size: list[int]) -> None:
+        """An output of the model of this size, of outputs of the program."""
+        zero = self.node("Mul", [self.names[0], self._name(0.0)])  # constants become columns, too
+        columns = [self._name(v) for x in outputs for v in self.program.outputs[x]]
         columns = [self.node("Add", [column, zero]) for column in columns]
         whole = self.node("Concat", columns, {"axis": 1})
-        size = [-1, n] if name == "Tf" else [-1, len(outputs), n]
         tensor = helper.make_tensor("shape", TensorProto.INT64, [len(size)], size)
         shape = self.node("Constant", [], {"value": tensor})
         self.nodes.append(helper.make_node("Reshape", [whole, shape], [name]))
 
-    def _of(self, operand: Operand, is_truth: bool) -> str:
+    def _name(self, operand: Operand, is_truth: bool = False) -> str:
         """Name of a value or constant, converted where it is of the other kind."""
         if not isinstance(operand, Value):
             value = float(np.clip(operand, -3e38, 3e38))  # of floats
