@@ -79,6 +79,12 @@ class ExportedFriction:
         return tuple("N m" if unit == "rad" else "N" for unit in self.units)
 
     @property
+    def rotor(self) -> float | None:
+        """Inertia of the one motor [kg m^2], where it is known."""
+        rotor = self.friction.parameters.get("rotor")
+        return None if rotor is None or len(self.joints) != 1 else float(rotor)
+
+    @property
     def horizon(self) -> float:
         """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
         recordings = () if self.data is None else self.data.recordings

@@ -17,12 +17,11 @@ from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, Inputs, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
-from frictionid.mechanics import Plant
 
 _SAME = 1e-9  # of the torques: what rounding does
 
 
-def nearest(own: ExportedFriction) -> Friction:
+def nearest(model: ExportedFriction) -> Friction:
     """Coulomb and viscous friction nearest to the model's.
 
     Least squares over the recorded motion where there are data, so that speeds count as often as
@@ -42,20 +41,17 @@ def nearest(own: ExportedFriction) -> Friction:
     >>> nearest(exported(model, speeds=(10.0,))).theta.round(4)
     array([[0.108 , 0.0188]])
     """
-    if is_coulomb_viscous(own.law):
-        return _held(own, own.friction.theta)
-    w, torque = sliding(own)
-    fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
-    theta = np.zeros((own.friction.n, 2))
-    for j, use in enumerate(fast.T):
-        if use.any():
-            columns = np.stack([np.sign(w[use, j]), w[use, j]], axis=-1)
-            theta[j] = nnls(columns, torque[use, j])[0]
-    return _held(own, theta)
-
-
-def _held(own: ExportedFriction, theta: Array) -> Friction:
-    return replace(own.friction, law=CoulombViscous(), theta=theta, constraints=None)
+    theta = np.zeros((model.friction.n, 2))
+    if is_coulomb_viscous(model.law):
+        theta = model.friction.theta
+    else:
+        w, torque = sliding(model)
+        fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
+        for j, use in enumerate(fast.T):
+            if use.any():
+                columns = np.stack([np.sign(w[use, j]), w[use, j]], axis=-1)
+                theta[j] = nnls(columns, torque[use, j])[0]
+    return replace(model.friction, law=CoulombViscous(), theta=theta, constraints=None)
 
 
 def is_coulomb_viscous(law: Law) -> bool:
@@ -63,7 +59,7 @@ def is_coulomb_viscous(law: Law) -> bool:
     return isinstance(law, CoulombViscous) and law.symmetric
 
 
-def sliding(own: ExportedFriction) -> tuple[Array, Array]:
+def sliding(model: ExportedFriction) -> tuple[Array, Array]:
     """Velocities (S, n) and torques (S, n) of the model that a simpler law is to match.
 
     Raises
@@ -71,35 +67,26 @@ def sliding(own: ExportedFriction) -> tuple[Array, Array]:
     InputError
         Where the speeds of the motion are not known.
     """
-    sharp = replace(own.friction, law=own.friction.law.sharpened())
-    if own.prepared is not None:
-        nodes = own.prepared.integral.nodes
+    sharp = replace(model.friction, law=model.friction.law.sharpened())
+    if model.prepared is not None:
+        nodes = model.prepared.integral.nodes
         return nodes.inputs.w, along(sharp, nodes)
-    if own.speeds:
-        grid = np.linspace(-1.0, 1.0, POINTS)[:, None] * np.array(own.speeds)
+    if model.speeds:
+        grid = np.linspace(-1.0, 1.0, POINTS)[:, None] * np.array(model.speeds)
         return grid, curves(sharp, grid)
     raise InputError(
-        f"{type(own.law).__name__}: the speeds are not known at which a simpler law is to match "
+        f"{type(model.law).__name__}: the speeds are not known at which a simpler law is to match "
         "it: name the data set (--dataset), or give speeds"
     )
 
 
-def rule(own: ExportedFriction) -> str:
-    """How `nearest` was found, as a sentence."""
-    where = "along the recorded motion" if own.data else "up to the measured speeds, all alike"
-    return (
-        f"level and slope are the least squares of the model's torques {where}, "
-        "without slow samples (|w| < 0.05 rad/s)"
-    )
-
-
-def differs(own: ExportedFriction, held: Friction) -> bool:
+def differs(model: ExportedFriction, held: Friction) -> bool:
     """Whether a friction is another one than the model's, beyond rounding."""
-    if is_coulomb_viscous(own.law):
-        return own.law.sharpened() == own.law
-    if own.law.has_memory or follows_more(own.friction):
+    if is_coulomb_viscous(model.law):
+        return model.law.sharpened() == model.law
+    if model.law.has_memory or follows_more(model.friction):
         return True
-    w, torque = sliding(own)
+    w, torque = sliding(model)
     off = np.abs(along_velocity(held, w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 
@@ -107,7 +94,7 @@ def differs(own: ExportedFriction, held: Friction) -> bool:
 def follows_more(friction: Friction) -> bool:
     """Whether the torque of a static friction depends on more than the velocity."""
     w = np.ones((2, friction.n))
-    x = Inputs(*(v * np.array([[0.0], [1.0]]) for v in (w, w, w, w)))._replace(w=w)
+    x = Inputs(*(w * np.array([[0.0], [1.0]]),) * 4)._replace(w=w)
     torque = friction.law.torque(friction.theta, x, ())
     return bool((torque[0] != torque[1]).any())
 
@@ -119,35 +106,33 @@ def along_velocity(friction: Friction, w: Array) -> Array:
 
 def break_away(friction: Friction) -> Array:
     """Break-away level (n,) [N m] of joints without motor torque at q = 0, mean of directions."""
-    levels = []
-    for side in (1.0, -1.0):
-        x: Inputs = at_rest(np.full(friction.n, side))
-        still = x._replace(w=0.0 * x.w)
-        memory = friction.law.start(friction.theta, still)
-        levels.append(friction.law.limit(friction.theta, x, memory))
+    ahead, back = (at_rest(np.full(friction.n, side)) for side in (1.0, -1.0))
+    memory = friction.law.start(friction.theta, ahead._replace(w=0.0 * ahead.w))
+    levels = (friction.law.limit(friction.theta, x, memory) for x in (ahead, back))
     return np.asarray(sum(levels)) / 2
 
 
-def lost_by(own: ExportedFriction, held: Friction, target: str, names: str) -> list[str]:
+def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) -> list[str]:
     """Sentences on what Coulomb and viscous friction lose of the model."""
-    if not differs(own, held):
+    if not differs(model, held):
         return []
-    if is_coulomb_viscous(own.law):
+    if is_coulomb_viscous(model.law):
         return [
-            f"{target} has a step at w = 0, the model smooths it over {own.law.width:g} rad/s "
-            f"({own.law.shape}); {names} are its level and slope"
+            f"{target} has a step at w = 0, the model smooths it over {model.law.width:g} rad/s "
+            f"({model.law.shape}); {names} are its level and slope"
         ]
+    where = "along the recorded motion" if model.data else "up to the measured speeds, all alike"
     lines = [
-        f"{target} holds {names} of each joint, no {type(own.law).__name__}: their {rule(own)}"
+        f"{target} holds {names} of each joint, no {type(model.law).__name__}: their level and "
+        f"slope are the least squares of the model's torques {where}, without slow samples "
+        "(|w| < 0.05 rad/s)"
     ]
-    for name, unit, model, other in zip(
-        own.joints, own.units, break_away(own.friction), held.theta[:, 0], strict=True
-    ):
-        if model > 0 and abs(model - other) > 0.01 * model:
-            force = "N m" if unit == "rad" else "N"
+    levels = (break_away(model.friction), held.theta[:, 0])
+    for name, unit, level, other in zip(model.joints, model.torque_units, *levels, strict=True):
+        if level > 0 and abs(level - other) > 0.01 * level:
             lines.append(
-                f"{name} breaks away at {model:.3g} {force} by the model, "
-                f"at {other:.3g} {force} in {target}"
+                f"{name} breaks away at {level:.3g} {unit} by the model, "
+                f"at {other:.3g} {unit} in {target}"
             )
     return lines
 
@@ -159,20 +144,20 @@ class Cost(NamedTuple):
     """What another friction costs on recorded motion.
 
     torque : (n,) RMS difference of the torques along the motion [N m or N]
-    own, held : median error 1 s ahead of the model's predictions, and of the other's, in `unit`
+    model, held : median error 1 s ahead of the model's predictions, and of the other's, in `unit`
     apart : median distance of the two predictions
     predictions : their number, from states that a filter estimates
     """
 
     torque: tuple[float, ...]
-    own: float
+    model: float
     held: float
     apart: float
     unit: str
     predictions: int
 
 
-def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
+def cost_of(model: ExportedFriction, held: Friction) -> Cost:
     """Cost of a friction in place of the model's, on the motion of its data.
 
     Raises
@@ -180,25 +165,29 @@ def cost_of(exported: ExportedFriction, held: Friction) -> Cost:
     InputError
         Without data, and where no recording holds a prediction so long.
     """
-    data = exported.prepared
+    data = model.prepared
     if data is None:
         raise InputError("what is lost shows on recorded motion: name a data set")
-    nodes = data.integral.nodes
-    off = along(exported.friction, nodes) - along(held, nodes)
+    frictions, nodes = (model.friction, held), data.integral.nodes
+    torques = [along(friction, nodes) for friction in frictions]
+    rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
     initial = reaching(data.initial_states)
     plant = data.plant[initial.recording]
-    motions = [_ahead(plant, f, initial) for f in (exported.friction, held)]
+    copies = np.zeros(len(initial.q), dtype=int)
+    ahead, other = (
+        at_horizon(predict(plant, friction[None][copies], initial).q, initial)
+        for friction in frictions
+    )
     measured = at_horizon(initial.measured, initial)
     sizes = joint_sizes(data.position_units, data.initial_states.measured)
     errors = [
-        norm_of(a - b, data.position_units, sizes)
-        for a, b in ((motions[0], measured), (motions[1], measured), (motions[0], motions[1]))
+        norm_of(off, data.position_units, sizes)
+        for off in (ahead - measured, other - measured, ahead - other)
     ]
     # a prediction that has diverged is far away, no number that is left out
-    own, other, apart = (float(np.median(np.nan_to_num(e, nan=np.inf))) for e, _ in errors)
-    rms = np.sqrt((off**2).mean(axis=0))
-    unit = errors[0][1]
-    return Cost((*map(float, rms),), own, other, apart, unit, len(measured))
+    first, second, apart = (float(np.median(np.nan_to_num(e, nan=np.inf))) for e, _ in errors)
+    torque, unit = tuple(map(float, rms)), errors[0][1]
+    return Cost(torque, first, second, apart, unit, len(measured))
 
 
 def reaching(initial: InitialStates) -> InitialStates:
@@ -215,11 +204,6 @@ def at_horizon(q: Array, initial: InitialStates) -> Array:
     return at
 
 
-def _ahead(plant: Plant, friction: Friction, initial: InitialStates) -> Array:
-    each = friction[None][np.zeros(len(initial.q), dtype=int)]
-    return at_horizon(predict(plant, each, initial).q, initial)
-
-
 def cost_sentence(exported: ExportedFriction, cost: Cost) -> str:
     """The cost in words.
 
@@ -230,13 +214,13 @@ def cost_sentence(exported: ExportedFriction, cost: Cost) -> str:
     "on the data's motion its torques are 0.01 N m off (RMS of hip); 1 s ahead its predictions err \
 by 0.06 rad where the model's err by 0.05, 0.02 from these (medians of 40)"
     """
-    units = ["N m" if unit == "rad" else "N" for unit in exported.units]
-    parts = [
-        f"{v if v > 1e-9 else 0.0:.3g} {unit}" for v, unit in zip(cost.torque, units, strict=True)
-    ]
+    torques = (
+        f"{v if v > 1e-9 else 0.0:.3g} {unit}"
+        for v, unit in zip(cost.torque, exported.torque_units, strict=True)
+    )
     return (
-        f"on the data's motion its torques are {', '.join(parts)} off "
+        f"on the data's motion its torques are {', '.join(torques)} off "
         f"(RMS of {', '.join(exported.joints)}); {exported.horizon:g} s ahead its predictions err "
-        f"by {cost.held:.3g} {cost.unit} where the model's err by {cost.own:.3g}, "
+        f"by {cost.held:.3g} {cost.unit} where the model's err by {cost.model:.3g}, "
         f"{cost.apart:.3g} from these (medians of {cost.predictions})"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from xml.parsers.expat import ExpatError, ParserCreate
 from xml.sax.saxutils import quoteattr
 
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 
 _ATTRIBUTE = re.compile(rb"""\s+([\w:.-]+)\s*=\s*("[^"]*"|'[^']*')""")
 _NAME = re.compile(rb"<[^\s/>]+")
@@ -42,19 +43,19 @@ class Element:
         return self.close == self.start
 
 
-def read_xml(path: Path) -> tuple[bytes, list[Element]]:
-    """Text of a file, and its elements in its order.
+def read_xml(path: Path, kind: str, *roots: str) -> tuple[bytes, list[Element]]:
+    """Text of a file of some kind, and its elements in its order, the first of which is a root.
 
     Raises
     ------
     InputError
-        Where it cannot be read, is no XML in UTF-8, or declares a document type.
+        Where it cannot be read, is of another kind, no XML in UTF-8, or declares a document type.
     """
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    return text, elements(text, str(path))
+    text = read_bytes(path)
+    listed = elements(text, str(path))
+    if not listed or listed[0].tag not in roots:
+        raise InputError(f"{path}: is no {kind}, its first element must be <{roots[0]}>")
+    return text, listed
 
 
 def elements(text: bytes, where: str) -> list[Element]:
@@ -63,23 +64,23 @@ def elements(text: bytes, where: str) -> list[Element]:
     >>> [(e.tag, e.name) for e in elements(b'<a><!-- b --><b name="c"/></a>', "it")]
     [('a', ''), ('b', 'c')]
     """
-    found: list[Element] = []
-    open_: list[Element] = []
+    listed: list[Element] = []
+    within: list[Element] = []
     parser = ParserCreate("utf-8")
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         start = parser.CurrentByteIndex
-        parent = open_[-1] if open_ else None
-        own = Element(tag, attributes, start, _end_of_tag(text, start), parent)
+        parent = within[-1] if within else None
+        element = Element(tag, attributes, start, _end_of_tag(text, start), parent)
         if parent is not None:
-            parent.children.append(own)
-        found.append(own)
-        open_.append(own)
+            parent.children.append(element)
+        listed.append(element)
+        within.append(element)
 
     def finish(_: str) -> None:
-        own = open_.pop()
-        empty = text[own.end - 2 : own.end] == b"/>"
-        own.close = own.start if empty else parser.CurrentByteIndex
+        element = within.pop()
+        is_empty = text[element.end - 2 : element.end] == b"/>"
+        element.close = element.start if is_empty else parser.CurrentByteIndex
 
     def refuse(*_: Any) -> None:
         raise InputError(f"{where}: has a document type (<!DOCTYPE ...>): remove it")
@@ -90,14 +91,14 @@ def elements(text: bytes, where: str) -> list[Element]:
         parser.Parse(text, True)
     except ExpatError as error:
         raise InputError(f"{where}: is no XML in UTF-8: {error}") from None
-    return found
+    return listed
 
 
 def _end_of_tag(text: bytes, start: int) -> int:
     """Where a tag ends that begins at `start`: a > in quotes is none."""
     at = _NAME.match(text, start).end()  # type: ignore[union-attr]
-    while found := _ATTRIBUTE.match(text, at):
-        at = found.end()
+    while match := _ATTRIBUTE.match(text, at):
+        at = match.end()
     return text.index(b">", at) + 1
 
 
@@ -108,14 +109,14 @@ def with_attributes(tag: bytes, values: Mapping[str, str]) -> bytes:
     b'<joint name="a" damping = "2" armature="3" />'
     """
     out, at, left = tag, _NAME.match(tag).end(), dict(values)  # type: ignore[union-attr]
-    while found := _ATTRIBUTE.match(out, at):
-        at, name = found.end(), found.group(1).decode()
+    while match := _ATTRIBUTE.match(out, at):
+        at, name = match.end(), match.group(1).decode()
         if name in left:
             new = quoteattr(left.pop(name)).encode()
-            first, last = found.span(2)
+            first, last = match.span(2)
             out, at = out[:first] + new + out[last:], first + len(new)
-    more = "".join(f" {name}={quoteattr(value)}" for name, value in left.items())
-    return out[:at] + more.encode() + out[at:]
+    rest = "".join(f" {name}={quoteattr(value)}" for name, value in left.items())
+    return out[:at] + rest.encode() + out[at:]
 
 
 def replaced(text: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:
@@ -129,7 +130,7 @@ def replaced(text: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:
     return text
 
 
-def by_name(found: Iterable[Element], names: Iterable[str], where: str) -> list[Element]:
+def by_name(elements: Iterable[Element], names: Iterable[str], where: str) -> list[Element]:
     """Elements of these names, in their order.
 
     Raises
@@ -137,16 +138,24 @@ def by_name(found: Iterable[Element], names: Iterable[str], where: str) -> list[
     InputError
         Where one is missing, or there are two of a name.
     """
-    listed = list(found)
-    out = []
+    listed, out = list(elements), []
     for name in names:
-        own = [e for e in listed if e.name == name]
-        if len(own) != 1:
-            known = ", ".join(sorted({e.name for e in listed if e.name})) or "none with a name"
-            count = f"{len(own)} joints" if own else "no joint"
+        named = [e for e in listed if e.name == name]
+        if len(named) != 1:
+            others = ", ".join(sorted({e.name for e in listed if e.name}))
+            count = f"{len(named)} joints" if named else "no joint"
             raise InputError(
-                f"{where}: has {count} {name!r}, it has {known}; name the joints of the file in "
-                "the model's order with --joints"
+                f"{where}: has {count} {name!r}, it has {others or 'none with a name'}; "
+                "name the joints of the file in the model's order with --joints"
             )
-        out.append(own[0])
+        out += named
     return out
+
+
+def stated_before(
+    name: str, before: Mapping[str, str | None], new: Mapping[str, str]
+) -> Iterator[str]:
+    """A note on attributes of a joint that had other values, if there are any."""
+    old = ", ".join(f"{k} {v}" for k, v in before.items() if v is not None and v != new.get(k, v))
+    if old:
+        yield f"{name} had {old}"

@@ -65,11 +65,11 @@ def test_the_cost_is_the_difference_on_the_datas_motion(data):
     theta = np.array([[0.1, 0.02], [0.05, 0.01]])
     own = exported(Friction(CoulombViscous(), theta), data=data)
     same = cost_of(own, own.friction)
-    assert same.torque == (0.0, 0.0) and same.apart == 0.0 and same.own == same.held
+    assert same.torque == (0.0, 0.0) and same.apart == 0.0 and same.model == same.held
     w = own.prepared.integral.nodes.inputs.w
     more = cost_of(own, replace(own.friction, theta=theta + [[0.0, 0.01], [0.0, 0.0]]))
     assert more.torque[0] == pytest.approx(0.01 * np.sqrt((w[:, 0] ** 2).mean()), rel=1e-9)
-    assert more.torque[1] == 0.0 and more.apart > 0.0 and more.held != more.own
+    assert more.torque[1] == 0.0 and more.apart > 0.0 and more.held != more.model
     assert f"{more.apart:.3g} from these" in cost_sentence(own, more)
 
 

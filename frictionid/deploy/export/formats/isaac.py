@@ -9,14 +9,13 @@ friction torque can be written so.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 
 import numpy as np
 
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
 
-_HEAD = '''"""{name}: friction of {joints} for the actuators of Isaac Lab.
+_CODE = '''"""{name}: friction of {joints} for the actuators of Isaac Lab.
 
 {facts}
 
@@ -26,61 +25,61 @@ without unit: do not use these numbers there. PhysX needs friction >= dynamic_fr
 Stiffness, damping and limits are those of the USD file.
 """
 
+from isaaclab.actuators import {kind}
+
+{before}ACTUATORS = {{
+    {name!r}: {kind}(
+        joint_names_expr={patterns!r},
+        stiffness=None,
+        damping=None,
+{fields}
+{after}    ),
+}}
 '''
+_STEPS = """DELAY = {!r}  # [s], of the command
+PHYSICS_STEP = 0.005  # [s]: set it to that of your simulation, SimulationCfg.dt
+STEPS = DELAY / PHYSICS_STEP
+
+"""
+_DELAYS = """        min_delay=int(STEPS),
+        max_delay=-int(-STEPS // 1),
+"""
 held = nearest
 
 
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `ACTUATORS`, for `ArticulationCfg.actuators`."""
-    friction = nearest(own)
+    friction, joints = nearest(model), [re.escape(name) for name in model.joints]
     level, viscous = friction.theta.T
-    static = np.maximum(break_away(own.friction), level)
-    fields: dict[str, Mapping[str, float]] = {
-        "friction": _by_joint(own, static),
-        "dynamic_friction": _by_joint(own, level),
-        "viscous_friction": _by_joint(own, viscous),
+    values = {
+        "friction": np.maximum(break_away(model.friction), level),
+        "dynamic_friction": level,
+        "viscous_friction": viscous,
     }
-    rotor = own.friction.parameters.get("rotor")
-    if rotor is not None and len(own.joints) == 1:
-        fields["armature"] = _by_joint(own, np.array([rotor]))
-    calibration = own.friction.calibration
+    if model.rotor is not None:
+        values["armature"] = np.array([model.rotor])
+    fields = [
+        f"        {name}={dict(zip(joints, map(float, row), strict=True))!r},"
+        for name, row in values.items()
+    ]
+    calibration = model.friction.calibration
     delay = 0.0 if calibration is None else float(calibration.delay)
     kind = "DelayedPDActuatorCfg" if delay > 0 else "ImplicitActuatorCfg"
-    lines = [f"from isaaclab.actuators import {kind}", ""]
-    if delay > 0:
-        lines += [
-            f"DELAY = {delay!r}  # [s], of the command",
-            "PHYSICS_STEP = 0.005  # [s]: set it to that of your simulation, SimulationCfg.dt",
-            "STEPS = DELAY / PHYSICS_STEP",
-            "",
-        ]
-    lines += [
-        "ACTUATORS = {",
-        f"    {settings.name!r}: {kind}(",
-        f"        joint_names_expr={[re.escape(name) for name in own.joints]!r},",
-        "        stiffness=None,",
-        "        damping=None,",
-        *(f"        {name}={dict(values)!r}," for name, values in fields.items()),
-    ]
-    if delay > 0:
-        lines += ["        min_delay=int(STEPS),", "        max_delay=-int(-STEPS // 1),"]
-    lines += ["    ),", "}", ""]
-    facts = "\n".join(own.facts)
-    head = _HEAD.format(name=settings.name, joints=", ".join(own.joints), facts=facts)
-    lost = _lost(own, lost_by(own, friction, "PhysX", "static, dynamic and viscous effort"))
-    other = friction if differs(own, friction) else None
-    return Written({".py": (head + "\n".join(lines)).encode()}, tuple(lost), other)
-
-
-def _lost(own: ExportedFriction, sentences: list[str]) -> list[str]:
-    """The sentences, without those on break-away, which PhysX holds by itself."""
-    kept = [s for s in sentences if " breaks away at " not in s]
-    calibration = own.friction.calibration
-    if calibration is not None and calibration.delay < 0:
-        kept.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
-    return kept
-
-
-def _by_joint(own: ExportedFriction, values: np.ndarray) -> dict[str, float]:
-    names = (re.escape(name) for name in own.joints)
-    return {name: float(v) for name, v in zip(names, values, strict=True)}
+    before, after = (_STEPS.format(delay), _DELAYS) if delay > 0 else ("", "")
+    code = _CODE.format(
+        name=settings.name,
+        joints=", ".join(model.joints),
+        facts="\n".join(model.facts),
+        kind=kind,
+        patterns=joints,
+        fields="\n".join(fields),
+        before=before,
+        after=after,
+    )
+    # PhysX holds the break-away level by itself
+    lost = lost_by(model, friction, "PhysX", "static, dynamic and viscous effort")
+    lost = [sentence for sentence in lost if " breaks away at " not in sentence]
+    if delay < 0:
+        lost.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
+    other = friction if differs(model, friction) else None
+    return Written({".py": code.encode()}, tuple(lost), other)

@@ -27,6 +27,7 @@ from frictionid.deploy.export.xml_text import (
     elements,
     read_xml,
     replaced,
+    stated_before,
     with_attributes,
 )
 from frictionid.errors import InputError
@@ -52,8 +53,8 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     --------
     >>> from frictionid.mechanics import pendulum
     >>> m = pendulum(mass=0.4, length=0.25)
-    >>> found = physical_parameters(m, 1.21 * m.base(m.nominal()))
-    >>> round(found["mass"], 6), round(found["length"], 6)
+    >>> values = physical_parameters(m, 1.21 * m.base(m.nominal()))
+    >>> round(values["mass"], 6), round(values["length"], 6)
     (0.484, 0.25)
     """
     nominal = mechanism.nominal()
@@ -68,13 +69,13 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
         return np.asarray((mechanism.base(values(x)) - base) / size)
 
     # Gauss-Newton by minimum norm: of all solutions near the start, one that changes little
-    found = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    if np.abs(found.fun).max() > _EXACT:
+    solution = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    if np.abs(solution.fun).max() > _EXACT:
         raise InputError(
             f"{mechanism.kind}: no positive masses, lengths and inertias have the model's base "
             "parameters; name an MJCF (--into), and correct its inertias by the model's"
         )
-    return values(found.x)
+    return values(solution.x)
 
 
 _CLASS = '''
@@ -125,76 +126,74 @@ _NOW = """        both = [dict(x, w=[side * REST] * len(self.dofs)) for side in 
 """
 
 
-def callback(own: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
+def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
     """The module, b"" where there is none, and a sentence that says what it does.
 
     Memory advances with each step of the engine, or once a sample where the law says so.
     """
-    law = own.friction.law
-    sharp = replace(own, friction=replace(own.friction, law=law.sharpened()))
+    law = model.friction.law.sharpened()
+    sharp = replace(model, friction=replace(model.friction, law=law))
     try:
-        programs = sharp.programs
+        inputs, has_memory = sharp.programs.inputs, bool(sharp.programs.memory)
     except InputError as error:
         return b"", f"no callback: {error}"
-    if "load" in programs.inputs:
+    if "load" in inputs:
         return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
-    plain = python.write(sharp, settings).files[".py"].decode()
-    head, body = plain.split("\nimport math\n", 1)
-    inputs = programs.inputs
-    named = ", ".join(f'x["{name}"]' for name in inputs)
-    memory = ""
-    if programs.memory:
-        time = own.law.sample_time
-        when = "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}"
-        memory = _MEMORY.format(inputs=named, when=when)
-    follows = not programs.memory and set(inputs) - {"w"}
-    both = ", ".join(f'y["{name}"]' for name in inputs)
+    time = model.law.sample_time
+    when = "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}"
+    now, both = (", ".join(f'{x}["{name}"]' for name in inputs) for x in "xy")
+    follows = not has_memory and set(inputs) - {"w"}
     code = _CLASS.format(
-        levels=[float(v) for v in break_away(own.friction)],
-        memory=memory,
-        arguments=", ".join([named, *(["self.memory"] if programs.memory else [])]),
+        levels=[float(v) for v in break_away(model.friction)],
+        memory=_MEMORY.format(inputs=now, when=when) if has_memory else "",
+        arguments=f"{now}, self.memory" if has_memory else now,
         levels_now=_NOW.format(both=both) if follows else "",
     )
     sentence = (
         "the callback beside the MJCF computes the model's own torque of sliding joints, with "
         "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"
     )
-    return f"{head}\nimport math\n{body}\n{code}".encode(), sentence
+    return python.write(sharp, settings).files[".py"] + f"\n{code}".encode(), sentence
 
 
 # tendons stand for parts that turn with several joints, such as motors on moving links
 _PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}
 _DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default classes
+_KINDS = {"rad": "hinge", "m": "slide"}  # of joints, by the unit of their position
 _STATED = ("frictionloss", "damping", "armature")
 _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless refsafe is disabled
 held = nearest
 
 
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """An MJCF whose joints have the friction, and a callback where they cannot hold it."""
-    friction = nearest(own)
-    lost = lost_by(own, friction, "MJCF", "frictionloss and damping")
+    friction = nearest(model)
+    lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
     if settings.into is None:
-        text, where, notes = _mechanism(own)
-        found = elements(text, where)
+        text, where, notes = _mechanism(model)
+        listed = elements(text, where)
     else:
         where, notes = str(settings.into), []
-        text, found = read_xml(settings.into)
-        if not found or found[0].tag not in ("mujoco", "mujocoinclude"):
-            raise InputError(f"{where}: is no MJCF, its first element must be <mujoco>")
-    joints = _joints(found, own, where)
+        text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
+    joints = _joints(listed, model, where)
     values = [
-        {"frictionloss": _text(level), "damping": _text(slope)} for level, slope in friction.theta
+        {"frictionloss": repr(float(level)), "damping": repr(float(slope))}
+        for level, slope in friction.theta
     ]
-    if not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in found):
+    if not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed):
         for joint, new in zip(joints, values, strict=True):
-            if _inherited(joint, "solreffriction", found) is None:
+            if _inherited(joint, "solreffriction", listed) is None:
                 new["solreffriction"] = _HARD
-    rotor = own.friction.parameters.get("rotor")
-    if settings.into is not None and rotor is not None and len(joints) == 1:
-        values[0]["armature"] = _text(rotor)
     if settings.into is not None:
-        notes += [*_stated(joints, values, found), *_included(found)]
+        if (rotor := model.rotor) is not None:
+            values[0]["armature"] = repr(rotor)
+        for joint, new in zip(joints, values, strict=True):
+            before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
+            notes += stated_before(joint.name, before, new)
+        if any(e.tag == "include" or "file" in e.attributes for e in listed):
+            notes.append(
+                "the MJCF names other files: keep it in the folder of the one that it is made from"
+            )
     if any("solreffriction" in new for new in values):
         notes.append(f'solreffriction="{_HARD}": friction is as hard as the time step allows')
     changes = [
@@ -202,95 +201,68 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
         for joint, new in zip(joints, values, strict=True)
     ]
     files = {".xml": replaced(text, changes)}
-    if differs(own, friction):
+    if differs(model, friction):
         code, sentence = b"", "no callback: it adds friction to joints, not to tendons"
         if all(joint.tag == "joint" for joint in joints):
-            code, sentence = callback(own, settings)
-        if code:
-            files["_callback.py"] = code
-            notes.append(sentence)
-        else:
-            lost.append(sentence)
-    other = friction if lost else None
-    return Written(files, tuple(lost), other, tuple(notes))
+            code, sentence = callback(model, settings)
+        files |= {"_callback.py": code} if code else {}
+        (notes if code else lost).append(sentence)
+    return Written(files, tuple(lost), friction if lost else None, tuple(notes))
 
 
-def _mechanism(own: ExportedFriction) -> tuple[bytes, str, list[str]]:
+def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
     """MJCF of the data's mechanism."""
-    if own.data is None:
+    if model.data is None:
         raise InputError(
             "mujoco: name the MJCF whose joints are given the friction (--into robot.xml), or the "
             "data set whose mechanism is written (--dataset)"
         )
-    mechanism, notes = own.data.mechanism, []
-    parameters: Mapping[str, float] = own.friction.parameters
-    if (calibration := own.friction.calibration) is not None:
+    mechanism, notes = model.data.mechanism, []
+    parameters: Mapping[str, float] = model.friction.parameters
+    if (calibration := model.friction.calibration) is not None:
         if calibration.base is not None:
             parameters = physical_parameters(mechanism, calibration.base)
             notes.append("masses and inertias are such that the model's base parameters hold")
         notes.append("gain, bias, delay and offset of the calibration are not in the MJCF")
-    known = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
-    return mjcf_of(mechanism, known).encode(), f"MJCF of {mechanism.kind}", notes
+    used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
+    return mjcf_of(mechanism, used).encode(), f"MJCF of {mechanism.kind}", notes
 
 
-def _joints(found: list[Element], own: ExportedFriction, where: str) -> list[Element]:
+def _joints(listed: list[Element], model: ExportedFriction, where: str) -> list[Element]:
     """The joints with friction, in the model's order."""
-    bodies = [e for e in found if e.parent is not None and e.parent.tag in _PLACES.get(e.tag, ())]
-    files = [e.attributes.get("file", "") for e in found if e.tag == "include"]
-    known = {e.name for e in bodies}
-    if files and not set(own.joints) <= known:
-        missing = next(name for name in own.joints if name not in known)
+    bodies = [e for e in listed if e.parent is not None and e.parent.tag in _PLACES.get(e.tag, ())]
+    files = [e.attributes.get("file", "") for e in listed if e.tag == "include"]
+    names = {e.name for e in bodies}
+    if files and (missing := [name for name in model.joints if name not in names]):
         raise InputError(
-            f"{where}: has no joint {missing!r} itself, and includes {', '.join(files)}: name the "
-            "file with the joints (--into)"
+            f"{where}: has no joint {missing[0]!r} itself, and includes {', '.join(files)}: name "
+            "the file with the joints (--into)"
         )
-    joints = by_name(bodies, own.joints, where)
-    for joint, unit in zip(joints, own.units, strict=True):
-        kind = _inherited(joint, "type", found) or "hinge"
-        if joint.tag == "joint" and kind != ("hinge" if unit == "rad" else "slide"):
+    joints = by_name(bodies, model.joints, where)
+    for joint, unit in zip(joints, model.units, strict=True):
+        kind, wanted = _inherited(joint, "type", listed) or "hinge", _KINDS[unit]
+        if joint.tag == "joint" and kind != wanted:
             raise InputError(
                 f"{where}: joint {joint.name!r} is a {kind} joint, the model's position is in "
-                f"{unit}: friction of one joint needs a {'hinge' if unit == 'rad' else 'slide'}"
+                f"{unit}: friction of one joint needs a {wanted}"
             )
     return joints
 
 
-def _stated(joints: list[Element], values: list[dict[str, str]], found: list[Element]) -> list[str]:
-    """Notes on values that stand in the file already."""
-    notes = []
-    for joint, new in zip(joints, values, strict=True):
-        before = {name: _inherited(joint, name, found) for name in _STATED if name in new}
-        old = ", ".join(f"{k} {v}" for k, v in before.items() if v is not None and v != new[k])
-        if old:
-            notes.append(f"{joint.name} had {old}")
-    return notes
-
-
-def _included(found: list[Element]) -> list[str]:
-    if not any(e.tag == "include" or "file" in e.attributes for e in found):
-        return []
-    return ["the MJCF names other files: keep it in the folder of the one that it is made from"]
-
-
-def _inherited(joint: Element, name: str, found: list[Element]) -> str | None:
-    """Value of a joint's attribute, by itself or by its default class; None where none is given."""
+def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
+    """Value of a joint's attribute, by itself or by its default class; None where there is none."""
     if name in joint.attributes:
         return joint.attributes[name]
-    chosen = joint.attributes.get("class")
-    body = joint.parent
+    chosen, body = joint.attributes.get("class"), joint.parent
     while chosen is None and body is not None:
         chosen, body = body.attributes.get("childclass"), body.parent
-    defaults = [e for e in found if e.tag == "default"]
+    defaults = [e for e in listed if e.tag == "default"]
     top = [e for e in defaults if e.parent is not None and e.parent.tag == "mujoco"]
     classes = [e for e in defaults if chosen is not None and e.attributes.get("class") == chosen]
-    own: Element | None = next(iter(classes or top), None)
-    while own is not None and own.tag == "default":
-        for child in own.children:
+    default: Element | None = next(iter(classes or top), None)
+    while default is not None and default.tag == "default":
+        for child in default.children:
             if child.tag == _DEFAULT[joint.tag] and name in child.attributes:
                 return child.attributes[name]
-        own = own.parent
+        default = default.parent
     return None
-
-
-def _text(value: float) -> str:
-    return repr(float(value))

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import lost_by, nearest
-from frictionid.deploy.export.xml_text import Element, by_name, read_xml, replaced, with_attributes
+from frictionid.deploy.export.xml_text import (
+    Element,
+    by_name,
+    read_xml,
+    replaced,
+    stated_before,
+    with_attributes,
+)
 from frictionid.errors import InputError
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
 held = nearest
 
 
-def write(own: ExportedFriction, settings: ExportSettings) -> Written:
+def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """The URDF with the Coulomb level [N m] and the viscous coefficient [N m s/rad] of joints."""
     path = settings.into
     if path is None:
         raise InputError(
             "urdf: name the URDF whose joints are given the friction (--into robot.urdf)"
         )
-    text, found = read_xml(path)
-    if not found or found[0].tag != "robot":
-        raise InputError(f"{path}: is no URDF, its first element must be <robot>")
-    joints = by_name((e for e in found[0].children if e.tag == "joint"), own.joints, str(path))
-    friction = nearest(own)
-    changes, notes = [], []
-    for joint, unit, (level, slope) in zip(joints, own.units, friction.theta, strict=True):
+    text, elements = read_xml(path, "URDF", "robot")
+    children = (e for e in elements[0].children if e.tag == "joint")
+    joints = by_name(children, model.joints, str(path))
+    friction = nearest(model)
+    changes: list[tuple[int, int, bytes]] = []
+    notes: list[str] = []
+    for joint, unit, (level, slope) in zip(joints, model.units, friction.theta, strict=True):
         if joint.attributes.get("type") not in _TYPES[unit]:
             raise InputError(
                 f"{path}: joint {joint.name!r} is {joint.attributes.get('type')}, the model's "
@@ -37,12 +44,10 @@ def write(own: ExportedFriction, settings: ExportSettings) -> Written:
             continue
         tag = text[dynamics.start : dynamics.end]
         changes.append((dynamics.start, dynamics.end, with_attributes(tag, new)))
-        before = {k: v for k, v in dynamics.attributes.items() if k in new and v != new[k]}
-        if before:
-            notes.append(f"{joint.name} had {', '.join(f'{k} {v}' for k, v in before.items())}")
-    lost = lost_by(own, friction, "URDF", "friction and damping")
-    other = friction if lost else None
-    return Written({".urdf": replaced(text, changes)}, tuple(lost), other, tuple(notes))
+        notes += stated_before(joint.name, dynamics.attributes, new)
+    lost = lost_by(model, friction, "URDF", "friction and damping")
+    content = {".urdf": replaced(text, changes)}
+    return Written(content, tuple(lost), friction if lost else None, tuple(notes))
 
 
 def _inserted(text: bytes, joint: Element, element: bytes) -> tuple[int, int, bytes]:
