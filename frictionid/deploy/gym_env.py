@@ -73,8 +73,7 @@ class FrictionEnv(gymnasium.Env[Array, Array]):
     def __init__(self, simulator: Simulator, episode: Episode) -> None:
         self.simulator, self.episode = simulator, episode
         self.observation_space, self.action_space = _spaces(simulator, episode)
-        self._state = simulator.reset()
-        self._count = 0
+        self._state, self._count = simulator.reset(), 0
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -85,16 +84,10 @@ class FrictionEnv(gymnasium.Env[Array, Array]):
         return _observed(self._state), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        u = _torques(self.simulator, action)
-        after = self.simulator.step(self._state, u)
-        lost = bool(np.isnan(after.q).any())
-        self._state = self._state if lost else after
+        self._state, reward, is_over = _after(self.simulator, self.episode, self._state, action)
         self._count += 1
-        q, w, *_ = self._state
-        ended = self.episode.terminated
-        over = lost or (ended is not None and bool(ended(q, w)))
-        late = self._count >= self.episode.steps
-        return _observed(self._state), float(self.episode.reward(q, w, u)), over, late, {}
+        is_late = self._count >= self.episode.steps
+        return _observed(self._state), float(reward), bool(is_over), is_late, {}
 
 
 class FrictionVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
@@ -117,96 +110,94 @@ class FrictionVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self.single_observation_space, self.single_action_space = spaces
         batched = (gymnasium.vector.utils.batch_space(space, count) for space in spaces)
         self.observation_space, self.action_space = batched
+        self._count, self._everyone = np.zeros(count, dtype=int), np.ones(count, dtype=bool)
         self._state = simulator.reset(np.zeros((count, simulator.n)))
-        self._ended = np.ones(count, dtype=bool)
-        self._fresh = self._ended
-        self._count = np.zeros(count, dtype=int)
+        self._ended = self._fresh = self._everyone
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         super().reset(seed=None, options=options)
-        own: list[int | None] = [None] * self.num_envs
+        seeds: list[int | None] = [None] * self.num_envs
         if isinstance(seed, list):
-            own = seed
+            seeds = seed
         elif seed is not None:
-            own = [seed + i for i in range(self.num_envs)]
+            seeds = [seed + i for i in range(self.num_envs)]
         if seed is not None or not hasattr(self, "_random"):
-            self._random = [gymnasium.utils.seeding.np_random(one)[0] for one in own]
+            self._random = [gymnasium.utils.seeding.np_random(x)[0] for x in seeds]
         self._state = self.simulator.reset(np.zeros((self.num_envs, self.simulator.n)))
-        self._begin(np.ones(self.num_envs, dtype=bool))
+        self._begin(self._everyone)
         return _observed(self._state), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        u, new, before = _torques(self.simulator, actions), self._ended, self._state
-        after = self.simulator.step(before, u, self._fresh)
-        self._fresh = np.zeros(self.num_envs, dtype=bool)
-        lost = np.asarray(np.isnan(after.q).any(axis=-1))
-        self._state = _rows(lost, before, after) if lost.any() else after
-        self._count = self._count + 1
-        q, w, *_ = self._state
-        ended, late = self.episode.terminated, self._count >= self.episode.steps
-        over = lost if ended is None else lost | np.asarray(ended(q, w), dtype=bool)
-        reward = np.asarray(self.episode.reward(q, w, u), dtype=float)
+        new = self._ended
+        self._state, reward, is_over = _after(
+            self.simulator, self.episode, self._state, actions, self._fresh
+        )
+        self._fresh, self._count = ~self._everyone, self._count + 1
         if new.any():
             self._begin(new)
-        over, late = over & ~new, late & ~new
-        self._ended = over | late
-        return _observed(self._state), np.where(new, 0.0, reward), over, late, {}
+        is_over, is_late = is_over & ~new, (self._count >= self.episode.steps) & ~new
+        self._ended = is_over | is_late
+        return _observed(self._state), np.where(new, 0.0, reward), is_over, is_late, {}
 
     def _begin(self, which: Array) -> None:
         """New episodes of the machines which (count,) are chosen."""
-        drawn = [_start(self.episode, self._random[i]) for i in np.flatnonzero(which)]
+        starts = [_start(self.episode, self._random[i]) for i in np.flatnonzero(which)]
         q, w = self._state.q.copy(), self._state.w.copy()
-        for x, values in zip((q, w), zip(*drawn, strict=True), strict=True):
+        for x, values in zip((q, w), zip(*starts, strict=True), strict=True):
             x[which] = [np.zeros(self.simulator.n) if v is None else v for v in values]
         self._state = self._state._replace(q=q, w=w)
         self._count = np.where(which, 0, self._count)
-        self._fresh = self._fresh | which
-        self._ended = self._ended & ~which
+        self._fresh, self._ended = self._fresh | which, self._ended & ~which
 
 
 def _spaces(simulator: Simulator, episode: Episode, count: int = 1) -> Any:
     """Spaces of observations and actions of one machine, both of float64."""
-    if not isinstance(simulator.friction.theta, np.ndarray):
+    theta, mechanism = simulator.friction.theta, simulator.plant.mechanism
+    if not isinstance(theta, np.ndarray):
         raise InputError("environments are made of NumPy: give a friction whose theta is an array")
-    own = np.broadcast_shapes(simulator.friction.theta.shape[:-2], simulator.plant.p.shape[:-1])
-    if own not in ((), (count,)):
+    batch = np.broadcast_shapes(theta.shape[:-2], simulator.plant.p.shape[:-1])
+    if batch not in ((), (count,)):
         raise InputError(
-            f"the simulator has a batch of shape {own}, the environment one of {count}: pick a "
+            f"the simulator has a batch of shape {batch}, the environment one of {count}: pick a "
             "friction by friction[i], or give a FrictionVectorEnv of as many"
         )
-    motors = int(simulator.plant.mechanism.motors.sum())
-    given = np.asarray(episode.torque_limit, dtype=float)
-    if given.shape not in ((), (motors,)) or not (np.isfinite(given) & (given > 0)).all():
+    motors = int(mechanism.motors.sum())
+    limit = np.asarray(episode.torque_limit, dtype=float)
+    if limit.shape not in ((), (motors,)) or not (np.isfinite(limit) & (limit > 0)).all():
         raise InputError(
             f"torque_limit = {episode.torque_limit!r} must be a positive number of N m, or one for "
             f"each of {motors} motors"
         )
-    most = np.broadcast_to(given, motors).copy()
-    box = gymnasium.spaces.Box
-    far = np.full(2 * simulator.n, np.inf)
-    return box(-far, far, dtype=np.float64), box(-most, most, dtype=np.float64)
+    ends = (np.full(2 * simulator.n, np.inf), np.broadcast_to(limit, motors).copy())
+    return tuple(gymnasium.spaces.Box(-end, end, dtype=np.float64) for end in ends)
 
 
-def _torques(simulator: Simulator, action: Array) -> Array:
-    """Torques (..., n) of all joints from those of the motors."""
-    motors = simulator.plant.mechanism.motors > 0
+def _after(
+    simulator: Simulator,
+    episode: Episode,
+    before: State,
+    action: Array,
+    fresh: Array | None = None,
+) -> tuple[State, Array, Array]:
+    """State after an action, the last finite one of machines that diverge; rewards, and ends."""
     u = np.zeros((*np.shape(action)[:-1], simulator.n))
-    u[..., motors] = action
-    return u
+    u[..., simulator.plant.mechanism.motors > 0] = action  # of the joints with a motor
+    state = simulator.step(before, u, fresh)
+    is_over: Array = np.asarray(np.isnan(state.q).any(axis=-1))
+    if is_over.any():
+        lost = is_over[..., None]
+        pairs = zip(before.memory or state.memory, state.memory, strict=True)
+        q, w = np.where(lost, before.q, state.q), np.where(lost, before.w, state.w)
+        state = State(q, w, tuple(np.where(lost, *pair) for pair in pairs))
+    if episode.terminated is not None:
+        is_over = is_over | np.asarray(episode.terminated(state.q, state.w), dtype=bool)
+    return state, np.asarray(episode.reward(state.q, state.w, u), dtype=float), is_over
 
 
 def _start(episode: Episode, random: np.random.Generator) -> tuple[Any, Any]:
     return (None, None) if episode.start is None else episode.start(random)
-
-
-def _rows(which: Array, yes: State, no: State) -> State:
-    """The state with the rows which (...) of one and else of another."""
-    one = which[:, None]
-    pairs = zip(yes.memory or no.memory, no.memory, strict=True)
-    memory = tuple(np.where(one, *pair) for pair in pairs)
-    return State(np.where(one, yes.q, no.q), np.where(one, yes.w, no.w), memory)
 
 
 def _observed(state: State) -> Array:
