@@ -158,15 +158,13 @@ def monitor(
 
     Exit status: 0 unchanged, 1 changed, 3 the recordings cannot tell at that rate.
     """
-    from functools import partial
-
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.monitor.monitor import monitor as judged
-    from frictionid.deploy.monitor.page import drift_figure, judgement_document, write_monitoring
+    from frictionid.deploy.monitor.monitored import write_monitoring
     from frictionid.files import json_text
 
     sets = [load_dataset(path, data, trust=trust) for path in new]
-    found = judged(
+    monitored = judged(
         baseline,
         sets,
         rate=rate,
@@ -174,20 +172,14 @@ def monitor(
         state=state,
         only=only or (),
     )
-    page = None
-    if out is not None:
-        draw = partial(drift_figure, found.baseline, found.changes, found.arrivals)
-        page = write_monitoring(
-            out, found.baseline, found.judgement, found.names, found.arrivals, draw, replace=replace
-        )
+    page = None if out is None else write_monitoring(out, monitored, replace=replace)
     if json:
-        parts = (found.baseline, found.judgement, found.names, found.arrivals)
-        print(json_text(judgement_document(*parts)), end="")
+        print(json_text(monitored.document), end="")
     else:
-        print(found)
+        print(monitored)
         if page is not None:
             print(f"written to {page}")
-    raise typer.Exit(STATUS[found.answer])
+    raise typer.Exit(STATUS[monitored.answer])
 
 
 def baseline(

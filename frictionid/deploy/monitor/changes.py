@@ -13,7 +13,7 @@ same in the healthy ones, and cancels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -79,6 +79,11 @@ class Changes(NamedTuple):
     seconds: Array
 
 
+def joined(several: Iterable[Changes]) -> Changes:
+    """Changes of the recordings of several, one behind the other."""
+    return Changes(*map(np.concatenate, zip(*several, strict=True)))
+
+
 def curve_changes(parts: Array, speeds: Array) -> Array:
     """Changes (R, n, 4) of each joint's curve at its slow, usual and fast speed, and asymmetry.
 
@@ -115,25 +120,21 @@ def recording_changes(
     n, count = reference.friction.n, len(dataset.recordings)
     linear = _linearised(prepared, reference)
     m = 4 * n
-    found = np.zeros((count, linear.columns.shape[-1]))
-    error = np.zeros_like(found)
-    for r in range(count):
-        own = linear.recording == r
-        found[r], error[r] = _fitted(linear.residual[own], linear.columns[own], linear.prior)
+    rows = [linear.recording == r for r in range(count)]
+    fits = [_fitted(linear.residual[row], linear.columns[row], linear.prior) for row in rows]
+    change, error = (np.stack(column) for column in zip(*fits, strict=True))
     joints = dataset.mechanism.n
     gain = np.zeros((count, joints))
-    gain[:, linear.driven] = found[:, m + 1 : m + 1 + len(linear.driven)]
+    gain[:, linear.driven] = change[:, m + 1 : m + 1 + len(linear.driven)]
     speed = np.abs(linear.velocity)
     return Changes(
-        parts=found[:, :m].reshape(count, n, 4),
+        parts=change[:, :m].reshape(count, n, 4),
         error=error[:, :m].reshape(count, n, 4),
-        delay=found[:, m],
+        delay=change[:, m],
         gain=gain,
-        offset=found[:, m + 1 + len(linear.driven) :],
+        offset=change[:, m + 1 + len(linear.driven) :],
         covariates=covariate_means(dataset, covariates),
-        speeds=np.stack(
-            [np.quantile(speed[linear.recording == r], 0.95, axis=0) for r in range(count)]
-        ),
+        speeds=np.stack([np.quantile(speed[row], 0.95, axis=0) for row in rows]),
         seconds=np.array([np.ptp(r.angle.time) for r in dataset.recordings]),
     )
 
@@ -152,20 +153,20 @@ class _Linear(NamedTuple):
 def _linearised(prepared: Prepared, reference: Reference) -> _Linear:
     """The residual of all recordings and its derivatives by changes, delay, gains and offsets."""
     n = prepared.dataset.mechanism.n
-    own = reference.calibration or Calibration.ideal(n)
+    calibration = reference.calibration or Calibration.ideal(n)
     driven = np.flatnonzero(prepared.dataset.mechanism.motors)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
         problem = training_of(with_calibration(prepared, calibration), INTEGRAL)
         return problem, problem.residual(along(reference.friction, problem.nodes))
 
-    problem, e = residual(own)
+    problem, e = residual(calibration)
     parts = -times(problem.G, problem.mean(_basis(problem.nodes.inputs.w, reference.speeds)))
     unit = np.eye(n)
     others = [
-        replace(own, delay=own.delay + _STEP),
-        *(replace(own, gain=own.gain * (1.0 + _STEP * unit[j])) for j in driven),
-        *(replace(own, offset=own.offset + _STEP * unit[j]) for j in range(n)),
+        replace(calibration, delay=calibration.delay + _STEP),
+        *(replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j])) for j in driven),
+        *(replace(calibration, offset=calibration.offset + _STEP * unit[j]) for j in range(n)),
     ]
     sensors = np.stack([_matched(problem, e, *residual(c)) / _STEP for c in others])
     columns = np.moveaxis(np.concatenate([parts, sensors]), 0, -1)

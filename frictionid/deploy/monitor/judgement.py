@@ -154,11 +154,6 @@ class PartChange(NamedTuple):
     high: float
     per_cent: float
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether the interval leaves out zero."""
-        return self.low > 0 or self.high < 0
-
 
 class Judgement(NamedTuple):
     """What new recordings say.

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
@@ -32,14 +30,14 @@ from frictionid.deploy.monitor.baseline import (
 from frictionid.deploy.monitor.changes import (
     Changes,
     curve_changes,
+    joined,
     prepared_data,
     recording_changes,
 )
-from frictionid.deploy.monitor.judgement import Judgement, judge, white_rows, without_covariates
-from frictionid.deploy.monitor.page import drift_figure, judgement_frame, judgement_text
+from frictionid.deploy.monitor.judgement import judge, white_rows, without_covariates
+from frictionid.deploy.monitor.monitored import Monitored
 from frictionid.errors import InputError
 from frictionid.files import json_text, read_json, write_json
-from frictionid.report.figures.style import drawn
 
 
 def baseline(
@@ -84,46 +82,6 @@ def baseline(
         settings = {"law": str(friction.law), "dataset": dataset.name, "data": dataset.hashes}
         save_baseline(made, Path(out), LAWS, settings)
     return made
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Monitored:
-    """What new recordings say of a machine's friction, compared with its baseline.
-
-    Attributes
-    ----------
-    baseline : Baseline
-    judgement : Judgement
-        Of all new recordings together.
-    names : of the new recordings
-    changes : of the new recordings
-    arrivals : tuple of Arrival
-        All recordings of the state, with the evidence after each; () without a state.
-    """
-
-    baseline: Baseline
-    judgement: Judgement
-    names: tuple[str, ...]
-    changes: Changes
-    arrivals: tuple[Arrival, ...] = ()
-
-    def __repr__(self) -> str:
-        return judgement_text(self.baseline, self.judgement, self.names, self.arrivals)
-
-    @property
-    def answer(self) -> str:
-        """Answer "changed", "unchanged" or "cannot_tell"."""
-        return self.judgement.answer
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """Change of each part of each joint's friction, with 95 % intervals [N m]."""
-        return judgement_frame(self.baseline, self.judgement)
-
-    def plot(self) -> Any:
-        """A Matplotlib figure: change of each joint's friction over the recordings."""
-        draw = partial(drift_figure, self.baseline, self.changes, self.arrivals)
-        return drawn(draw)
 
 
 def monitor(
@@ -171,26 +129,25 @@ def monitor(
     """
     if not 0 < rate < 1:
         raise InputError(f"rate = {rate:g} must lie between 0 and 1")
-    known = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline), LAWS)
-    given: Any = [data] if isinstance(data, str | Path | Dataset) else data
-    sets = [dataset_of(own) for own in given]
+    healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline), LAWS)
+    several: Any = [data] if isinstance(data, str | Path | Dataset) else data
     parts: list[Changes] = []
-    names: list[str] = []
-    digests: list[str] = []
-    for one in sets:
-        dataset = chosen_recordings(one, only)
-        check_same_machine(known, dataset, dataset.name)
-        parts.append(recording_changes(prepared_data(dataset), known.reference, known.covariates))
-        names += [r.name for r in dataset.recordings]
-        digests += hashes_of(dataset)
-    new = Changes(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    recordings: list[tuple[str, str]] = []
+    for dataset in (chosen_recordings(dataset_of(x), only) for x in several):
+        check_same_machine(healthy, dataset, dataset.name)
+        prepared = prepared_data(dataset)
+        parts.append(recording_changes(prepared, healthy.reference, healthy.covariates))
+        digests = hashes_of(dataset)
+        recordings += ((r.name, x) for r, x in zip(dataset.recordings, digests, strict=True))
+    new = joined(parts)
     arrivals: tuple[Arrival, ...] = ()
     if state is not None:
-        for arrival in arriving(Path(state), known, tuple(names), tuple(digests), new):
+        for arrival in arriving(Path(state), healthy, recordings, new):
             if done is not None:
                 done(arrival.name)
-        arrivals = tuple(load_state(Path(state), known))
-    return Monitored(known, judge(known, new, rate, test), tuple(names), new, arrivals)
+        arrivals = tuple(load_state(Path(state), healthy))
+    names = tuple(name for name, _ in recordings)
+    return Monitored(healthy, judge(healthy, new, rate, test), names, new, arrivals)
 
 
 def chosen_recordings(dataset: Dataset, only: Sequence[str]) -> Dataset:
@@ -283,36 +240,32 @@ def load_state(path: Path, baseline: Baseline) -> list[Arrival]:
 
 
 def arriving(
-    path: Path, baseline: Baseline, names: tuple[str, ...], digests: tuple[str, ...], new: Changes
+    path: Path, baseline: Baseline, recordings: Sequence[tuple[str, str]], new: Changes
 ) -> Iterator[Arrival]:
     """Recordings that are not in the state yet, each written to it before the next is looked at.
 
     A process that is killed between two of them loses nothing: the file is written as a whole.
+
+    Parameters
+    ----------
+    recordings : name and digest of each
+    new : their changes
     """
-    known = load_state(path, baseline)
-    for i, (name, digest) in enumerate(zip(names, digests, strict=True)):
-        if digest in {arrival.digest for arrival in known}:
+    arrivals = load_state(path, baseline)
+    for i, (name, digest) in enumerate(recordings):
+        if digest in {arrival.digest for arrival in arrivals}:
             continue
-        own = Changes(*(values[i : i + 1] for values in new))
-        columns = zip(baseline.changes, *(a.changes for a in known), strict=True)
-        before_it = Changes(*map(np.concatenate, columns))
-        rows = np.concatenate(without_covariates(before_it, own))
+        changes = Changes(*(values[i : i + 1] for values in new))
+        before = joined([baseline.changes, *(arrival.changes for arrival in arrivals)])
+        rows = np.concatenate(without_covariates(before, changes))
         bet = log_bet(curve_changes(rows, baseline.reference.speeds), digest)
-        before = known[-1].log_evidence if known else 0.0
-        known.append(Arrival(name, digest, own, before + bet))
-        write_json(path, _document(baseline, known))
-        yield known[-1]
-
-
-def _document(baseline: Baseline, arrivals: list[Arrival]) -> dict[str, Any]:
-    rows = [
-        {"name": a.name, "sha256": a.digest, "log_evidence": a.log_evidence}
-        | numbers_of(a.changes, 0)
-        for a in arrivals
-    ]
-    return {"format": STATE, "baseline": digest_of(baseline), "arrived": rows}
-
-
-def evidence(arrivals: list[Arrival]) -> Array:
-    """Log evidence (k,) after each arrival."""
-    return np.array([arrival.log_evidence for arrival in arrivals])
+        evidence = arrivals[-1].log_evidence if arrivals else 0.0
+        arrivals.append(Arrival(name, digest, changes, evidence + bet))
+        listed = [
+            {"name": a.name, "sha256": a.digest, "log_evidence": a.log_evidence}
+            | numbers_of(a.changes, 0)
+            for a in arrivals
+        ]
+        document = {"format": STATE, "baseline": digest_of(baseline), "arrived": listed}
+        write_json(path, document)
+        yield arrivals[-1]

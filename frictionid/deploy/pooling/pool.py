@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,56 +29,30 @@ from frictionid.deploy.pooling.random_effects import Regression, meta_regression
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
+from frictionid.friction.provenance import Estimate, Provenance
 from frictionid.friction.provenance import Pooled as Specimens
-from frictionid.friction.provenance import Provenance
 from frictionid.report.console import console, printed
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 
-COLUMNS = (
-    *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),
-    *("range_low", "range_high", "tau", "tau_low", "tau_high", "Q", "p_value", "models"),
-)
 _LEAST = 1e-4  # p-values below it are not told apart
-
-
-def pooled_frame(several: Specimens) -> pd.DataFrame:
-    """A line for each pooled parameter; joint is its number from 1, 0 for the machine as a whole.
-
-    Columns: block, joint, parameter, unit; value, low_95, high_95: the mean of all specimens with
-    its interval; range_low, range_high: 95 % range of another specimen; tau, tau_low, tau_high:
-    standard deviation between specimens; Q, p_value: heterogeneity; models: how many.
-    """
-    lines = [
-        (
-            *(e.block, 0 if e.joint is None else e.joint + 1, e.parameter),
-            *(e.unit, e.value, *e.interval_95, *e.range_95),
-            *(e.tau, *e.tau_95, e.Q, e.p_value, len(e.models)),
-        )
-        for e in several.parameters
-    ]
-    return pd.DataFrame(lines, columns=list(COLUMNS))
 
 
 def pooled_table(several: Specimens) -> Table:
     """Table of the pooled parameters."""
     columns = (
         *text_columns("parameter"),
-        *(Column("mean"), Column("95 % interval"), Column("range of another specimen")),
-        *(Column("tau"), *text_columns("unit"), Column("Q"), Column("p"), Column("models")),
+        *map(Column, ("mean", "95 % interval", "range of another specimen", "tau")),
+        *(*text_columns("unit"), *map(Column, ("Q", "p", "models"))),
     )
     lines = []
     for e in several.parameters:
-        inner, outer = (interval(*ends, e.error) for ends in (e.interval_95, e.range_95))
-        words = e.name, digits(e.value, e.error), inner, outer, short(e.tau)
-        spread = f"{e.Q:.3g}", _p_value(e.p_value), str(len(e.models))
-        lines.append(line((*words, e.unit, *spread)))
+        ranges = (interval(*ends, e.error) for ends in (e.interval_95, e.range_95))
+        p = f"{e.p_value:.2g}" if e.p_value >= _LEAST else f"<{_LEAST:g}"
+        words = (e.name, digits(e.value, e.error), *ranges, short(e.tau), e.unit)
+        lines.append(line((*words, f"{e.Q:.3g}", p, str(len(e.models)))))
     return Table("", "pooled", columns, tuple(lines))
-
-
-def _p_value(p: float) -> str:
-    return f"{p:.2g}" if p >= _LEAST else f"<{_LEAST:g}"
 
 
 def show_pooled(several: Specimens) -> None:
@@ -110,12 +84,24 @@ class Pooled:
     def frame(self) -> pd.DataFrame:
         """A line for each pooled parameter.
 
-        Columns: block, joint, parameter, unit; value, low_95, high_95: the mean of all specimens
-        with its interval; range_low, range_high: 95 % range of another specimen; tau, tau_low,
-        tau_high: standard deviation between specimens; Q, p_value: heterogeneity; models: how
-        many.
+        Columns: block, joint (from 1, 0 for the machine as a whole), parameter, unit; value,
+        low_95, high_95: the mean of all specimens with its interval; range_low, range_high: 95 %
+        range of another specimen; tau, tau_low, tau_high: standard deviation between specimens; Q,
+        p_value: heterogeneity; models: how many.
         """
-        return pooled_frame(self.several)
+        columns = (
+            *("block", "joint", "parameter", "unit", "value", "low_95", "high_95"),
+            *("range_low", "range_high", "tau", "tau_low", "tau_high", "Q", "p_value", "models"),
+        )
+        lines = [
+            (
+                *(e.block, 0 if e.joint is None else e.joint + 1, e.parameter),
+                *(e.unit, e.value, *e.interval_95, *e.range_95),
+                *(e.tau, *e.tau_95, e.Q, e.p_value, len(e.models)),
+            )
+            for e in self.several.parameters
+        ]
+        return pd.DataFrame(lines, columns=list(columns))
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -191,23 +177,23 @@ def pool(
     0   coulomb  0.132      0.027       0.238
     1   viscous  0.020      0.018       0.022
     """
-    if isinstance(models, Mapping):
-        names, given = [str(name) for name in models], list(models.values())
-    elif isinstance(models, str | Path) or not isinstance(models, Sequence):
+    if isinstance(models, str | Path) or not isinstance(models, Mapping | Sequence):
         raise InputError(f"pool: needs a list of models, not {models!r}")
-    else:
-        names, given = _names(models), list(models)
-    frictions = [friction_of(model) for model in given]
-    groups = groups_of(equal, joint_names(frictions[0], names[0])) if equal and given else ()
+    names, fits = _named(models)
+    frictions = [friction_of(fit) for fit in fits]
+    groups = groups_of(equal, joint_names(frictions[0], names[0])) if equal and fits else ()
     return Pooled(pooled(frictions, names, groups))
 
 
-def _names(models: Sequence[Any]) -> list[str]:
-    """Names of files as they were given, and of others by their place."""
-    return [
+def _named(models: Mapping[str, Any] | Sequence[Any]) -> tuple[list[str], list[Any]]:
+    """Names of models, and the models: files have theirs, others that of their place."""
+    if isinstance(models, Mapping):
+        return [str(name) for name in models], list(models.values())
+    names = [
         str(model) if isinstance(model, str | Path) else f"model {k + 1}"
         for k, model in enumerate(models)
     ]
+    return names, list(models)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -318,59 +304,53 @@ def over_covariate(
     >>> over_covariate(rigs, "temperature", [20, 30, 40, 50]).at(25.0).theta.round(4)
     array([[0.15, 0.02]])
     """
-    if not isinstance(models, Mapping):
-        models = {f"model {k + 1}": model for k, model in enumerate(models)}
-    names, given = list(models), list(models.values())
-    if len(given) < 3:
-        raise InputError(f"over_covariate: needs three models or more, not {len(given)}")
-    frictions = [friction_of(model) for model in given]
+    names, fits = _named(models)
+    if len(fits) < 3:
+        raise InputError(f"over_covariate: needs three models or more, not {len(fits)}")
+    frictions = [friction_of(fit) for fit in fits]
     check_alike(frictions, names)
-    x = _values(given, names, covariate, values)
-    rows = [
-        (float(at), *row)
-        for model, name, at in zip(frictions, names, x, strict=True)
-        for row in estimates(model, name)
-    ]
-    lines: dict[Key, Regression] = {}
-    units: dict[Key, str] = {}
-    left_out = []
-    for key in dict.fromkeys(row[1] for row in rows):
-        alike = [(at, e, reason) for at, k, e, reason in rows if k == key]
-        known = [(at, e) for at, e, reason in alike if not reason]
-        if len(known) < 3 or len({at for at, _ in known}) < 2:
+    if values is None:
+        values = [_mean(fit, name, covariate) for fit, name in zip(fits, names, strict=True)]
+    x = _checked(values, len(fits), covariate)
+    rows: dict[Key, list[tuple[float, Estimate, str]]] = {}
+    for friction, name, at in zip(frictions, names, x.tolist(), strict=True):
+        for key, estimate, reason in estimates(friction, name):
+            rows.setdefault(key, []).append((at, estimate, reason))
+    lines, units, left_out = {}, {}, []
+    for key, alike in rows.items():
+        usable = [(at, e.value, e.error) for at, e, reason in alike if not reason]
+        if len(usable) < 3 or len({at for at, *_ in usable}) < 2:
             title = alike[0][1].name
-            left_out.append(f"{title}: {len(known)} of {len(given)} fits tell it, no line")
+            left_out.append(f"{title}: {len(usable)} of {len(fits)} fits tell it, no line")
             continue
-        y, s = ([getattr(e, part) for _, e in known] for part in ("value", "error"))
-        at = np.array([at for at, _ in known])
-        lines[key], units[key] = meta_regression(np.array(y), np.array(s), at), known[0][1].unit
-    theta = np.median([f.theta for f in frictions], axis=0)
-    source = {f"over_{covariate}": {name: float(v) for name, v in zip(names, x, strict=True)}}
-    first = replace(frictions[0], provenance=Provenance().but(source))
-    median = replace(first, theta=theta, calibration=_mean_calibration(frictions))
+        at, value, error = np.array(usable).T
+        lines[key], units[key] = meta_regression(value, error, at), alike[0][1].unit
+    source = {f"over_{covariate}": dict(zip(names, x.tolist(), strict=True))}
+    median = replace(
+        frictions[0],
+        theta=np.median([f.theta for f in frictions], axis=0),
+        provenance=Provenance().but(source),
+        calibration=_mean_calibration(frictions),
+    )
     span = (float(x.min()), float(x.max()))
     return OverCovariate(covariate, lines, units, tuple(left_out), median, span)
 
 
 def _mean_calibration(frictions: Sequence[Friction]) -> Calibration | None:
-    """Mean of what the fits found of machine and sensors; None where one has found nothing."""
-    own = [f.calibration for f in frictions if f.calibration is not None]
-    if len(own) < len(frictions):
+    """Mean of what the fits say of machine and sensors; None where one of them says nothing."""
+    calibrations = [f.calibration for f in frictions if f.calibration is not None]
+    if len(calibrations) < len(frictions):
         return None
-    found = {f.name: getattr(stack_calibrations(own), f.name) for f in fields(Calibration)}
-    means: dict[str, Any] = {k: None if v is None else v.mean(axis=0) for k, v in found.items()}
+    stacked: dict[str, Any] = vars(stack_calibrations(calibrations))
+    means: dict[str, Any] = {k: v if v is None else v.mean(axis=0) for k, v in stacked.items()}
     return Calibration(**means)
 
 
-def _values(
-    given: Sequence[Any], names: Sequence[str], covariate: str, values: Sequence[float] | None
-) -> Array:
+def _checked(values: Sequence[float], count: int, covariate: str) -> Array:
     """The covariate of each model."""
-    if values is None:
-        values = [_mean(model, name, covariate) for model, name in zip(given, names, strict=True)]
     x = np.array(values, dtype=float)
-    if x.shape != (len(given),) or not np.isfinite(x).all():
-        raise InputError(f"over_covariate: give one finite number for each of {len(given)} models")
+    if x.shape != (count,) or not np.isfinite(x).all():
+        raise InputError(f"over_covariate: give one finite number for each of {count} models")
     if np.ptp(x) == 0:
         raise InputError(f"over_covariate: {covariate} is {x[0]:g} for all models: record others")
     return x
@@ -378,9 +358,9 @@ def _values(
 
 def _mean(model: Any, name: str, covariate: str) -> float:
     recordings = getattr(getattr(model, "data", None), "recordings", ())
-    known = [r.covariates[covariate].value for r in recordings if covariate in r.covariates]
-    if not known or len(known) < len(recordings):
+    values = [r.covariates[covariate].value for r in recordings if covariate in r.covariates]
+    if not values or len(values) < len(recordings):
         raise InputError(
             f"over_covariate: {name} knows no {covariate!r} of its recordings: give `values`"
         )
-    return float(np.concatenate([v.ravel() for v in known]).mean())
+    return float(np.concatenate([v.ravel() for v in values]).mean())

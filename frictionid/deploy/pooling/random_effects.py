@@ -20,7 +20,8 @@ specimens say little of tau.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import (  # scipy.stats takes half a second
@@ -77,13 +78,7 @@ class RandomEffects(NamedTuple):
         """Value below which another specimen lies with probability p."""
         low = float(np.min(self.means - 40.0 * self.deviations))
         high = float(np.max(self.means + 40.0 * self.deviations))
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if self.probability(np.array(middle)) < p:
-                low = middle
-            else:
-                high = middle
-        return (low + high) / 2
+        return float(_bisected(lambda x: self.probability(x) < p, low, high))
 
     def range(self, level: float = 0.95) -> tuple[float, float]:
         """Prediction interval of another specimen, no narrower than the interval of the mean."""
@@ -106,10 +101,10 @@ def random_effects(values: Array, errors: Array) -> RandomEffects:
 
     Examples
     --------
-    >>> found = random_effects(np.array([0.10, 0.14, 0.12, 0.17]), np.full(4, 0.005))
-    >>> round(found.mean, 4), round(found.tau, 4), round(found.p_value, 4)
+    >>> levels = random_effects(np.array([0.10, 0.14, 0.12, 0.17]), np.full(4, 0.005))
+    >>> round(levels.mean, 4), round(levels.tau, 4), round(levels.p_value, 4)
     (0.1325, 0.0294, 0.0)
-    >>> [round(end, 3) for end in found.range()]  # of another specimen
+    >>> [round(end, 3) for end in levels.range()]  # of another specimen
     [0.027, 0.238]
     """
     y, s = np.asarray(values, dtype=float), np.asarray(errors, dtype=float)
@@ -145,10 +140,14 @@ def between(y: Array, s: Array, level: Array) -> Array:
     """Variances tau^2 (N,) at which Q is as large as levels (N,); zero where it never is."""
     low, high = np.zeros(len(level)), np.sum((y - y.mean()) ** 2) / level  # Q is below there
     low, high = np.where(_statistic(y, s, low) <= level, [low, low], [low, high])
+    return np.asarray(_bisected(lambda x: _statistic(y, s, x) > level, low, high))
+
+
+def _bisected(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """Numbers between low and high up to which `is_below` holds."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        above = _statistic(y, s, middle) > level
-        low, high = np.where(above, [middle, high], [low, middle])
+        low, high = np.where(is_below(middle), [middle, high], [low, middle])
     return (low + high) / 2
 
 
@@ -170,9 +169,9 @@ def pooled_draws(pooled: Pooled, count: int, seed: int) -> Array:
     random = np.random.default_rng(seed)
     out = np.empty((count, len(pooled.parameters)))
     for k, e in enumerate(pooled.parameters):
-        found = random_effects(np.array(e.values), np.array(e.errors))
+        effects = random_effects(np.array(e.values), np.array(e.errors))
         x = np.linspace(*e.range_95, _GRID)
-        below = found.probability(x)
+        below = effects.probability(x)
         out[:, k] = np.interp(random.uniform(below[0], below[-1], count), below, x)
     return out
 
@@ -197,9 +196,6 @@ def sampled(friction: Friction, count: int, seed: int = 0) -> Friction:
         *(friction.law, theta, friction.parameters, friction.provenance, friction.position_units),
         load_unit=friction.load_unit,
     )
-
-
-_HALVINGS = 60
 
 
 class Regression(NamedTuple):
@@ -249,8 +245,8 @@ def meta_regression(values: Array, errors: Array, covariate: Array) -> Regressio
     Examples
     --------
     >>> cold_to_warm = np.array([20.0, 30.0, 40.0, 50.0])
-    >>> found = meta_regression(0.1 - 0.001 * (cold_to_warm - 35), np.full(4, 1e-4), cold_to_warm)
-    >>> round(found.level, 4), round(found.slope, 6), round(found.at(20.0), 4)
+    >>> line = meta_regression(0.1 - 0.001 * (cold_to_warm - 35), np.full(4, 1e-4), cold_to_warm)
+    >>> round(line.level, 4), round(line.slope, 6), round(line.at(20.0), 4)
     (0.1, -0.001, 0.115)
     """
     y, s, x = (np.asarray(a, dtype=float) for a in (values, errors, covariate))
@@ -259,15 +255,12 @@ def meta_regression(values: Array, errors: Array, covariate: Array) -> Regressio
     centre = float(x.mean())
     X = np.stack([np.ones_like(x), x - centre], axis=1)
     freedom = len(y) - 2
-    low, high = 0.0, float(np.sum((y - y.mean()) ** 2)) / freedom  # Q is below its mean there
-    if _fit(X, y, s, 0.0)[2] <= freedom:
-        high = 0.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _fit(X, y, s, middle)[2] > freedom else (low, middle)
-    line, covariance, Q = _fit(X, y, s, high)
+    variance, high = 0.0, float(np.sum((y - y.mean()) ** 2)) / freedom  # Q is below its mean there
+    if _fit(X, y, s, 0.0)[2] > freedom:
+        variance = float(_bisected(lambda x: _fit(X, y, s, x)[2] > freedom, 0.0, high))
+    line, covariance, Q = _fit(X, y, s, variance)
     covariance = covariance * max(1.0, Q / freedom)
-    return Regression(centre, float(line[0]), float(line[1]), covariance, freedom, high**0.5)
+    return Regression(centre, float(line[0]), float(line[1]), covariance, freedom, variance**0.5)
 
 
 def _fit(X: Array, y: Array, s: Array, variance: float) -> tuple[Array, Array, float]:

@@ -80,9 +80,9 @@ def test_what_is_linear_in_the_payload_changes_no_judgement_and_no_evidence(know
 
     other = replace(known, changes=steeper(known.changes))
     assert judge(other, steeper(new)).p == judge(known, new).p
-    names = tuple("abcde")
+    names = [(name, name) for name in "abcde"]
     one, two = (
-        [a.log_evidence for a in arriving(tmp_path / str(i), base, names, names, own)]
+        [a.log_evidence for a in arriving(tmp_path / str(i), base, names, own)]
         for i, (base, own) in enumerate(((known, new), (other, steeper(new))))
     )
     np.testing.assert_allclose(one, two, rtol=1e-9)

@@ -1,0 +1,220 @@
+"""What new recordings say of a machine's friction: as text, frame, picture and page."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid.deploy.monitor.baseline import Arrival, Baseline
+from frictionid.deploy.monitor.changes import Changes, curve_changes, joined
+from frictionid.deploy.monitor.judgement import Judgement, PartChange
+from frictionid.files import json_text
+from frictionid.outputs import replace_files
+from frictionid.report.figures import style
+from frictionid.report.numbers import short
+from frictionid.report.tables import Column, Table, line, render_page, terminal_text, text_columns
+
+PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
+_HEIGHT = 1.25  # [inch] of a panel
+_USUAL = 1  # which of the speeds
+_MOST = 400  # healthy recordings that are drawn
+_CAPTION = (
+    "Change of friction at each joint's usual speed [N m, or N], against the mean of the "
+    "healthy recordings; total: Coulomb and viscous. Intervals from the scatter between "
+    "recordings."
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Monitored:
+    """What new recordings say of a machine's friction, compared with its baseline.
+
+    Attributes
+    ----------
+    baseline : Baseline
+    judgement : Judgement
+        Of all new recordings together.
+    names : of the new recordings
+    changes : of the new recordings
+    arrivals : tuple of Arrival
+        All recordings of the state, with the evidence after each; () without a state.
+    """
+
+    baseline: Baseline
+    judgement: Judgement
+    names: tuple[str, ...]
+    changes: Changes
+    arrivals: tuple[Arrival, ...] = ()
+
+    def __repr__(self) -> str:
+        text = [self.sentence, f"{self.about}; {self.rate_text}", terminal_text(self.table)]
+        text += self.judgement.notes
+        return "\n".join([*text, self.evidence] if self.arrivals else text)
+
+    @property
+    def answer(self) -> str:
+        """Answer "changed", "unchanged" or "cannot_tell"."""
+        return self.judgement.answer
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """Change of each part of each joint's friction with its 95 % interval.
+
+        Columns: joint, part, change, low_95, high_95 [N m, or N], per_cent, p, changed.
+        """
+        names = {"value": "change", "low": "low_95", "high": "high_95"}
+        frame = pd.DataFrame(self.judgement.parts, columns=PartChange._fields).rename(columns=names)
+        frame["p"] = self.judgement.p_of_joint[frame.joint].astype(float)
+        frame["changed"] = frame.joint.isin(self.judgement.joints)
+        return frame.assign(joint=np.array(self.baseline.joints, dtype=object)[frame.joint])
+
+    def plot(self) -> Any:
+        """A Matplotlib figure: change of each joint's friction over the recordings."""
+        return style.drawn(lambda: _drift(self))
+
+    @property
+    def sentence(self) -> str:
+        """The judgement in one sentence."""
+        j = self.judgement
+        if j.answer == "cannot_tell":
+            return f"These recordings cannot tell at a rate of false alarms of {j.rate:g}."
+        what = "has not changed"
+        if j.answer == "changed":
+            what = f"has changed: {', '.join(self.baseline.joints[k] for k in j.joints)}"
+        return f"Friction {what} (p = {j.p:.2g}, alarm at {j.rate:g})."
+
+    @property
+    def about(self) -> str:
+        """How many recordings are compared."""
+        return f"{len(self.names)} new recordings against {len(self.baseline.names)} healthy ones"
+
+    @property
+    def rate_text(self) -> str:
+        """How the rate of false alarms follows."""
+        if self.judgement.test == "normal":
+            return "rate by Hotelling's test, which assumes a normal distribution"
+        least = f"least possible {self.judgement.promised:.2g}"
+        return f"rate by permutation, which assumes nothing of the scatter; {least}"
+
+    @property
+    def evidence(self) -> str:
+        """What the sequence of arrivals says, "" without a state."""
+        if not self.arrivals:
+            return ""
+        log, rate = np.array([x.log_evidence for x in self.arrivals]), self.judgement.rate
+        now = f"evidence after {len(log)} arrivals: {np.exp(min(log[-1], 700.0)):.3g}"
+        alarms = np.flatnonzero(log >= np.log(1.0 / rate))
+        if not len(alarms):
+            return f"{now}, alarm at {1.0 / rate:g}"
+        return f"{now}; alarm at {1.0 / rate:g} since {self.arrivals[int(alarms[0])].name}"
+
+    @property
+    def table(self) -> Table:
+        """Changes of all joints, for people."""
+        columns = (
+            *text_columns("joint", "part"),
+            *map(Column, ("change", "95 % interval", "per cent", "p")),
+        )
+        lines = []
+        for joint, part, value, low, high, per_cent in self.judgement.parts:
+            p = f"{self.judgement.p_of_joint[joint]:.2g}" if part == "total" else ""
+            interval = f"[{short(low, 3)}, {short(high, 3)}]"
+            numbers = (short(value, 3), interval, f"{per_cent:+.1f}", p)
+            lines.append(line([self.baseline.joints[joint], part, *numbers], str(joint)))
+        return Table(_CAPTION, "monitoring", columns, tuple(lines))
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All numbers, for scripts."""
+        j, joints = self.judgement, self.baseline.joints
+        return {
+            "answer": j.answer,
+            "joints": [joints[k] for k in j.joints],
+            "rate": j.rate,
+            "least_rate": j.promised,
+            "test": j.test,
+            "p": j.p,
+            "p_of_joint": dict(zip(joints, j.p_of_joint.tolist(), strict=True)),
+            "changes": self.frame.to_dict("records"),
+            "notes": j.notes,
+            "recordings": self.names,
+            "healthy": self.baseline.names,
+            "log_evidence": {arrival.name: arrival.log_evidence for arrival in self.arrivals},
+        }
+
+
+def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = False) -> Path:
+    """Path of the page written, with its numbers and its picture beside it."""
+    with style.drawing():
+        kinds = style.rendered(_drift(monitored), ("svg", "pdf"))
+    context = {
+        "sentence": monitored.sentence,
+        "judgement": monitored.judgement,
+        "about": monitored.about,
+        "rate": monitored.rate_text,
+        "evidence": monitored.evidence,
+        "table": monitored.table,
+        "image": "data:image/svg+xml;base64," + base64.b64encode(kinds["svg"]).decode(),
+        "names": monitored.names,
+    }
+    contents = {
+        PAGE: render_page("monitoring.html.j2", context).encode(),
+        DOCUMENT: json_text(monitored.document).encode(),
+        FRAME: monitored.frame.to_csv(index=False).encode(),
+        **{f"figures/drift.{kind}": content for kind, content in kinds.items()},
+    }
+    replace_files(folder, contents, replace=replace)
+    return folder / PAGE
+
+
+def _drift(monitored: Monitored) -> Any:
+    """Change [%] of each joint's friction at its usual speed, covariates, and the evidence.
+
+    Where recordings arrived one by one, all of them are drawn, else the new ones.
+    """
+    baseline, new, arrivals = monitored.baseline, monitored.changes, monitored.arrivals
+    if arrivals:
+        new = joined([a.changes for a in arrivals])
+    healthy = baseline.changes
+    shown = np.unique(np.linspace(0, len(healthy.parts) - 1, _MOST).round().astype(int))
+    at = np.arange(-len(shown), len(new.parts))
+    rows = len(baseline.joints) + len(baseline.covariates) + bool(arrivals)
+    picture = style.figure(0.5 + _HEIGHT * rows)
+    axes = picture.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    before, after = (
+        100.0 * curve_changes(x.parts, baseline.reference.speeds)[..., _USUAL] / baseline.level
+        for x in (healthy, new)
+    )
+    middle, reach = before.mean(axis=0), 1.96 * before.std(axis=0, ddof=1)
+    for j, (axis, name) in enumerate(zip(axes, baseline.joints, strict=False)):
+        axis.axhspan(middle[j] - reach[j], middle[j] + reach[j], color=style.PALE, lw=0)
+        axis.axhline(middle[j], color=style.GREY, lw=0.8)
+        axis.plot(at[: len(shown)], before[shown, j], "o", ms=2.5, color=style.GREY)
+        axis.plot(at[len(shown) :], after[:, j], "o", ms=3.5, color=style.COLOURS[1])
+        axis.set_ylabel(f"{style.plain(name)}\nchange [%]")
+    for i, name in enumerate(baseline.covariates):
+        values = np.concatenate([healthy.covariates[shown, i], new.covariates[:, i]])
+        axis = axes[len(baseline.joints) + i]
+        axis.plot(at, values, "o-", ms=2.5, lw=0.8, color=style.COLOURS[0])
+        axis.set_ylabel(style.plain(name))
+    if arrivals:
+        log = np.array([arrival.log_evidence for arrival in arrivals]) / np.log(10.0)
+        axes[-1].plot(at[len(shown) :], log, "o-", ms=2.5, lw=0.8, color=style.COLOURS[1])
+        axes[-1].axhline(2.0, color=style.GREY, lw=0.8, ls="--")
+        axes[-1].set_ylabel("log10 evidence")
+    axes[-1].set_xlabel("recording (healthy ones before 0)")
+    for axis in axes:
+        axis.axvline(-0.5, color=style.GREY, lw=0.6)
+    key = {
+        "healthy": style.marker(style.GREY, size=2.5),
+        "95 % of healthy": style.patch(style.PALE),
+        "mean": style.line(style.GREY, linewidth=0.8),
+        "new": style.marker(style.COLOURS[1]),
+    }
+    style.key_above(picture, key)
+    return picture
