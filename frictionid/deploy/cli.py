@@ -110,18 +110,18 @@ def compensate(
 
     friction = friction_of(model)
     settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
-    known = tuple(speed or friction.provenance.speeds)
-    known = known * friction.n if len(known) == 1 else known
-    friction = friction.noted({"speeds": known}) if known else friction
+    speeds = tuple(speed or friction.provenance.speeds)
+    speeds = speeds * friction.n if len(speeds) == 1 else speeds
+    friction = friction.noted({"speeds": speeds}) if speeds else friction
     if to != "csv":
-        own = compensating(friction, settings)
         names = ExportSettings(name="compensation")
-        written = export(own, to, out, settings=names, replace=replace).paths
+        torque = compensating(friction, settings)
+        written = export(torque, to, out, settings=names, replace=replace).paths
     else:
-        if not known:
+        if not speeds:
             raise InputError(f"{model}: the measured speeds are not known; give --speed")
         check_outputs([out], [model], replace=replace)
-        table = compensation_table(friction, settings, known)
+        table = compensation_table(friction, settings, speeds)
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
         written = (out,)
     if json:
@@ -208,13 +208,15 @@ def baseline(
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
-        made = make(loaded, out, law=law, model=model, only=only or ())
-    count = len(made.names)
+        healthy = make(loaded, out, law=law, model=model, only=only or ())
+    count = len(healthy.names)
     rates = {k: least_rate(count, k) for k in (1, 2, 5)}
     if json:
-        print(json_text({"recordings": made.names, "least_rate": rates, "written": [out]}), end="")
+        print(
+            json_text({"recordings": healthy.names, "least_rate": rates, "written": [out]}), end=""
+        )
         return
-    print(f"{count} healthy recordings of {', '.join(made.joints)}")
+    print(f"{count} healthy recordings of {', '.join(healthy.joints)}")
     for k, rate in rates.items():
         print(f"least rate of false alarms of {k} new recording{'s' * (k > 1)}: {rate:.2g}")
     print(f"written to {out}")
@@ -258,14 +260,14 @@ def pool(
         return
     if at is not None:
         raise InputError("pool: --at needs --over, which names the covariate")
-    made = pool_models(models, equal=groups)
-    made.save(out)
+    pooled = pool_models(models, equal=groups)
+    pooled.save(out)
     if ranges is not None:
-        write_json(ranges, {"format": "frictionid ranges 1", "ranges": made.ranges()})
+        write_json(ranges, {"format": "frictionid ranges 1", "ranges": pooled.ranges()})
     if json:
-        print(json_text(made.several._asdict()), end="")
+        print(json_text(pooled.several._asdict()), end="")
         return
-    show_pooled(made.several)
+    show_pooled(pooled.several)
     for path in (out, ranges):
         if path is not None:
             print(f"written to {path}")
@@ -283,9 +285,9 @@ def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: b
         values = [float(value) for value in numbers.split(",")]
     except ValueError:
         raise InputError(f"--over {over}: write it as temperature=20,30,40") from None
-    made = over_covariate({str(model): model for model in models}, name, values)
-    value = sum(made.span) / 2 if at is None else at
-    save_model(made.at(value), out, LAWS)
-    print(made.frame.to_json(orient="records") if json else made)
+    lines = over_covariate({str(model): model for model in models}, name, values)
+    value = sum(lines.span) / 2 if at is None else at
+    save_model(lines.at(value), out, LAWS)
+    print(lines.frame.to_json(orient="records") if json else lines)
     if not json:
         print(f"written to {out}: friction at {name} = {value:g}")

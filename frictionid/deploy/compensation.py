@@ -19,7 +19,7 @@ from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside, WrappedLaw
 
 
-def given_friction(given: Any) -> Friction:
+def friction_in(model: Any) -> Friction:
     """A friction as it is, and that of a fit.
 
     Raises
@@ -27,10 +27,10 @@ def given_friction(given: Any) -> Friction:
     InputError
         For anything else, and for friction that depends on the temperature.
     """
-    friction = getattr(given, "friction", given)
+    friction = getattr(model, "friction", model)
     if not isinstance(friction, Friction):
         raise InputError(
-            f"a friction must be a Friction or a Fit, not {given!r:.60}: "
+            f"a friction must be a Friction or a Fit, not {model!r:.60}: "
             'fid.load_model("model.json") reads a file'
         )
     refuse_temperature(friction.law, "a simulator or controller")
@@ -88,15 +88,15 @@ class CompensationLaw(WrappedLaw):
     cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        xp, own, law = namespace(x.w), self.settings, self.law.sharpened()
-        side = xp.tanh(x.w / np.asarray(own.smooth))
+        xp, law, settings = namespace(x.w), self.law.sharpened(), self.settings
+        side = xp.tanh(x.w / np.asarray(settings.smooth))
         speed = xp.abs(x.w) + _MOVING
         forth = law.torque(theta, x._replace(w=speed), memory)
         back = law.torque(theta, x._replace(w=-speed), memory)
-        u = 0.5 * own.gain * ((1.0 + side) * forth + (1.0 - side) * back)
-        if own.torque_limit is None:
+        u = 0.5 * settings.gain * ((1.0 + side) * forth + (1.0 - side) * back)
+        if settings.torque_limit is None:
             return u
-        most = np.asarray(own.torque_limit) + 0.0 * u
+        most = np.asarray(settings.torque_limit) + 0.0 * u
         return xp.minimum(xp.maximum(u, -most), most)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -117,25 +117,27 @@ def compensating(friction: Any, settings: Compensation | None = None) -> Frictio
     --------
     >>> from frictionid.friction.laws import CoulombViscous
     >>> friction = Friction(CoulombViscous(), np.array([[0.1, 0.02]]))
-    >>> own = compensating(friction, Compensation(gain=0.9, smooth=0.05, torque_limit=0.12))
-    >>> own.curve(np.array([-2.0, 0.0, 1.0, 5.0])).ravel().round(3)
+    >>> torque = compensating(friction, Compensation(gain=0.9, smooth=0.05, torque_limit=0.12))
+    >>> torque.curve(np.array([-2.0, 0.0, 1.0, 5.0])).ravel().round(3)
     array([-0.12 ,  0.   ,  0.108,  0.12 ])
     """
-    own, friction = settings or Compensation(), given_friction(friction)
+    settings, friction = settings or Compensation(), friction_in(friction)
     if friction.mechanism:
         raise InputError("a model without physics has no friction torque to compensate")
     for name in ("smooth", "torque_limit"):
-        given = getattr(own, name)
-        if isinstance(given, tuple) and len(given) != friction.n:
+        numbers = getattr(settings, name)
+        if isinstance(numbers, tuple) and len(numbers) != friction.n:
             raise InputError(
-                f"compensation: {name} has {len(given)} numbers, the friction {friction.n} joints"
+                f"compensation: {name} has {len(numbers)} numbers, the friction {friction.n} joints"
             )
     source = friction.provenance
     speeds = tuple(max(speed, _MOVING) for speed in source.speeds)
     if len(speeds) not in (0, friction.n):
         raise InputError(f"{len(speeds)} speeds for {friction.n} joints: give one each")
     law = LinearOutside(friction.law, speeds) if speeds else friction.law
-    return replace(friction, law=CompensationLaw(law, own), provenance=source.without(["speeds"]))
+    return replace(
+        friction, law=CompensationLaw(law, settings), provenance=source.without(["speeds"])
+    )
 
 
 def feed_forward(
@@ -172,9 +174,9 @@ def feed_forward(
     array([0. , 0.1, 0.1])
     """
     v = w if a is None else w + settings.ahead * a
-    x = Inputs(*(0.0 * v if given is None else given for given in (q, v, u, load)))
-    own = compensating(friction, settings)
-    return along(own, Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)])))
+    x = Inputs(*(0.0 * v if column is None else column for column in (q, v, u, load)))
+    nodes = Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)]))
+    return along(compensating(friction, settings), nodes)
 
 
 def compensation_table(
@@ -200,16 +202,18 @@ def compensation_table(
     DataFrame
         Columns joint, velocity and torque, SI.
     """
-    own, parts = compensating(friction, settings), []
-    widths: Any = np.broadcast_to(np.asarray(settings.smooth, dtype=float), own.n)
-    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(own.n))
-    if len(speeds) != own.n or not all(v > 0 for v in speeds):
-        raise InputError(f"speeds = {tuple(speeds)}: give one above 0 for each of {own.n} joints")
+    compensation, parts = compensating(friction, settings), []
+    widths: Any = np.broadcast_to(np.asarray(settings.smooth, dtype=float), compensation.n)
+    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(compensation.n))
+    if len(speeds) != compensation.n or not all(v > 0 for v in speeds):
+        raise InputError(
+            f"speeds = {tuple(speeds)}: give one above 0 for each of {compensation.n} joints"
+        )
     half = max(points // 2, 4)
     for j, name in enumerate(names):
         near = np.linspace(0.0, min(4.0 * widths[j], speeds[j]), half // 2 + 1)
         far = np.linspace(near[-1], speeds[j], half - half // 2 + 1)[1:]
         w = np.unique(np.concatenate([-far, -near, near, far]))
-        torque = own.curve(w)[:, j]
+        torque = compensation.curve(w)[:, j]
         parts.append(pd.DataFrame({"joint": name, "velocity": w, "torque": torque}))
     return pd.concat(parts, ignore_index=True)

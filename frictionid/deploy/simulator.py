@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.deploy.compensation import given_friction
+from frictionid.deploy.compensation import friction_in
 from frictionid.dynamics.rollout import Rollout, begin, diverged, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
@@ -65,7 +65,7 @@ class Simulator:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "friction", given_friction(self.friction))
+        object.__setattr__(self, "friction", friction_in(self.friction))
         if not (isinstance(self.dt, int | float) and 0 < self.dt < np.inf):
             raise InputError(f"Simulator: dt = {self.dt!r} s must be a positive time of one step")
         sample = self.friction.law.sample_time
@@ -89,9 +89,9 @@ class Simulator:
         mechanism: Mechanism = self.mechanism
         if friction.mechanism == "unit":
             mechanism = unit_inertia(mechanism.position_units)
-        given = {**friction.parameters, **self.parameters}
-        numbers = {k: v for k, v in given.items() if not hasattr(v, "shape")}
-        values = {**mechanism.nominal(numbers), **given}
+        values = {**friction.parameters, **self.parameters}
+        numbers = {k: v for k, v in values.items() if not hasattr(v, "shape")}
+        values = {**mechanism.nominal(numbers), **values}
         plant = Plant.from_parameters(mechanism, values)
         calibration = friction.calibration
         if calibration is not None and calibration.base is not None:
@@ -131,10 +131,10 @@ class Simulator:
         if bool(lost.any()):
             state = _where(lost, 0.0, state)
         # a memory of samples takes in the newest one with the torque that is held from it
-        known = bool(state.memory)
+        has_memory = bool(state.memory)
         state = begin(plant, friction, state, u, dt)
         new = begin(plant, friction, State(state.q, state.w), u, dt) if fresh is not None else state
-        state = sampled(plant, friction, state, u, dt[..., None]) if known else state
+        state = sampled(plant, friction, state, u, dt[..., None]) if has_memory else state
         if fresh is not None:
             pairs = zip(new.memory, state.memory, strict=True)
             state = state._replace(memory=tuple(xp.where(fresh[..., None], *p) for p in pairs))

@@ -97,15 +97,17 @@ def export(
             "name the one that it was fitted to"
         )
     chosen = with_fields(chosen, stem=Path(out).stem)
-    own = exported(friction, joints, speeds, dataset)
-    written = write(own, chosen)
+    prepared = exported(friction, joints, speeds, dataset)
+    written = write(prepared, chosen)
     if chosen.randomise:
-        samples = randomised(own, chosen.randomise, chosen.seed, held_by(to))
+        samples = randomised(prepared, chosen.randomise, chosen.seed, _module(to, "held"))
         written = with_fields(written, files={**written.files, "_samples.json": samples})
-    paths = _paths(Path(out), written)
-    read = [path for path in (model, chosen.into) if isinstance(path, str | Path)]
-    check_outputs(paths, [Path(path) for path in read], replace=replace)
-    lost, cost = _lost(own, written)
+    # the first file goes where the user says, the others beside it
+    endings = list(written.files)[1:]
+    paths = (Path(out), *(Path(out).with_name(chosen.stem + ending) for ending in endings))
+    read = [Path(path) for path in (model, chosen.into) if isinstance(path, str | Path)]
+    check_outputs(paths, read, replace=replace)
+    lost, cost = _lost(prepared, written)
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
     return Exported(paths, lost, written.notes, cost)
@@ -122,21 +124,15 @@ def _at(friction: Friction, temperature: float | None) -> Friction:
     return friction.at_temperature(temperature)
 
 
-def _lost(own: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:
+def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:
     """Sentences on what is lost, and what that costs on the data's motion."""
     if written.held is None:
         return written.lost, None
-    if own.data is None:
+    if model.data is None:
         sentence = "name a data set (--dataset) to see what that costs in torque and after 1 s"
         return (*written.lost, sentence), None
-    cost = cost_of(own, written.held)
-    return (*written.lost, cost_sentence(own, cost)), cost
-
-
-def _paths(out: Path, written: Written) -> tuple[Path, ...]:
-    """Where the files go: the first where the user says, the others beside it."""
-    first, *others = written.files
-    return (out, *(out.with_name(out.stem + ending) for ending in others))
+    cost = cost_of(model, written.held)
+    return (*written.lost, cost_sentence(model, cost)), cost
 
 
 FORMAT = "frictionid samples 1"
@@ -144,7 +140,9 @@ _FEWEST = 200  # draws behind the ranges of an engine's own numbers
 Held = Callable[[ExportedFriction], Friction]
 
 
-def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | None = None) -> bytes:
+def randomised(
+    model: ExportedFriction, count: int, seed: int = 0, held: Held | None = None
+) -> bytes:
     """JSON with 95 % ranges of all fitted parameters, and `count` samples of them together.
 
     Samples are normal with the fit's covariance, cut to the law's bounds and to what the ranges
@@ -153,7 +151,7 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
 
     Parameters
     ----------
-    own : ExportedFriction
+    model : ExportedFriction
     count : int
     seed : int
     held : function, optional
@@ -164,18 +162,18 @@ def randomised(own: ExportedFriction, count: int, seed: int = 0, held: Held | No
     InputError
         For models without a covariance.
     """
-    entries, draws = _distribution(own.friction, max(count, _FEWEST), seed)
-    thetas = _thetas(own.friction, entries, draws)
+    entries, draws = _distribution(model.friction, max(count, _FEWEST), seed)
+    thetas = _thetas(model.friction, entries, draws)
     content: dict[str, Any] = {
         "format": FORMAT,
-        "law": str(own.law),
-        "joints": list(own.joints),
+        "law": str(model.law),
+        "joints": list(model.joints),
         "seed": seed,
         "parameters": [_entry(e, fixed=not np.ptp(draws[:, k])) for k, e in enumerate(entries)],
         "samples": draws[:count].tolist(),
     }
     if held is not None:
-        content["engine"] = _engine(own, thetas, held, count)
+        content["engine"] = _engine(model, thetas, held, count)
     return (json.dumps(content, indent=1) + "\n").encode()
 
 
@@ -235,21 +233,14 @@ def _entry(e: Estimate, *, fixed: bool) -> dict[str, Any]:
     return {**names, "low_95": low, "high_95": high, "fixed": fixed}
 
 
-def _engine(own: ExportedFriction, thetas: Array, held: Held, count: int) -> dict[str, Any]:
+def _engine(model: ExportedFriction, thetas: Array, held: Held, count: int) -> dict[str, Any]:
     """What the engine's numbers are in each draw, with their 95 % ranges."""
-    middle = held(own)
-    each = np.stack([held(own.with_theta(theta)).theta for theta in thetas])
+    middle, each = held(model), np.stack([held(model.with_theta(x)).theta for x in thetas])
     low, high = np.quantile(each, (0.025, 0.975), axis=0)
-    parameters = [
-        {
-            "name": f"{name} of {joint}",
-            "value": float(middle.theta[j, i]),
-            "low_95": float(low[j, i]),
-            "high_95": float(high[j, i]),
-        }
-        for j, joint in enumerate(own.joints)
-        for i, name in enumerate(middle.law.names)
-    ]
+    names = [f"{name} of {joint}" for joint in model.joints for name in middle.law.names]
+    columns = (names, *(x.ravel().tolist() for x in (middle.theta, low, high)))
+    keys = ("name", "value", "low_95", "high_95")
+    parameters = [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
     samples = each[:count].reshape(min(count, len(each)), -1).tolist()
     return {"law": str(middle.law), "parameters": parameters, "samples": samples}
 
@@ -273,12 +264,13 @@ def writer_of(name: str) -> Writer:
     """
     if name not in FORMATS:
         raise InputError(f"export format {name!r} is unknown; {nearest(name, FORMATS)}")
-    found: Writer = import_module(f"frictionid.deploy.export.formats.{name}").write
-    return found
+    writer: Writer = _module(name, "write")
+    return writer
 
 
-def held_by(name: str) -> Callable[[ExportedFriction], Friction] | None:
-    """Function that gives the friction which a format can hold; None of those that hold all."""
-    found: Callable[[ExportedFriction], Friction] | None
-    found = getattr(import_module(f"frictionid.deploy.export.formats.{name}"), "held", None)
-    return found
+def _module(name: str, part: str) -> Any:
+    """What the module of a format has of a name, None where it has nothing.
+
+    `write` writes it; `held` gives the friction that a format can hold, where it does not hold all.
+    """
+    return getattr(import_module(f"frictionid.deploy.export.formats.{name}"), part, None)

@@ -102,8 +102,8 @@ class _Writer:
         if not isinstance(operand, Value):
             return Node("truth", (operand,)) if is_truth else operand
         expression, number = self.expressions[operand.number], operand.number
-        known = number >= len(self.program.inputs) and self._line(number).operation in TRUTHS
-        if known == is_truth:
+        gives_truth = number >= len(self.program.inputs) and self._line(number).operation in TRUTHS
+        if gives_truth == is_truth:
             return expression
         return Node("truth" if is_truth else "number", (expression,))
 

@@ -99,13 +99,13 @@ def _reference(prepared: Prepared, friction: Friction) -> Reference:
     """The reference with the speeds and the noise of the data."""
     fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
     fast = np.maximum(fast, 1e-9)
-    own = replace(friction, calibration=None)
+    plain = replace(friction, calibration=None)
     view = with_calibration(prepared, friction.calibration)
     problem = training_of(view, INTEGRAL)
-    e = np.abs(problem.residual(along(own, problem.nodes)))
+    e = np.abs(problem.residual(along(plain, problem.nodes)))
     noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
-    return Reference(own, friction.calibration, grid, noise)
+    return Reference(plain, friction.calibration, grid, noise)
 
 
 def _covariates(dataset: Dataset) -> tuple[str, ...]:
@@ -184,7 +184,7 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
         friction = read_model(document["model"], laws, str(path))
         rows = document["recordings"]
         numbers = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
-        found = Baseline(
+        baseline = Baseline(
             document["mechanism"],
             tuple(document["joints"]),
             Reference(replace(friction, calibration=None), friction.calibration, *numbers),
@@ -195,10 +195,10 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}): make the baseline again") from None
-    shape = (len(found.names), len(found.joints), len(PARTS))
-    if found.changes.parts.shape != shape or len(found.names) < 2:
+    shape = (len(baseline.names), len(baseline.joints), len(PARTS))
+    if baseline.changes.parts.shape != shape or len(baseline.names) < 2:
         raise InputError(f"{path}: is damaged: it needs numbers of {shape}: make it again")
-    return found
+    return baseline
 
 
 def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None:
@@ -210,14 +210,17 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
         Where joints or a parameter of the mechanism differ, or a recording has a payload of which
         the baseline knows nothing.
     """
-    table, own = dict(dataset.mechanism.table), dict(baseline.mechanism)
-    if tuple(dataset.mechanism.friction_names) != baseline.joints or table["kind"] != own["kind"]:
+    table, healthy = dict(dataset.mechanism.table), dict(baseline.mechanism)
+    if (
+        tuple(dataset.mechanism.friction_names) != baseline.joints
+        or table["kind"] != healthy["kind"]
+    ):
         raise InputError(
-            f"{where}: the baseline is of {own['kind']!r} with the joints "
+            f"{where}: the baseline is of {healthy['kind']!r} with the joints "
             f"{', '.join(baseline.joints)}, this is {dataset.mechanism}: make a baseline of its own"
         )
-    if table != own:
-        differ = sorted(k for k in {*table, *own} if table.get(k) != own.get(k))
+    if table != healthy:
+        differ = sorted(k for k in {*table, *healthy} if table.get(k) != healthy.get(k))
         raise InputError(
             f"{where}: the mechanism of the baseline differs in {', '.join(differ)}: make a "
             "baseline of this machine"

@@ -101,13 +101,13 @@ def _white(rows: Array) -> Array:
 
 def _choices(count: int, k: int, seed: int) -> Array:
     """Choices (B, k) of k among `count` rows; the last k rows, the new ones, come first."""
-    own = np.arange(count - k, count)
+    new = np.arange(count - k, count)
     if comb(count, k) <= MOST_CHOICES:
         every = np.array(list(combinations(range(count), k)))
         return np.concatenate([every[-1:], every[:-1]])  # the last combination is that of the last
     rng = np.random.default_rng(seed)
     drawn = rng.random((MOST_CHOICES - 1, count)).argpartition(k, axis=1)[:, :k]
-    return np.concatenate([own[None], drawn])
+    return np.concatenate([new[None], drawn])
 
 
 def hotelling_test(healthy: Array, new: Array) -> Difference:
@@ -188,25 +188,25 @@ def judge(
     """
     before, after = without_covariates(baseline.changes, new)
     speeds = baseline.reference.speeds
-    healthy, own = curve_changes(before, speeds), curve_changes(after, speeds)
+    groups = curve_changes(before, speeds), curve_changes(after, speeds)
     if test == "normal":
-        found, promised = hotelling_test(healthy, own), 0.0
+        difference, promised = hotelling_test(*groups), 0.0
     else:
-        found, promised = permutation_test(healthy, own), least_rate(len(healthy), len(own))
-    changed = tuple(int(j) for j in np.flatnonzero(found.p_of_joint <= rate * (1 + 1e-9)))
+        difference, promised = permutation_test(*groups), least_rate(*map(len, groups))
+    changed = tuple(int(j) for j in np.flatnonzero(difference.p_of_joint <= rate * (1 + 1e-9)))
     shorter = new.seconds.min() * _LONGER < baseline.changes.seconds.min()
-    able = np.isfinite(found.p) and promised <= rate * (1 + 1e-9) and not (changed and shorter)
+    able = np.isfinite(difference.p) and promised <= rate * (1 + 1e-9) and not (changed and shorter)
     answer: Answer = "cannot_tell" if not able else "changed" if changed else "unchanged"
     return Judgement(
         answer,
         rate,
         promised,
         test,
-        found.p,
-        found.p_of_joint,
+        difference.p,
+        difference.p_of_joint,
         changed if able else (),
         tuple(_parts(baseline, before, after)),
-        tuple(_notes(baseline, new, found, rate, promised, test)),
+        tuple(_notes(baseline, new, difference, rate, promised, test)),
     )
 
 
@@ -237,7 +237,7 @@ def _parts(baseline: Baseline, healthy: Array, new: Array) -> list[PartChange]:
     rows = []
     for j in range(len(baseline.joints)):
         columns = {part: (healthy[:, j, i], new[:, j, i]) for i, part in enumerate(PARTS)}
-        columns["total"] = tuple(own[:, j, :2].sum(axis=1) for own in (healthy, new))
+        columns["total"] = tuple(group[:, j, :2].sum(axis=1) for group in (healthy, new))
         for part, (before, after) in columns.items():
             off = float(after.mean() - before.mean())
             half = reach * float(before.std(ddof=1))
@@ -259,7 +259,12 @@ def _other_speed(healthy: Array, new: Array) -> Array:
 
 
 def _notes(
-    baseline: Baseline, new: Changes, found: Difference, rate: float, promised: float, test: Test
+    baseline: Baseline,
+    new: Changes,
+    difference: Difference,
+    rate: float,
+    promised: float,
+    test: Test,
 ) -> list[str]:
     """What limits the judgement."""
     N, k = len(baseline.names), len(new.parts)
@@ -272,24 +277,25 @@ def _notes(
     if test == "normal":
         out.append(
             "the rate assumes that changes scatter normally between recordings"
-            if np.isfinite(found.p)
+            if np.isfinite(difference.p)
             else f"{N} healthy recordings are too few for the normal distribution: "
             f"{len(PARTS) + 2} are needed"
         )
     for j, side in enumerate(_other_speed(baseline.changes.speeds, new.speeds)):
         if side:
-            known, mean = baseline.changes.speeds[:, j], new.speeds[:, j].mean()
+            usual, mean = baseline.changes.speeds[:, j], new.speeds[:, j].mean()
             how, cause = ("faster", "less") if side > 0 else ("slower", "more")
             out.append(
                 f"{baseline.joints[j]} moves {how} than in the baseline ({mean:.3g} against "
-                f"{known.min():.3g} to {known.max():.3g}), as {cause} friction makes it, or other "
+                f"{usual.min():.3g} to {usual.max():.3g}), as {cause} friction makes it, or other "
                 "motion, for which the rate of false alarms does not hold"
             )
-    length, usual = new.seconds, baseline.changes.seconds
-    if length.max() > _LONGER * usual.max() or length.min() * _LONGER < usual.min():
+    length, healthy = new.seconds, baseline.changes.seconds
+    if length.max() > _LONGER * healthy.max() or length.min() * _LONGER < healthy.min():
         out.append(
             f"recordings of {length.min():.3g} to {length.max():.3g} s are not exchangeable with "
-            f"healthy ones of {usual.min():.3g} to {usual.max():.3g} s: take parts as long as those"
+            f"healthy ones of {healthy.min():.3g} to {healthy.max():.3g} s: take parts as long as "
+            "those"
         )
     for i, name in enumerate(baseline.covariates):
         low, high = (f(baseline.changes.covariates[:, i]) for f in (np.min, np.max))

@@ -77,11 +77,11 @@ def baseline(
     friction = fit(dataset, law).friction if model is None else friction_of(model)
     if friction.theta.ndim != 2 or friction.mechanism:
         raise InputError("the model of a baseline must hold one friction with physics")
-    made = make_baseline(prepared_data(dataset), friction)
+    healthy = make_baseline(prepared_data(dataset), friction)
     if out is not None:
         settings = {"law": str(friction.law), "dataset": dataset.name, "data": dataset.hashes}
-        save_baseline(made, Path(out), LAWS, settings)
-    return made
+        save_baseline(healthy, Path(out), LAWS, settings)
+    return healthy
 
 
 def monitor(

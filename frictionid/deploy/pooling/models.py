@@ -49,15 +49,15 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
     titles = {key: e.name for _, key, e, _ in reversed(rows)}
     for key in dict.fromkeys(key for _, key, _, _ in rows):
         alike = _alike(rows, key, equal)
-        known = [(label, e) for label, _, e, reason in alike if not reason]
+        usable = [(label, e) for label, _, e, reason in alike if not reason]
         block, name, joint = key
         mine = block == "friction" and joint is not None and name in first.law.names
         place = (joint, first.law.names.index(name)) if mine else None
         stays = "" if place is None else f", it stays at the median, {theta[place]:.3g}"
         if alike[0][1] == key:  # said once of equal joints
-            sentences += _sentences(alike, len(known), stays)
-        if len(known) > 1:
-            entries.append(entry(first, known, titles[key], joint))
+            sentences += _sentences(alike, len(usable), stays)
+        if len(usable) > 1:
+            entries.append(entry(first, usable, titles[key], joint))
             if place is not None:
                 theta[place] = entries[-1].value
     if not entries:
@@ -84,14 +84,14 @@ def _alike(rows: Sequence[Row], key: Key, equal: Groups) -> list[Row]:
 
 
 def entry(
-    first: Friction, known: Sequence[tuple[str, Estimate]], title: str, joint: int | None
+    first: Friction, usable: Sequence[tuple[str, Estimate]], title: str, joint: int | None
 ) -> PooledEstimate:
     """A pooled parameter of its estimates (model's name, estimate).
 
     Intervals and the range are cut to the bounds of the law.
     """
-    e = known[0][1]
-    values, errors = (tuple(getattr(e, part) for _, e in known) for part in ("value", "error"))
+    e = usable[0][1]
+    values, errors = (tuple(getattr(e, part) for _, e in usable) for part in ("value", "error"))
     effects = random_effects(np.array(values), np.array(errors))
     ends = bounds_of(first, e.block, e.parameter)
     inner, outer, beyond = (
@@ -105,7 +105,7 @@ def entry(
         tau_95=(effects.tau_low, effects.tau_high),
         Q=effects.Q,
         p_value=effects.p_value,
-        models=tuple(label for label, _ in known),
+        models=tuple(label for label, _ in usable),
         values=values,
         errors=errors,
     )
@@ -151,14 +151,14 @@ def joint_name(e: Estimate) -> str:
     return "" if e.joint is None else e.name.partition(" of ")[2]
 
 
-def _sentences(rows: Sequence[Row], known: int, stays: str) -> list[str]:
+def _sentences(rows: Sequence[Row], count: int, stays: str) -> list[str]:
     """What is left out of a parameter's estimates."""
     out, title = [], rows[0][2].name
-    end = f"pooled over the other {known}" if known > 1 else f"not pooled{stays}"
+    end = f"pooled over the other {count}" if count > 1 else f"not pooled{stays}"
     for reason in dict.fromkeys(row[3] for row in rows if row[3]):
         where = ", ".join(row[0] for row in rows if row[3] == reason)
         out.append(f"{title} {reason} in {where}: {end}")
-    if known == len(rows) == 1:
+    if count == len(rows) == 1:
         out.append(f"{title} is free in {rows[0][0]} only: not pooled{stays}")
     return out
 
@@ -195,9 +195,9 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
         kinds = (model.n, model.position_units, model.load_unit)
         if kinds != (first.n, first.position_units, first.load_unit):
             raise InputError(f"pool: {name} and {names[0]} have other joints: pool equal machines")
-    for k, one in enumerate(models):
+    for k, model in enumerate(models):
         for i, other in enumerate(models[:k]):
-            if np.array_equal(one.theta, other.theta):
+            if np.array_equal(model.theta, other.theta):
                 raise InputError(f"pool: {names[i]} and {names[k]} are the same fit: give it once")
     for group in equal:
         if not all(1 <= j <= first.n for j in group):
@@ -212,8 +212,8 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
 
 def joint_names(friction: Friction, name: str) -> list[str]:
     """Names of the joints, as the parameters of a fitted model have them."""
-    known = {e.joint: joint_name(e) for _, e, _ in estimates(friction, name)}
-    return [known.get(j) or f"joint {j + 1}" for j in range(friction.n)]
+    named = {e.joint: joint_name(e) for _, e, _ in estimates(friction, name)}
+    return [named.get(j) or f"joint {j + 1}" for j in range(friction.n)]
 
 
 def _common_parameters(models: Sequence[Friction]) -> dict[str, float]:
