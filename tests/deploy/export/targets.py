@@ -236,7 +236,7 @@ TARGETS = {
     "c_float": (partial(c, precision="float"), 1e-5),
     "st": (structured_text, 1e-9),
     "st_float": (partial(structured_text, precision="float"), 1e-5),
-    "python": (python, 1e-9),
+    "python": (python, 1e-12),
     "casadi": (casadi_files, 1e-9),
 }
 

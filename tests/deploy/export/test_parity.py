@@ -27,13 +27,14 @@ DT = 1 / 60
 
 SLOW_PARSER = {"st": ("stribeck", "motor_load", "lugre"), "st_float": ("film_lag",)}
 CASES = [(to, name) for to in TARGETS for name in SLOW_PARSER.get(to, OF_ALL)]
+CASES.append(("python", "library"))
 
 
 @pytest.mark.parametrize(("to", "name"), CASES)
 def test_ten_thousand_velocities_give_the_torques_of_the_model(to, name, tmp_path):
     """Static laws and histories of dynamic ones, three times beyond the measured speeds, too."""
     rng = np.random.default_rng(5)
-    own = exported(friction_by(OF_ALL[name], rng), speeds=(2.0, 3.0))
+    own = exported(friction_by(OF_ALL.get(name) or LAWS[name], rng), speeds=(2.0, 3.0))
     law, theta = own.friction.law, own.friction.theta
     target, tolerance = TARGETS[to][0](own, tmp_path), TARGETS[to][1]
     memory = found_memory = ()
