@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from frictionid.report.figures import style
 from frictionid.report.numbers import NOTHING, either
 from frictionid.report.tables import Column, Table, line, render, terminal_text, text_columns
 
+GROUPS = {"friction_alone": False, "inertia_free": True}  # whether the inertia is free
 BINDING = 0.9  # of what the search allows
 
 
@@ -40,8 +42,8 @@ def described(design: Design) -> str:
     e = design.experiment
     units = e.plant.mechanism.position_units
     noise = dict.fromkeys(
-        f"{math.degrees(own):.3g} deg" if unit == "rad" else f"{own:.3g} {unit}"
-        for own, unit in zip(e.noise, units, strict=True)
+        f"{math.degrees(sigma):.3g} deg" if unit == "rad" else f"{sigma:.3g} {unit}"
+        for sigma, unit in zip(e.noise, units, strict=True)
     )
     families = design.space.family(design.x)
     context = {
@@ -80,17 +82,15 @@ def limit_table(design: Design) -> Table:
 
 def error_table(design: Design) -> Table:
     """Expected standard error and bias of each parameter, with the inertia known and free."""
-    many = design.monte_carlo
-    names, units, values = _parameters(design)
     columns = [*text_columns("parameter"), Column("prior")]
-    results: list[Array] = []
-    for inertia, group in ((False, "friction alone"), (True, "inertia free")):
-        columns += [Column("std error", group), Column("bias", group)]
-        results += [many.errors(inertia=inertia), many.bias(inertia=inertia)]
+    for group in GROUPS:
+        words = group.replace("_", " ")
+        columns += [Column("std error", words), Column("bias", words)]
     lines = []
-    for i, name in enumerate(names):
-        cells = [f"{own[i]:.2g}" if i < len(own) else NOTHING for own in results]
-        lines.append(line([name, f"{values[i]:.4g}", *cells, units[i]]))
+    for entry in _parameters(design):
+        sizes = [entry[group] or {"error": None, "bias": None} for group in GROUPS]
+        cells = [NOTHING if v is None else f"{v:.2g}" for size in sizes for v in size.values()]
+        lines.append(line([entry["name"], f"{entry['prior']:.4g}", *cells, entry["unit"]]))
     return Table("", "errors", (*columns, *text_columns("unit")), tuple(lines))
 
 
@@ -99,41 +99,41 @@ def design_document(design: Design) -> dict[str, Any]:
 
     Errors are null for parameters of the mechanism where it is taken as known.
     """
-    names, units, values = _parameters(design)
     families = design.space.family(design.x)
-    many, parameters = design.monte_carlo, []
-    for i, name in enumerate(names):
-        entry: dict[str, Any] = {"name": name, "unit": units[i], "prior": values[i]}
-        for inertia, group in ((False, "friction_alone"), (True, "inertia_free")):
-            error, bias = many.errors(inertia=inertia), many.bias(inertia=inertia)
-            known = i < len(error)
-            entry[group] = {"error": error[i], "bias": bias[i]} if known else None
-        parameters.append(entry)
     return {
         "recordings": [
             {"family": family, "start": start}
             for family, start in zip(families, design.start.tolist(), strict=True)
         ],
         "length": design.experiment.length,
-        "parameters": parameters,
+        "parameters": _parameters(design),
         "exceeded": [
             {"friction_scale": level, "limit": name, "joint": joint, "value": value}
-            for level, own in exceeded(design)
-            for name, joint, value in own
+            for level, over in exceeded(design)
+            for name, joint, value in over
         ],
     }
 
 
-def _parameters(design: Design) -> tuple[list[str], list[str], list[float]]:
-    """Names, units and prior values of friction and base parameters."""
-    e = design.experiment
+def _parameters(design: Design) -> list[dict[str, Any]]:
+    """Each friction and base parameter: name, unit, prior, and its expected errors by group."""
+    e, many = design.experiment, design.monte_carlo
     law, mechanism = e.friction.law, e.plant.mechanism
     torque, velocity = mechanism.torque_units, mechanism.velocity_units
     names = [f"joint {j + 1} {name}" for j in range(e.plant.n) for name in law.names]
     units = [u for t, w in zip(torque, velocity, strict=True) for u in (t, f"{t} / ({w})")]
-    units += mechanism.base_units
-    values = [*e.friction.theta.ravel(), *e.plant.p]
-    return [*names, *mechanism.base_names], units, [float(value) for value in values]
+    values = map(float, (*e.friction.theta.ravel(), *e.plant.p))
+    entries: list[dict[str, Any]] = [
+        {"name": name, "unit": unit, "prior": value}
+        for name, unit, value in zip(
+            (*names, *mechanism.base_names), (*units, *mechanism.base_units), values, strict=True
+        )
+    ]
+    for group, inertia in GROUPS.items():
+        pairs = zip(many.errors(inertia=inertia), many.bias(inertia=inertia), strict=True)
+        for entry, pair in zip_longest(entries, pairs):
+            entry[group] = pair and dict(zip(("error", "bias"), pair, strict=True))
+    return entries
 
 
 def exceeded(design: Design) -> Iterator[tuple[float, list[tuple[str, int, float]]]]:
@@ -178,50 +178,40 @@ def trajectory_text(design: TrajectoryDesign) -> str:
 def trajectory_table(design: TrajectoryDesign) -> Table:
     """Largest position, velocity and torque of each joint, and the errors of its friction."""
     task, mechanism = design.task, design.task.plant.mechanism
-    largest = {
-        name: np.max([np.abs(getattr(t, name)).max(axis=0) for t in design.trajectories], axis=0)
+    largest = [
+        np.max([np.abs(getattr(t, name)).max(axis=0) for t in design.trajectories], axis=0)
         for name in ("q", "w", "torque")
-    }
-    columns = [
-        *text_columns("joint"),
-        *(
-            Column(head, group)
-            for group in ("position", "velocity", "torque")
-            for head in ("largest", "limit")
-        ),
-        *(Column(name, "std error [%]") for name in task.friction.law.names),
     ]
     limits = (task.limits.angle, task.limits.velocity, task.limits.torque)
+    columns = text_columns("joint")
+    columns += [
+        Column(head, group)
+        for group in ("position", "velocity", "torque")
+        for head in ("largest", "limit")
+    ]
+    columns += [Column(name, "std error [%]") for name in task.friction.law.names]
     lines = []
     for j, joint in enumerate(mechanism.joints):
-        cells = [joint]
-        for own, limit in zip(largest.values(), limits, strict=True):
-            cells += [f"{own[j]:.3g}", f"{limit[j]:.3g}"]
-        lines.append(line([*cells, *(f"{100 * e:.2g}" for e in design.error[j])]))
+        pairs = zip(largest, limits, strict=True)
+        sizes = [f"{values[j]:.3g}" for pair in pairs for values in pair]
+        lines.append(line([joint, *sizes, *(f"{100 * e:.2g}" for e in design.error[j])]))
     return Table("", "trajectories", tuple(columns), tuple(lines))
 
 
 def trajectory_document(design: TrajectoryDesign) -> dict[str, Any]:
     """Coefficients, as `references` of a rig.toml has them, and expected errors; SI units."""
+    task, joints = design.task, []
+    keys = [f"{name}_relative_error" for name in task.friction.law.names]
+    for j, joint in enumerate(task.plant.mechanism.joints):
+        errors = dict(zip(keys, map(float, design.error[j]), strict=True))
+        joints.append({"joint": joint, **errors, "unsure": j in design.unsure})
     return {
-        "length": design.task.length,
+        "length": task.length,
         "trajectories": [
-            {"references": [asdict(own) for own in trajectory.references]}
+            {"references": [asdict(reference) for reference in trajectory.references]}
             for trajectory in design.trajectories
         ],
-        "joints": [
-            {
-                "joint": joint,
-                **{
-                    f"{name}_relative_error": float(error)
-                    for name, error in zip(design.task.friction.law.names, errors, strict=True)
-                },
-                "unsure": j in design.unsure,
-            }
-            for j, (joint, errors) in enumerate(
-                zip(design.task.plant.mechanism.joints, design.error, strict=True)
-            )
-        ],
+        "joints": joints,
     }
 
 

@@ -118,15 +118,14 @@ def _cells(axis: Any, r: Array) -> Any:
     shown = np.where(below, r, np.nan)
     image = axis.imshow(shown, cmap=colours, vmin=-1, vmax=1, interpolation="nearest")
     for i, j in np.argwhere(below & (np.nan_to_num(np.abs(r)) > STRONG)):
-        frame = (j - 0.5, i - 0.5)
-        axis.add_patch(Rectangle(frame, 1, 1, fill=False, edgecolor=DARK, linewidth=1.1, zorder=3))
+        frame: Any = {"fill": False, "edgecolor": DARK, "linewidth": 1.1, "zorder": 3}
+        axis.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, **frame))
         if D <= LARGE:
             words = f"{r[i, j]:+.2f}".replace("0.", ".").replace("-", MINUS)
             axis.text(j, i, words, ha="center", va="center", fontsize=6, color="white")
     axis.set_xlim(-0.5, D - 0.5)
     axis.set_ylim(D - 0.5, -0.5)
-    for edge in axis.spines.values():
-        edge.set_visible(False)
+    axis.spines[:].set_visible(False)
     return image
 
 
@@ -154,18 +153,17 @@ def _groups(
 ) -> None:
     """Lines between the groups, and their names at the left and on the diagonal."""
     D, at = len(read), 0
-    for name, own in groups(read, joints):
-        end = at + len(own)
+    x = -0.5 - D * left / side
+    for name, members in groups(read, joints):
+        end = at + len(members)
         if end < D:
             axis.plot([-0.5, end - 0.5], [end - 0.5, end - 0.5], color=GREY, linewidth=0.7)
             axis.plot([end - 0.5, end - 0.5], [end - 0.5, D - 0.5], color=GREY, linewidth=0.7)
-        x = -0.5 - D * left / side
         axis.plot([x, x], [at - 0.4, end - 0.6], color=GREY, linewidth=0.8, clip_on=False)
-        middle = (at + end - 1) / 2
-        beside = x - 0.06 * D / side
-        words = "\n".join(map(plain, name.split(", ")))
-        small = SMALL if len(own) * side / D < LETTERS * max(map(len, words.split("\n"))) else 7
-        axis.text(beside, middle, words, rotation=90, ha="right", va="center", fontsize=small)
+        words = list(map(plain, name.split(", ")))
+        small = SMALL if len(members) * side / D < LETTERS * max(map(len, words)) else 7
+        look = {"rotation": 90, "ha": "right", "va": "center", "fontsize": small}
+        axis.text(x - 0.06 * D / side, (at + end - 1) / 2, "\n".join(words), **look)
         at = end
 
 
@@ -192,11 +190,9 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
     With the 95 % band where the friction was refined by shooting, and the truth where it is known.
     """
     w = speeds(dataset, EstimatedStates(dataset).by(INTEGRAL.states))
-    grid = velocity_grid(w)
-    description = dataset.mechanism
-    curve = curves(friction, grid)
+    grid, description = velocity_grid(w), dataset.mechanism
+    curve, half = curves(friction, grid), _half_widths(friction, grid)
     truth = None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
-    half = _half_widths(friction, grid)
     picture, panels = panel_grid(len(description.friction_names), 2, 2.8, 0.4)
     for j, axes in enumerate(panels):
         _panel(axes, grid[:, j], curve[:, j], None if half is None else half[:, j])
@@ -207,7 +203,12 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
         axes.set_title(description.friction_names[j], loc="left")
         axes.set_xlabel(f"velocity [{description.friction_units[j]}/s]")
         axes.set_ylabel(f"friction [{description.friction_torque_units[j]}]")
-    key_above(picture, _key(half is not None, truth is not None))
+    key = {"fit to all data": line(COLOURS[0], linewidth=1.5)}
+    if half is not None:
+        key["95 % at all velocities"] = patch(COLOURS[0], _BAND)
+    if truth is not None:
+        key["truth"] = line(DARK, DASHED, 1)
+    key_above(picture, {**key, "how often each velocity occurred": patch(PALE)})
     return picture
 
 
@@ -217,8 +218,8 @@ def _half_widths(friction: Friction, grid: Array) -> Array | None:
     if refined is None or refined.bands is None:
         return None
     bands = refined.bands
-    columns = zip(grid.T, bands.velocity.T, bands.simultaneous.T, strict=True)
-    return np.stack([np.interp(w, own, size) for w, own, size in columns], axis=-1)
+    halves = map(np.interp, grid.T, bands.velocity.T, bands.simultaneous.T)
+    return np.stack(list(halves), axis=-1)
 
 
 def _panel(axes: Any, w: Array, curve: Array, half: Array | None) -> None:
@@ -227,12 +228,3 @@ def _panel(axes: Any, w: Array, curve: Array, half: Array | None) -> None:
     if half is not None:
         axes.fill_between(w, curve - half, curve + half, color=COLOURS[0], alpha=_BAND, lw=0)
     axes.plot(w, curve, color=COLOURS[0], linewidth=1.5)
-
-
-def _key(band: bool, truth: bool) -> dict[str, Any]:
-    key = {"fit to all data": line(COLOURS[0], linewidth=1.5)}
-    if band:
-        key["95 % at all velocities"] = patch(COLOURS[0], _BAND)
-    if truth:
-        key["truth"] = line(DARK, DASHED, 1)
-    return {**key, "how often each velocity occurred": patch(PALE)}

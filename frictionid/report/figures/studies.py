@@ -75,16 +75,15 @@ def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
         return None
     picture, axes = panel_grid(len(shown), ABREAST, 1.8, 0.6)
     for axis, (model, losses) in zip(axes, shown, strict=True):
-        own = styles[model.label].colour
+        colours = {"training": GREY, "held_out": styles[model.label].colour}
         for part, values in losses.items():
-            colour = own if part == "held_out" else GREY
             epochs = np.arange(1, values.shape[1] + 1)
-            axis.plot(epochs, values.T, color=colour, linewidth=0.6, alpha=0.6)
+            axis.plot(epochs, values.T, color=colours[part], linewidth=0.6, alpha=0.6)
         if "held_out" in losses:
             _ends(axis, losses["held_out"])
         plain_logarithm(axis)
         axis.xaxis.get_major_locator().set_params(integer=True)
-        axis.set_title(plain(model.name), fontsize=7, loc="left", color=own)
+        axis.set_title(plain(model.name), fontsize=7, loc="left", color=colours["held_out"])
     picture.supxlabel("epoch", fontsize=8)
     picture.supylabel("loss without friction = 1", fontsize=8)
     key = {
@@ -99,10 +98,10 @@ def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
 def _ends(axis: Any, losses: Array) -> None:
     """A dot where each fold was best."""
     for values in losses:
-        known = np.where(np.isfinite(values), values, np.inf)
-        best = int(known.argmin())
-        if np.isfinite(known[best]):
-            axis.plot(best + 1, known[best], ".", color=DARK, markersize=4, zorder=5)
+        finite = np.where(np.isfinite(values), values, np.inf)
+        best = int(finite.argmin())
+        if np.isfinite(finite[best]):
+            axis.plot(best + 1, finite[best], ".", color=DARK, markersize=4, zorder=5)
 
 
 SHOWN = 14  # bars of a panel
@@ -150,13 +149,12 @@ def tornado(frame: pd.DataFrame) -> Any:
     frame : summarised, of one data set and identifier
     """
     shown, recipes = (CHANGE, ROLLOUT, LOSS), list(dict.fromkeys(frame.recipe))
-    order = _by_effect(frame, shown[0].column)
+    order = _by_effect(frame, CHANGE.column)
     picture = figure(0.6 + len(recipes) * (0.55 + 0.17 * len(order)))
     axes = picture.subplots(len(recipes), len(shown), squeeze=False, sharex="col")
     for row, recipe in zip(axes, recipes, strict=True):
-        own = frame[frame.recipe == recipe]
         for axis, measure in zip(row, shown, strict=True):
-            _bars(axis, own, order, measure)
+            _bars(axis, frame[frame.recipe == recipe], order, measure.column)
             axis.tick_params(labelleft=axis is row[0])
         row[0].set_title(plain(recipe), loc="left", weight="bold")
     for axis, measure in zip(axes[-1], shown, strict=True):
@@ -177,14 +175,14 @@ def _by_effect(frame: pd.DataFrame, column: str) -> list[str]:
     return list(largest.sort_values(ascending=False, kind="stable").index[:SHOWN])
 
 
-def _bars(axis: Any, frame: pd.DataFrame, order: Sequence[str], measure: Measure) -> None:
-    nominal = float(frame.loc[frame.cause == "nominal", measure.column].iloc[0])
+def _bars(axis: Any, frame: pd.DataFrame, order: Sequence[str], column: str) -> None:
     for place, name in enumerate(order):
-        own = frame[frame.name == name].sort_values("amount")
-        height = 0.8 / max(len(own), 1)
-        for k, (amount, value) in enumerate(zip(own.amount, own[measure.column], strict=True)):
-            at = place - 0.4 + (k + 0.5) * height
-            axis.barh(at, value, 0.9 * height, color=COLOURS[0] if amount < 0 else COLOURS[1])
+        bars = frame[frame.name == name].sort_values("amount")
+        height = 0.8 / max(len(bars), 1)
+        places = place - 0.4 + (np.arange(len(bars)) + 0.5) * height
+        colours = np.where(bars.amount < 0, *COLOURS[:2])
+        axis.barh(places, bars[column], 0.9 * height, color=colours)
+    nominal = float(frame.loc[frame.cause == "nominal", column].iloc[0])
     axis.axvline(nominal, color=GREY, linestyle=DASHED, linewidth=0.8)
     axis.axvline(0.0, color="#BBBBBB", linewidth=0.5)
     axis.set_yticks(range(len(order)), [plain(name) for name in order])
@@ -209,13 +207,14 @@ def over_amounts(frame: pd.DataFrame) -> Any:
     nominal = frame[frame.cause == "nominal"].set_index("recipe")
     largest = max(float(frame.loc[np.isfinite(frame[column]), column].max()), 1e-6)
     for axis, name in zip(axes, names, strict=True):
+        rows = frame[frame.name == name]
+        cause = rows.cause.iloc[0]
         for recipe, colour in recipes.items():
-            own = frame[(frame.recipe == recipe) & (frame.name == name)]
-            whole = {"rate": 1.0, "recordings": 1.0}.get(str(own.cause.iloc[0]), 0.0)
-            points = [*zip(own.amount, own[column], strict=True)]
-            points.append((whole, nominal.loc[recipe, column]))
-            axis.plot(*zip(*sorted(points), strict=True), "o-", color=colour, markersize=2.5)
-        axis.set_title(_axis_title(frame[frame.name == name].iloc[0]), fontsize=7, loc="left")
+            shown = rows[rows.recipe == recipe]
+            whole = (1.0 if cause in ("rate", "recordings") else 0.0, nominal.loc[recipe, column])
+            points = sorted([*zip(shown.amount, shown[column], strict=True), whole])
+            axis.plot(*zip(*points, strict=True), "o-", color=colour, markersize=2.5)
+        axis.set_title(f"{plain(name)}: {_AXES[cause]}", fontsize=7, loc="left")
         axis.set_ylim(0.0, 1.1 * largest)
     picture.supylabel(label, fontsize=8)
     key_above(picture, {recipe: line(colour) for recipe, colour in recipes.items()})
@@ -231,7 +230,3 @@ _AXES = {
     "rate": "one sample of",
     "recordings": "share of the recordings",
 }
-
-
-def _axis_title(row: Any) -> str:
-    return f"{plain(row['name'])}: {_AXES[row['cause']]}"

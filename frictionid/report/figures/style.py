@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -63,25 +64,7 @@ def drawing() -> AbstractContextManager[Any]:
     """A context in which pictures have our styles, whatever the user's settings; these stay."""
     import matplotlib.style
 
-    settings: Mapping[str, Any] = {
-        "font.size": 8,
-        "axes.titlesize": 8,
-        "axes.labelsize": 8,
-        "xtick.labelsize": 7,
-        "ytick.labelsize": 7,
-        "legend.fontsize": 7.5,
-        "legend.frameon": False,
-        "axes.linewidth": 0.6,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "xtick.major.width": 0.6,
-        "ytick.major.width": 0.6,
-        "lines.linewidth": 1.2,
-        "savefig.dpi": 200,
-        "pdf.fonttype": 42,
-        "svg.hashsalt": "frictionid",
-    }
-    return matplotlib.style.context(["default", dict(settings)])
+    return matplotlib.style.context(["default", Path(__file__).with_name("report.mplstyle")])
 
 
 def figure(height: float, width: float = WIDTH) -> Any:
