@@ -107,7 +107,7 @@ class Fit:
         nominal. `identified` is whether the data determine it: the interval is no wider, to either
         side, than the value.
         """
-        return estimate_frame(self._estimates, self.joints, known=self._known)
+        return estimate_frame(self._estimates, self.joints, bounded=self._known)
 
     @property
     def covariance(self) -> pd.DataFrame | None:
@@ -294,7 +294,7 @@ class Fit:
     @property
     def _table(self) -> Any:
         alone = self.method == "one_step" and self.friction.provenance.smoothing_bias is None
-        return estimate_table(self._estimates, known=self._known, noise_alone=alone)
+        return estimate_table(self._estimates, bounded=self._known, noise_alone=alone)
 
     @property
     def _headline(self) -> str:

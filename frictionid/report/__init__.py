@@ -6,11 +6,12 @@ verdict        which model the evidence supports; verdict_table: its table and i
 templates      their words; tables: fills them, and one table as Markdown, LaTeX, for the terminal
 numbers        numbers as text; estimates: those of shooting
 *_table        the tables of a report
-figures        the pictures by theme: scores, curves, motion, fits, studies, loops
+figures        the pictures by theme: scores, curves, motion, fits, studies; style: what they share
 exhibits       which tables and figures there are; recommended: the model of the verdict
-page_content   the page index.html, with charts and motion_chart; write: all files, summary.md
+write          all files: index.html with its charts, summary.md, tables, figures
 console        where results are printed, and the same as text; terminal: what is printed
-diagnostics    a verdict of `check`; sensitivity: outcomes of `sensitivity` and of `tune`
+diagnostics    a verdict of `check`; experiment_design: a designed motion, both with pictures
+sensitivity    outcomes of `sensitivity` and of `tune`
 """
 
 from frictionid.report.terminal import (

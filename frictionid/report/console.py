@@ -59,8 +59,8 @@ def _recorded(show: Callable[[], object]) -> Any:
     return recorder
 
 
-def show_kinds(kinds: Sequence[KindDescription], more: str) -> None:
-    """Print each kind with the names and units of its parameters, and how to see `more`."""
+def show_kinds(kinds: Sequence[KindDescription], hint: str) -> None:
+    """Print each kind with the names and units of its parameters, and how to see `hint`."""
     out = console()
     for kind in kinds:
         out.print(f"{kind.name}", style="bold", markup=False)
@@ -71,7 +71,7 @@ def show_kinds(kinds: Sequence[KindDescription], more: str) -> None:
         elif kind.settings:
             names = ", ".join(setting.name for setting in kind.settings)
             out.print(f"  settings: {names}", markup=False, soft_wrap=True)
-    out.print(f"\n{more}", markup=False, soft_wrap=True)
+    out.print(f"\n{hint}", markup=False, soft_wrap=True)
 
 
 def show_kind(kind: KindDescription) -> None:

@@ -31,12 +31,12 @@ def interval_note(source: Provenance) -> str:
 
 
 def estimate_table(
-    read: Sequence[Estimate], *, known: bool = True, noise_alone: bool = False
+    read: Sequence[Estimate], *, bounded: bool = True, noise_alone: bool = False
 ) -> Table:
     """Table of estimates: value, 95 % interval, unit, and whether the data determine it.
 
     noise_alone : whether intervals hold the noise, but not the bias of smoothed states
-    known : whether intervals are known; without them nothing is said of that
+    bounded : whether intervals are bounded; without them nothing is said of that
     """
     columns = [
         *text_columns("parameter"),
@@ -47,28 +47,28 @@ def estimate_table(
     lines = []
     for e in read:
         value = digits(e.value, e.error if e.identified else float("inf"))
-        said = NOTHING if not known else "yes" if e.identified else "NO, at its bound"
-        said = "NO" if known and not e.identified and not e.at_bound else said
+        said = NOTHING if not bounded else "yes" if e.identified else "NO, at its bound"
+        said = "NO" if bounded and not e.identified and not e.at_bound else said
         lines.append(line((e.name, value, interval(e.low, e.high, e.error), e.unit, said)))
     return Table("", "parameters", tuple(columns), tuple(lines))
 
 
 def estimate_frame(
-    read: Sequence[Estimate], joints: Sequence[str], *, known: bool = True
+    read: Sequence[Estimate], joints: Sequence[str], *, bounded: bool = True
 ) -> pd.DataFrame:
     """One line for each estimate; joint is "" for parameters of the machine as a whole.
 
     Columns: block, joint, parameter, value, low_95, high_95, unit, identified, at_bound, nominal.
     The ends of unknown intervals are infinite.
 
-    known : whether intervals are known; without them `identified` is None
+    bounded : whether intervals are bounded; without them `identified` is None
     """
     lines = [
         (
             e.block,
             "" if e.joint is None else joints[e.joint],
             e.parameter,
-            *(e.value, e.low, e.high, e.unit, e.identified if known else None, e.at_bound),
+            *(e.value, e.low, e.high, e.unit, e.identified if bounded else None, e.at_bound),
             np.nan if e.nominal is None else e.nominal,
         )
         for e in read
@@ -117,14 +117,14 @@ def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     for recipe in recipes:
         group = f"{recipe} recipe"
         heads += [Column("mean ± sd of folds", group), Column("all data", group)]
-    given = [ANY] if (frame["recipe"] == ANY).any() else []
-    heads += [Column("given") for _ in given]
+    fixed_numbers = [ANY] if (frame["recipe"] == ANY).any() else []
+    heads += [Column("given") for _ in fixed_numbers]
     order = ["identifier", "role", "joint", "parameter", "unit"]
     lines = []
-    for key, own in frame.groupby(order, sort=False):
+    for key, rows in frame.groupby(order, sort=False):
         name, role, joint, parameter, unit = map(str, key)
         cells = [name, section.description.joints[int(joint) - 1], parameter, unit]
-        lines.append(line([*cells, *_values(own, [*recipes, *given])], f"{role} {name}"))
+        lines.append(line([*cells, *_values(rows, [*recipes, *fixed_numbers])], f"{role} {name}"))
     caption = (
         f"{section.dataset}: parameters of the fitted models, mean and standard deviation over the "
         "folds and the value from all data; given: numbers that no fit has changed."
@@ -134,19 +134,19 @@ def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     return Table(caption, f"parameters-{section.dataset}", tuple(heads), tuple(lines))
 
 
-def _values(own: pd.DataFrame, recipes: Sequence[str]) -> list[str | Cell]:
+def _values(rows: pd.DataFrame, recipes: Sequence[str]) -> list[str | Cell]:
     """Cells of one parameter: two for each recipe, and one for a given value."""
-    sizes = own[["mean", "all_data"]].to_numpy(dtype=float)
+    sizes = rows[["mean", "all_data"]].to_numpy(dtype=float)
     sizes = np.abs(sizes[np.isfinite(sizes) & (sizes != 0)])
     places = int(np.clip(DIGITS - 1 - np.floor(np.log10(sizes.max())), 0, 9)) if sizes.size else 0
     cells: list[str | Cell] = []
     for recipe in recipes:
-        found = own[own["recipe"] == recipe]
-        if found.empty:
+        numbers = rows[rows["recipe"] == recipe]
+        if numbers.empty:
             cells += [NOTHING] * (1 if recipe == ANY else 2)
             continue
-        mean, sd, value = found[["mean", "sd", "all_data"]].to_numpy(dtype=float)[0]
-        if str(found["identified"].iloc[0]) == "False":
+        mean, sd, value = numbers[["mean", "sd", "all_data"]].to_numpy(dtype=float)[0]
+        if str(numbers["identified"].iloc[0]) == "False":
             cells += [_coarse(mean, sd), Cell("not identified", mark="unknown")]
             continue
         if recipe != ANY:

@@ -314,12 +314,14 @@ def memory_analysis(data: SummaryData) -> MemoryAnalysis | None:
     remaining = advantages[method]
     models = [*data.of_role("none")[:1], raw.static, raw.dynamic]
     each = [data.of_folds(model, EULER) for model in models]
-    same = len({len(own) for own in each}) == 1 and len(each[0]) > 0
+    same = len({len(losses) for losses in each}) == 1 and len(each[0]) > 0
     pairs = [
         (h, data.paired(remaining.static, remaining.dynamic, rollout(h))) for h in data.reported
     ]
     return MemoryAnalysis(
-        losses=tuple(zip(models, (float(own.mean()) for own in each), strict=True)) if same else (),
+        losses=tuple(zip(models, (float(losses.mean()) for losses in each), strict=True))
+        if same
+        else (),
         in_order=int((np.diff(each, axis=0) < 0).all(axis=0).sum()) if same else 0,
         folds=len(each[0]),
         raw=raw,

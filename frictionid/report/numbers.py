@@ -101,13 +101,13 @@ def mean_sd(values: Array, places: int | None = None) -> str:
     >>> mean_sd(np.array([1.0, 1.2, np.nan])), mean_sd(np.array([2.0])), mean_sd(np.array([]))
     ('1.10 ± 0.14', '2.0', '–')
     """
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return NOTHING
-    mean = float(known.mean())
-    if len(known) == 1 or np.ptp(known) < 1e-9:
+    mean = float(finite.mean())
+    if len(finite) == 1 or np.ptp(finite) < 1e-9:
         return short(mean) if abs(mean) > 1e-9 else "0"
-    deviation = float(known.std(ddof=1))
+    deviation = float(finite.std(ddof=1))
     places = decimals([deviation]) if places is None else places
     return f"{fixed(mean, places)} ± {fixed(deviation, places)}"
 

@@ -61,7 +61,7 @@ def provenance_of(results: Results, sections: Sequence[Section]) -> Provenance:
         versions=document.get("versions", {}),
         settings={k: json.dumps(v) for k, v in document["settings"].items() if k in SETTINGS},
         recipes={m.recipe: m.settings["recipe"] for m in models if m.recipe},
-        identifiers={m.identifier: _made(m) for m in models},
+        identifiers={m.identifier: _origin_of(m) for m in models},
     )
 
 
@@ -70,15 +70,15 @@ def _origin(origin: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(f"{part[:1].upper()}{part[1:]}." for part in parts)
 
 
-def _made(model: Model) -> str:
+def _origin_of(model: Model) -> str:
     """How a model came to its numbers."""
     if model.role == "truth":
         return "the true friction of the simulation, from the data set's description"
     if model.role == "given":
         source = model.provenance
-        own = ", with mechanism parameters of its own" if model.document.get("parameters") else ""
+        parts = ", with mechanism parameters of its own" if model.document.get("parameters") else ""
         said = "; ".join(filter(None, (source.source, source.note)))
-        return f"fixed numbers{own}: {said or 'source not given'}"
+        return f"fixed numbers{parts}: {said or 'source not given'}"
     return model.settings["identifier"]
 
 
@@ -90,9 +90,9 @@ def size_of(data: DataDescription) -> str:
 
 def folds_of(results: Results, section: Section) -> str:
     """The folds of a data set in words."""
-    own = fold_settings(results.provenance, section.dataset)
-    if "count" not in own:
+    settings = fold_settings(results.provenance, section.dataset)
+    if "count" not in settings:
         return "judged on held-out data"
-    kind = Split(kind=own.get("kind")).kind_of(section.description.recordings)
-    gaps = f" with gaps of {own['gap']:g} s" if kind == "blocks" else ""
-    return f"{own['count'] or ''} folds of {KINDS[kind]}{gaps}".strip()
+    kind = Split(kind=settings.get("kind")).kind_of(section.description.recordings)
+    gaps = f" with gaps of {settings['gap']:g} s" if kind == "blocks" else ""
+    return f"{settings['count'] or ''} folds of {KINDS[kind]}{gaps}".strip()

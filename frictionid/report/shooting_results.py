@@ -57,7 +57,7 @@ class ShootingResults:
     calibration : identified parameters of sensors and motors
     nominal : number of identified base parameters with a nominal value
     differing : names of those whose interval does not hold it, with the difference [%]
-    known, missed : number of identified parameters with a known true value; those names whose
+    with_truth, missed : number of identified parameters with a known true value; those names whose
         interval does not hold it
     delay_fixed : friction parameters that hold the share of a delay that was not free
     delay_explains : those that a delay within its interval explains entirely
@@ -67,7 +67,7 @@ class ShootingResults:
     calibration: tuple[Calibration, ...]
     nominal: int
     differing: tuple[tuple[str, tuple[str, str, str]], ...]
-    known: int
+    with_truth: int
     missed: tuple[str, ...]
     not_identified: tuple[Estimate, ...]
     delay_fixed: tuple[str, ...]
@@ -92,7 +92,7 @@ def shooting_results(refined: Estimates, data: DataDescription | None = None) ->
         calibration=tuple(map(_calibration, sensors)),
         nominal=len(inertia),
         differing=tuple((e.name, change(e)) for e in differing),
-        known=len(true),
+        with_truth=len(true),
         missed=names_of(e for e, value in true.items() if not e.holds(value)),
         not_identified=tuple(e for e in read if not e.identified),
         delay_fixed=delay_fixed(refined),
@@ -158,7 +158,7 @@ def groups(read: Sequence[Estimate], joints: Sequence[str]) -> Iterator[tuple[st
             return "calibration"
         return e.block if e.joint is None or len(joints) == 1 else f"{e.block}, {joints[e.joint]}"
 
-    return ((name, list(own)) for name, own in groupby(read, key=group))
+    return ((name, list(members)) for name, members in groupby(read, key=group))
 
 
 def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
@@ -185,15 +185,15 @@ def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
 
 
 def interval_table(
-    model: Model, dataset: str, data: DataDescription, given: Sequence[Model] = ()
+    model: Model, dataset: str, data: DataDescription, fixed: Sequence[Model] = ()
 ) -> Table:
     """Table of the parameters with intervals, beside their nominal and true values.
 
-    given : models with fixed numbers, whose parameters of the same name stand beside
+    fixed : models with fixed numbers, whose parameters of the same name stand beside
     """
     read = model.estimates
-    numbers = {m.label: given_numbers(m, read) for m in given}
-    beside = {name: own for name, own in numbers.items() if own}
+    numbers = {m.label: given_numbers(m, read) for m in fixed}
+    beside = {name: values for name, values in numbers.items() if values}
     nominal = any(e.nominal is not None and e.block in SIZES for e in read)
     true = {e: true_value(e, data) for e in read}
     is_simulated = any(value is not None for value in true.values())
@@ -202,13 +202,13 @@ def interval_table(
     heads += [Column("true")] * is_simulated
     heads += [Column(name) for name in beside]
     lines: list[Line] = []
-    for name, own in groups(read, data.joints):
-        if len(own) > MANY:
-            known = f"{sum(e.identified for e in own)} identified"
-            words = [name, f"{len(own)} numbers", NOTHING, known]
+    for name, members in groups(read, data.joints):
+        if len(members) > MANY:
+            count = f"{sum(e.identified for e in members)} identified"
+            words = [name, f"{len(members)} numbers", NOTHING, count]
             lines.append(line([*words, *[NOTHING] * (len(heads) - len(words))], name))
             continue
-        for i, e in enumerate(own):
+        for i, e in enumerate(members):
             cells = [Cell(name if i == 0 else ""), *_cells(e, nominal)]
             cells += [_beside(true[e], e)] * is_simulated
             cells += [_beside(values.get(e.name), e) for values in beside.values()]
@@ -222,8 +222,8 @@ def given_numbers(model: Model, read: Sequence[Estimate]) -> dict[str, float]:
     out = dict(model.base or {})
     joints = model.document["joints"]
     for e in read:
-        known = joints[e.joint] if e.block == "friction" and e.joint is not None else {}
-        value = known.get(e.parameter, {}).get("value")
+        parameters = joints[e.joint] if e.block == "friction" and e.joint is not None else {}
+        value = parameters.get(e.parameter, {}).get("value")
         if value is not None:
             out[e.name] = float(value)
     return {e.name: out[e.name] for e in read if e.name in out}

@@ -158,10 +158,10 @@ def _decided(
 
 
 def _is_simplest(candidate: Candidate, candidates: Sequence[Candidate]) -> bool:
-    """Whether no model with friction is simpler, and some model is more complex."""
+    """Whether no model with friction is simpler, and some model is richer complex."""
     simpler = [c for c in candidates if c.complexity < candidate.complexity]
-    more = any(c.complexity > candidate.complexity for c in candidates)
-    return more and all(c.model.role == "none" for c in simpler)
+    richer = any(c.complexity > candidate.complexity for c in candidates)
+    return richer and all(c.model.role == "none" for c in simpler)
 
 
 def _sentence(

@@ -243,10 +243,10 @@ def check_requirement(requirement: str) -> None:
         Where it is neither.
     """
     question, equals, _ = requirement.partition("=")
-    known = QUESTIONS if equals else KINDS
-    if question not in known:
+    allowed = QUESTIONS if equals else KINDS
+    if question not in allowed:
         rule = "no question" if equals else "no kind of verdict, nor QUESTION=ANSWER"
-        raise InputError(f"--require {requirement}: is {rule}; {nearest(question, known)}")
+        raise InputError(f"--require {requirement}: is {rule}; {nearest(question, allowed)}")
 
 
 def unmet(verdicts: Sequence[Verdict], requirement: str) -> list[str]:
@@ -260,11 +260,11 @@ def unmet(verdicts: Sequence[Verdict], requirement: str) -> list[str]:
     out = []
     for verdict in verdicts:
         if equals:
-            found = next((q.answer for q in verdict.questions if q.name == name), "not_evaluated")
-            met = found == wanted
+            answer = next((q.answer for q in verdict.questions if q.name == name), "not_evaluated")
+            met = answer == wanted
         else:
-            found = verdict.kind
-            met = found == name or (name == "recommended" and verdict.recommended is not None)
+            answer = verdict.kind
+            met = answer == name or (name == "recommended" and verdict.recommended is not None)
         if not met:
-            out.append(f"{verdict.dataset}: {name if equals else 'verdict'} is {found}")
+            out.append(f"{verdict.dataset}: {name if equals else 'verdict'} is {answer}")
     return out

@@ -1,52 +1,59 @@
-"""The report of a comparison: tables, pictures and summary, made anew from its results."""
+"""The report of a comparison: tables, pictures, summary and page, made anew from its results.
+
+The page index.html needs no other file. On the screen Plotly draws what one wants to point at; on
+paper and without scripts the figures of the report stand in its place.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import base64
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import count
+from typing import Any, TypeVar
+from urllib.parse import quote
 
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, reduction
+from frictionid.files import plain
 from frictionid.outputs import replace_files
-from frictionid.report.exhibits import Exhibits, NamedTable, Picture, exhibits_of, names_of
-from frictionid.report.figures.style import drawing, rendered
-from frictionid.report.page_content import index_html
-from frictionid.report.provenance import folds_of, size_of
+from frictionid.report.candidates import family_table
+from frictionid.report.charts import Chart, animation, friction_charts, motion_chart, plotly_script
+from frictionid.report.exhibits import (
+    Exhibits,
+    NamedTable,
+    Names,
+    Picture,
+    exhibits_of,
+    names_of,
+    shooting_fits,
+)
+from frictionid.report.figures.motion import examples_of
+from frictionid.report.figures.style import Style, drawing, rendered
+from frictionid.report.memory import memory_analysis
+from frictionid.report.provenance import folds_of, provenance_of, size_of
+from frictionid.report.recommended import chosen_of, equation_of, horizons_of, parameter_rows
 from frictionid.report.reliability import warning_lines
-from frictionid.report.sections import Section, sections_of
+from frictionid.report.sections import Model, Section, SummaryData, sections_of
 from frictionid.report.sensitivity import beside
-from frictionid.report.tables import latex, markdown, render
+from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
+from frictionid.report.tables import (
+    Cell,
+    Column,
+    Table,
+    latex,
+    lines_of,
+    markdown,
+    render,
+    render_page,
+)
 from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import verdict_json
+from frictionid.report.verdict_table import marked, verdict_json
 
-
-def summary_markdown(
-    results: Results,
-    sections: Sequence[Section],
-    verdicts: Sequence[Verdict],
-    exhibits: Mapping[tuple[str, str], Exhibits],
-) -> str:
-    """Markdown of the summary; exhibits by the data sets fitted and scored."""
-    parts = [
-        {
-            "section": section,
-            "verdict": verdict,
-            "size": size_of(section.description),
-            "folds": folds_of(results, section),
-            "tables": [exhibits[section.dataset, d.dataset].tables[0].table for d in section.data],
-        }
-        for section, verdict in zip(sections, verdicts, strict=True)
-    ]
-    context = {
-        "title": results.provenance.get("title") or results.provenance["suite"],
-        "parts": parts,
-        "warnings": warning_lines(results, sections),
-    }
-    return render("summary.md.j2", context)
-
-
-_FEW = 10  # figures, which take as long as a process takes to begin drawing
+ROOM = 3_200_000  # bytes of figures inside the page
+FEW = 10  # figures, which take as long as a process takes to begin drawing
+Named = TypeVar("Named", Picture, NamedTable)
 
 
 def build(results: Results, *, replace: bool = False, jobs: int = 1) -> None:
@@ -85,18 +92,23 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
     figures = figure_files([p for shown in exhibits.values() for p in shown.pictures], jobs)
     for stem, files in figures.items():
         contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
+    parts = [
+        {"folds": folds_of(results, section), **_part(section, verdict, exhibits, names)}
+        for section, verdict in zip(sections, verdicts, strict=True)
+    ]
     drawn = {stem: files["svg"] for stem, files in figures.items()}
+    context = _context(results, sections, parts, names) | {"images": _images(exhibits, drawn)}
     texts = {
         "verdict.json": verdict_json(verdicts),
-        "index.html": index_html(results, sections, verdicts, exhibits, names, drawn),
-        "summary.md": summary_markdown(results, sections, verdicts, exhibits),
+        "index.html": render_page("index.html.j2", context),
+        "summary.md": render("summary.md.j2", context),
     }
     return contents | {name: text.encode() for name, text in texts.items()}
 
 
 def figure_files(pictures: Sequence[Picture], jobs: int) -> dict[str, Mapping[str, bytes]]:
     """The figures' files, by their stems and endings, the same however many jobs draw them."""
-    jobs = min(jobs, len(pictures) // _FEW)
+    jobs = min(jobs, len(pictures) // FEW)
     files = dict(side_by_side(_drawn, [(picture.figure,) for picture in pictures], jobs))
     return {picture.stem: files[i] for i, picture in enumerate(pictures)}
 
@@ -112,3 +124,156 @@ def _table_files(named: NamedTable) -> dict[str, bytes]:
     if named.numbers is not None:
         texts["csv"] = named.numbers.to_csv(index=False, float_format="%.9g")
     return {f"tables/{named.stem}.{kind}": text.encode() for kind, text in texts.items()}
+
+
+# --- What summary and page show -------------------------------------------------------------------
+
+
+def _context(
+    results: Results, sections: Sequence[Section], parts: Sequence[Mapping[str, Any]], names: Names
+) -> dict[str, Any]:
+    return {
+        "title": results.provenance.get("title") or results.provenance["suite"],
+        "parts": parts,
+        "warnings": warning_lines(results, sections),
+        "provenance": provenance_of(results, sections),
+        "plotly": base64.b64encode(plotly_script()).decode(),
+        "number": count(1).__next__,
+        "document": document_of,
+        "size": size_of,
+        "colours": {label: style.colour for label, style in names.styles.items()},
+    }
+
+
+def _images(exhibits: Mapping[Any, Exhibits], drawn: Mapping[str, bytes]) -> dict[str, str]:
+    """Addresses of the figures that are part of the page, by their stems, as long as there is room.
+
+    The page links the others, and those of all models' motion.
+    """
+    out, room = {}, ROOM
+    for picture in (p for shown in exhibits.values() for p in shown.pictures if not p.linked):
+        text = quote(drawn[picture.stem], safe=" /:;=,()!?@+*-._~$[]'")
+        if len(text) <= room and not picture.stem.startswith("motion--"):
+            out[picture.stem] = f"data:image/svg+xml,{text}"
+            room -= len(text)
+    return out
+
+
+def document_of(chart: Chart) -> str:
+    r"""A chart as JSON that stands inside a script, which no name in it can end.
+
+    >>> document_of(Chart("", "", [{"name": "</script>"}], {}))
+    '{"data":[{"name":"\\u003c/script\\u003e"}],"layout":{},"frames":[]}'
+    """
+    text = json.dumps(plain(chart.document, infinity=None), allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _part(
+    section: Section,
+    verdict: Verdict,
+    exhibits: Mapping[tuple[str, str], Exhibits],
+    names: Names,
+) -> dict[str, Any]:
+    """What the page shows of one data set that was fitted.
+
+    chosen : the model that the verdict names, else the best predictor, with its equation,
+        parameters and errors; fit : facts of the fit by shooting that predicts best
+    scored : the fitted data, and then data that no fit has seen
+    """
+    data, chosen = section.fitted, chosen_of(section, verdict)
+    families = family_table(section)
+    return {
+        "anchor": names.stems[section.dataset, section.dataset],
+        "section": section,
+        "size": size_of(section.description),
+        "verdict": verdict,
+        "tables": [exhibits[section.dataset, d.dataset].tables[0].table for d in section.data],
+        "chosen": chosen,
+        "equation": equation_of(chosen) if chosen else "",
+        "rows": parameter_rows(chosen, data) if chosen else [],
+        "horizons": horizons_of(data, chosen) if chosen else [],
+        "fit": _fit_lines(section, names),
+        "others": shooting_fits(section, names.fits)[1:],
+        "charts": friction_charts(section, names.styles, chosen),
+        "scored": [
+            _scored(scored, verdict, chosen, exhibits[section.dataset, scored.dataset], names)
+            for scored in section.data
+        ],
+        "families": families and marked(families, verdict),
+        "notes": _notes(section),
+        "memory": _memory_lines(data),
+    }
+
+
+def _scored(
+    data: SummaryData, verdict: Verdict, chosen: Model | None, exhibits: Exhibits, names: Names
+) -> dict[str, Any]:
+    """A scored data set: its table, motions of the chosen model, figures and tables by kind."""
+    return {
+        "data": data,
+        "table": _table(data, verdict, chosen),
+        "examples": [] if chosen is None else _examples(chosen, data, names.styles[chosen.label]),
+        "pictures": _by_kind(exhibits.pictures),
+        "tables": _by_kind(exhibits.tables),
+    }
+
+
+def _by_kind(named: Iterable[Named]) -> dict[str, list[Named]]:
+    """What the page does not only link, by what its stem begins with."""
+    out: dict[str, list[Named]] = {}
+    for shown in named:
+        if not shown.linked:
+            out.setdefault(shown.stem.partition("--")[0], []).append(shown)
+    return out
+
+
+def _examples(model: Model, data: SummaryData, style: Style) -> list[dict[str, Any]]:
+    """Motions from one initial state each: heading, the animation if there is one, and lines."""
+    out = []
+    for example in examples_of(model, data):
+        charts = animation(example, style), motion_chart(example, data.description, style)
+        heading = f"{example['place']}: {example['recording']}, from {example['start_s']:.2f} s"
+        out.append({"heading": heading, "charts": [chart for chart in charts if chart]})
+    return out
+
+
+def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
+    """The summary table; of the fitted data with how each model stands."""
+    summary = summary_of(data, verdict.failed)
+    table = summary_table(summary, caption_of(data, summary), detail=MEDIANS, sd=False)
+    standings = {c.model: c.standing for c in verdict.candidates}
+    lines = []
+    for model, line in zip(data.models, table.lines, strict=True):
+        recommended = model.name == verdict.recommended
+        standing = Cell("recommended" if recommended else standings.get(model, ""))
+        cells = (line.cells[0], *[standing] * data.held_out, *line.cells[1:])
+        lines.append(line._replace(cells=cells, block="chosen" if model is chosen else ""))
+    column = Column("standing", words=True)
+    heads = (table.columns[0], *[column] * data.held_out, *table.columns[1:])
+    return table._replace(columns=heads, lines=tuple(lines))
+
+
+def _fit_lines(section: Section, names: Names) -> list[str]:
+    """Facts of the fit by shooting that predicts best."""
+    for fit in shooting_fits(section, names.fits):
+        context = {"found": fit.results}
+        texts = [render(f"shooting_{p}.j2", context, markup=False) for p in ("head", "terminal")]
+        return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
+    return []
+
+
+def _memory_lines(data: SummaryData) -> list[str]:
+    """What the advantage of memory consists of, where models with and without it are compared."""
+    analysis = memory_analysis(data)
+    if analysis is None:
+        return []
+    context = {"m": analysis, "unit": data.description.angle_unit}
+    return lines_of(render("memory.j2", context, markup=False))
+
+
+def _notes(section: Section) -> list[tuple[str, list[str]]]:
+    """Lines that models tell of themselves, under their names."""
+    sources = [(model.name, model.provenance) for model in section.models]
+    lines = [(name, [*s.equation, *s.inclusion]) for name, s in sources]
+    return [(name, notes) for name, notes in lines if notes]

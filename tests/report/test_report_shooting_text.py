@@ -129,7 +129,7 @@ def test_a_block_that_was_left_out_is_named(block):
 def test_true_values_outside_are_named():
     pair = [made.parameter("inertia", name, 1.0, 0.1) for name in "ab"]
     found = results(made.shot(pair), true_parameters={"inertia": {"a": 1.0, "b": 2.0}})
-    assert found.known == 2 and found.missed == ("b",)
+    assert found.with_truth == 2 and found.missed == ("b",)
 
 
 def test_the_interval_shown_covers_what_it_says():

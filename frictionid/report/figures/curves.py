@@ -48,18 +48,18 @@ def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     fitted = [m for m in section.of_role("fitted") if np.isfinite(m.curves).any()]
     names = list(dict.fromkeys(m.label for m in fitted))
     columns = sorted(fitted, key=lambda m: names.index(m.label))  # recipes of one law side by side
-    given = section.of_role("given")
+    fixed = section.of_role("given")
     if not columns:
-        columns, given = given, []
+        columns, fixed = fixed, []
     data = section.description
-    limits = [_limits([*columns, *given], data, joint) for joint in range(len(data.joints))]
+    limits = [_limits([*columns, *fixed], data, joint) for joint in range(len(data.joints))]
     parts = side_by_side(columns, COLUMNS)
-    return [_curve_picture(part, given, data, limits, styles) for part in parts]
+    return [_curve_picture(part, fixed, data, limits, styles) for part in parts]
 
 
 def _curve_picture(
     columns: Sequence[Model],
-    given: Sequence[Model],
+    fixed: Sequence[Model],
     data: DataDescription,
     limits: Sequence[Limits],
     styles: Mapping[str, Style],
@@ -72,7 +72,7 @@ def _curve_picture(
         for axis, model in zip(row, columns, strict=True):
             velocity_axis(axis, w, limits[joint])
             draw_density(axis, *density_heights(data, joint), DENSITY)
-            for other in given:
+            for other in fixed:
                 dashed = {"color": styles[other.label].colour, "linewidth": 0.9, "zorder": 3}
                 axis.plot(w, other.curves[-1, :, joint], "--", **dashed)
             _folds(axis, w, model.curves[..., joint], styles[model.label].colour)
@@ -85,7 +85,7 @@ def _curve_picture(
         "each fold": line(GREY, linewidth=0.6, alpha=0.6),
         "mean of folds": line(GREY, linewidth=1.6),
         "fit to all data": line(DARK, DOTTED, 0.8),
-        **{model.label: line(styles[model.label].colour, "--", 1) for model in given},
+        **{model.label: line(styles[model.label].colour, "--", 1) for model in fixed},
         **_truth_key(data),
         "velocity density, cut": patch(PALE),
     }

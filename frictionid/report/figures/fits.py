@@ -84,8 +84,8 @@ def fit_correlation(refined: Estimates, joints: Sequence[str]) -> Any:
     labels = [e.parameter if e.block in OWN else e.name for e in read]
     few = len(read) <= MOST
     room, below = (
-        LETTERS * max(map(len, own or [""])) + 0.05 if few else 0.05
-        for own in (labels[1:], labels[:-1])
+        LETTERS * max(map(len, shown or [""])) + 0.05 if few else 0.05
+        for shown in (labels[1:], labels[:-1])
     )
     left, right = room + MARGIN, 0.75
     side = min(CELL * len(read), WIDTH - left - right, 6.0)

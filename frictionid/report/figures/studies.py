@@ -32,18 +32,18 @@ from frictionid.report.sections import Model, Section
 
 def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
     """The picture of all studies: on all data thick, in each training fold thin."""
-    tasks = [list(own) for _, own in groupby(studies, key=lambda study: study.task.title)]
+    tasks = [list(tuned) for _, tuned in groupby(studies, key=lambda study: study.task.title)]
     picture, axes = panel_grid(len(tasks), ABREAST, 1.9, 0.6)
     samplers = list(dict.fromkeys(study.sampler for study in studies))
     colours = dict(zip(samplers, COLOURS, strict=False))
     thick = {"linewidth": 1.5, "alpha": 1.0, "zorder": 3}
     thin = {"linewidth": 0.5, "alpha": 0.4, "zorder": 2}
-    for axis, own in zip(axes, tasks, strict=True):
-        for study in own:
+    for axis, tuned in zip(axes, tasks, strict=True):
+        for study in tuned:
             trials = np.arange(1, len(study.trials) + 1)
             style = thick if study.fold is None else thin
             axis.step(trials, _lowest(study), where="post", color=colours[study.sampler], **style)
-        axis.set_title(plain(own[0].task.title), fontsize=7, loc="left")
+        axis.set_title(plain(tuned[0].task.title), fontsize=7, loc="left")
         axis.locator_params(axis="x", integer=True, nbins=6)
     unit = "rad" if objective.horizon is not None else "rad/s"
     picture.supxlabel("trials", fontsize=8)
@@ -132,8 +132,8 @@ def summarised(frame: pd.DataFrame) -> pd.DataFrame:
     groups = ["dataset", "identifier", "recipe"]
     for key in ("rollout", "loss"):
         nominal = frame[key].where(frame.cause == "nominal")
-        known = nominal.groupby([frame[g] for g in groups]).transform("max")
-        out[f"{key}_ratio"] = frame[key] / known
+        reference = nominal.groupby([frame[g] for g in groups]).transform("max")
+        out[f"{key}_ratio"] = frame[key] / reference
     out["loss_change"] = 100.0 * (out.pop("loss_ratio") - 1.0)
     return out
 
