@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered
 
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Dahl, LuGre, MotorLoad
@@ -44,9 +43,7 @@ def test_it_is_passive_with_the_energy_of_its_spring():
 @pytest.mark.parametrize("size", [1.0, 100.0])
 def test_truth_in_truth_out_whatever_its_size(presliding, size):
     theta = np.array([[0.1 * size, 0.02 * size, presliding], [0.05, 0.02, presliding / 2]])
-    problem = explained_by(Dahl(), theta)
-    found = LeastSquares(Dahl()).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)
+    assert_recovered(Dahl(), theta)
 
 
 LOADED = np.array([[0.1, 0.02, 0.01, 0.15], [0.05, 0.03, 0.004, 0.3]])
@@ -68,6 +65,4 @@ def test_under_load_it_is_dahl_friction_of_a_level_that_grows_with_the_torque():
 
 
 def test_truth_in_truth_out_under_load():
-    problem = explained_by(Dahl(motor_load=True), LOADED)
-    found = LeastSquares(Dahl(motor_load=True)).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], LOADED, rtol=1e-6)
+    assert_recovered(Dahl(motor_load=True), LOADED)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered, everything, explained_by
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
@@ -124,15 +124,11 @@ def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
 @pytest.mark.parametrize("velocity", [0.6, 1.5, 4.0])
 def test_truth_in_truth_out(lag, velocity):
     theta = THETA * [1, 1, 0, 1, 0] + [0, 0, velocity, 0, lag]
-    problem = explained_by(FilmLag(), theta)
-    found = LeastSquares(FilmLag()).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)
+    assert_recovered(FilmLag(), theta)
 
 
 def test_truth_in_truth_out_with_two_joints_and_levels_of_each_direction():
-    problem = explained_by(FilmLag(symmetric=False), BOTH_WAYS)
-    found = LeastSquares(FilmLag(symmetric=False)).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], BOTH_WAYS, rtol=1e-6, atol=1e-9)
+    assert_recovered(FilmLag(symmetric=False), BOTH_WAYS, rtol=1e-6, atol=1e-9)
 
 
 def test_friction_without_memory_has_the_least_lag_there_is():

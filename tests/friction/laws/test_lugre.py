@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import step
 from frictionid.dynamics.step_size import substeps
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import (
@@ -163,12 +162,8 @@ def test_friction_of_size_zero_is_none():
 @pytest.mark.parametrize("velocity", [1.5, 4.0])
 def test_truth_in_truth_out(presliding, velocity):
     theta = THETA * [1, 1, 0, 1, 0, 1, 1] + [0, 0, velocity, 0, presliding, 0, 0]
-    problem = explained_by(LuGre(), theta)
-    found = LeastSquares(LuGre()).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6)
+    assert_recovered(LuGre(), theta)
 
 
 def test_truth_in_truth_out_with_two_joints_and_levels_of_each_direction():
-    problem = explained_by(LuGre(symmetric=False), BOTH_WAYS)
-    found = LeastSquares(LuGre(symmetric=False)).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], BOTH_WAYS, rtol=1e-6)
+    assert_recovered(LuGre(symmetric=False), BOTH_WAYS)

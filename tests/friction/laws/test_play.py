@@ -3,13 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered
 
 import frictionid as fid
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
 from frictionid.mechanics import Plant, pendulum
@@ -112,9 +111,7 @@ def test_a_side_holds_a_joint_that_is_pressed_to_it_and_no_other():
 @pytest.mark.parametrize("gap", [0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03])
 def test_truth_in_truth_out(gap):
     theta = np.array([[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]])
-    problem = explained_by(Play(), theta)
-    found = LeastSquares(Play()).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-3)
+    assert_recovered(Play(), theta, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["lugre", "film_lag"])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered, everything, explained_by
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, at_rest
@@ -26,9 +26,7 @@ def test_without_drag_it_is_coulomb_and_viscous_friction():
 
 @pytest.mark.parametrize("theta", [THETA, THETA * [0, 1, 1], THETA * [0, 0, 100]])
 def test_truth_in_truth_out(theta):
-    problem = explained_by(Quadratic(), theta)
-    found = LeastSquares(Quadratic()).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-8, atol=1e-12)
+    assert_recovered(Quadratic(), theta, rtol=1e-8, atol=1e-12)
 
 
 def test_drag_alone_is_told_from_coulomb_friction_with_noise():
@@ -56,6 +54,4 @@ def test_with_equal_levels_it_is_the_symmetric_law():
 
 
 def test_truth_in_truth_out_in_each_direction():
-    problem = explained_by(CoulombViscous(symmetric=False), SIDES)
-    found = LeastSquares(CoulombViscous(symmetric=False)).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], SIDES, rtol=1e-9)
+    assert_recovered(CoulombViscous(symmetric=False), SIDES, rtol=1e-9)

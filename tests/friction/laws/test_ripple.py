@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import everything, explained_by
+from fixtures.exact_problems import assert_recovered, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
@@ -79,9 +79,7 @@ def test_it_never_drives_however_large_its_amplitudes(base):
 @pytest.mark.parametrize("gear", [1.0, 3.0])
 def test_truth_in_truth_out(base, gear):
     law, theta = Ripple(base, (1, 2), gear), rippled(base)
-    problem = explained_by(law, theta)
-    found = LeastSquares(law).fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-5, atol=1e-7)
+    assert_recovered(law, theta, rtol=1e-5, atol=1e-7)
 
 
 def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_is_none():
