@@ -255,7 +255,7 @@ def _estimates(
             (float(low), float(high)),
             bool(covariance.bound[k]),
             bool(identified[k]),
-            p.prior if np.isfinite(p.prior) else None,
+            p.tolerance if np.isfinite(p.tolerance) else None,
             _nominal(p, dataset, shift),
         )
 

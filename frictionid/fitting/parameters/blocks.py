@@ -1,11 +1,12 @@
-"""Blocks of what sensors and clocks do: torque gain, bias and delay, angle offsets, voltage gain.
+"""Blocks of parameters: friction, base parameters, sensors and clocks, servos.
 
 u = gain u_logged(t - delay) + bias,    q_measured = q + offset
+u = controller(q*(t - target_delay), q - z, w),   dz = dq while |z| < backlash/2
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -14,171 +15,57 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.fitting.parameters.parameter_block import (
+    FREE,
     Estimate,
     Logged,
     Parameter,
     ParameterBlock,
     Values,
     check_fixed,
-    prior_deviation,
-    relative_deviation,
-    with_known,
 )
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.mechanics import Mechanism, configurations
 
-
-@dataclass(frozen=True)
-class _JointSensor(ParameterBlock):
-    """One value for each joint, kept in the calibration under the name of the block.
-
-    fixed : joints whose value stays
-    """
-
-    fixed: tuple[str, ...] = ()
-    prior: float | None = None
-    known: tuple[tuple[str, float], ...] = ()
-    label: ClassVar[str]
-    low: ClassVar[float] = -float("inf")
-
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        d, deviation = estimate.mechanism, prior_deviation(self.prior, self.name)
-        check_fixed(self.fixed, d.joints, self.name, f"{d.kind} has no joint")
-        values = getattr(estimate.calibration, self.name)
-        units = {"bias": d.torque_units, "offset": d.position_units}.get(self.name, ("1",) * d.n)
-        free = (
-            Parameter(
-                block=self.name,
-                name=f"{self.label} of {d.joints[j]}",
-                unit=units[j],
-                value=float(values[j]),
-                low=self.low,
-                prior=deviation,
-                place=(j,),
-            )
-            for j in range(estimate.mechanism.n)
-            if (d.driven[j] or self.enters == "angle") and d.joints[j] not in self.fixed
-        )
-        return with_known(free, self.known)
-
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        new = np.array(getattr(estimate.calibration, self.name), dtype=float)
-        for parameter, value in values:
-            new[parameter.place[0]] = value
-        return estimate._replace(calibration=replace(estimate.calibration, **{self.name: new}))
-
-
-class GainBlock(_JointSensor):
-    """Factor between logged and true motor torque of each driven joint: a wrong gear ratio."""
-
-    name, enters, label, low = "gain", "torque", "torque gain", 0.0
-
-    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
-        return u.torque * _own_joint(own, u.torque)
-
-
-class BiasBlock(_JointSensor):
-    """Constant torque beside the logged one, of each driven joint; `prior` in N m."""
-
-    name, enters, label = "bias", "torque", "torque bias"
-
-    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
-        return 0.0 * u.torque + _own_joint(own, u.torque)
-
-
-class OffsetBlock(_JointSensor):
-    """Measured angle of each joint less the true one; `prior` in rad."""
-
-    name, enters, label = "offset", "angle", "angle offset"
-
-
-def _own_joint(parameters: Sequence[Parameter], torque: Array) -> Array:
-    """One at each parameter's own joint, zero elsewhere, (E, 1, ..., n)."""
-    n = torque.shape[-1]
-    own = np.eye(n)[np.array([p.place[0] for p in parameters], dtype=int)]
-    return own.reshape(len(parameters), *(1,) * (torque.ndim - 1), n)
-
-
-@dataclass(frozen=True)
-class DelayBlock(ParameterBlock):
-    """How much later than logged the motor torque acts [s], within `most` either way.
-
-    It is continuous: the logged torque is averaged over each piece of time as it was logged, held
-    or interpolated. `prior` in s; `where_sampled`: only where a motor's torque is sampled.
-    """
-
-    most: float = 0.2
-    prior: float | None = None
-    where_sampled: bool = False
-    known: tuple[tuple[str, float], ...] = ()
-    name, enters = "delay", "torque"
-
-    def __post_init__(self) -> None:
-        if not self.most > 0:
-            raise InputError(f"block 'delay': most = {self.most} s must be positive")
-
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        deviation = prior_deviation(self.prior, self.name)
-        value = float(estimate.calibration.delay)
-        own = Parameter(self.name, "torque delay", "s", value, -self.most, self.most, deviation)
-        return with_known([own], self.known)
-
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        delay = np.asarray(float(values[0][1]))
-        return estimate._replace(calibration=replace(estimate.calibration, delay=delay))
-
-    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
-        return (estimate.calibration.gain * u.by_delay)[None]
+MOTOR = ("kt", "R")
+_UNITS = ("N m/A", "Ohm")
+_LEAST = 0.05  # of where a motor's constant begins: it stays positive
+_KEPT = 0.05  # of the nominal mass matrix that is left in any direction
 
 
 @dataclass(frozen=True)
 class FrictionBlock(ParameterBlock):
-    """Parameters of the law, but for those whose names are `fixed`.
+    """Parameters of the law.
 
-    `prior` is a standard deviation relative to each value. `support` are the places (joint,
-    parameter) that may be free, None for all: see `on_support`. Those of equal joints, as the
-    friction's constraints name them, are shared.
+    `support` are the places (joint, parameter) that may be free, None for all: see `on_support`.
+    Those of equal joints, as the friction's constraints name them, are shared.
     """
 
-    fixed: tuple[str, ...] = ()
-    prior: float | None = None
     support: tuple[tuple[int, int], ...] | None = None
-    name, enters = "friction", "friction"
+    name, enters, relative = "friction", "friction", True
 
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
-        law, theta = estimate.friction.law, np.asarray(estimate.friction.theta)
-        check_fixed(self.fixed, law.names, self.name, f"{law} has no parameter")
-        joints = estimate.mechanism.friction_names
+    def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
+        return estimate.friction.law.names, f"{estimate.friction.law} has no parameter"
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        friction, joints = estimate.friction, estimate.mechanism.friction_names
+        law, theta = friction.law, np.asarray(friction.theta)
         has = law.has_parameters(len(theta))
-        own = estimate.friction.constraints
-        own = own or constraints_of(law, _no_range(len(theta)))
-        owner = own.owner
-        return tuple(
-            Parameter(
-                block=self.name,
-                name=f"{name} of {joints[j]}",
-                unit=estimate.friction.units_at(j)[i],
-                value=float(theta[j, i]),
-                low=float(own.low[j, i]),
-                high=float(own.high[j, i]),
-                prior=min(
-                    relative_deviation(self.prior, self.name, float(theta[j, i])),
-                    float(own.deviation[j, i]),
-                ),
-                place=(j, i),
-                mean=float(own.mean[j, i]) if np.isfinite(own.deviation[j, i]) else None,
-                shared=tuple(
-                    (f"{name} of {joints[k]}", (int(k), i))
-                    for k in np.flatnonzero(owner == j)
-                    if k != j
-                ),
-            )
-            for j in np.unique(owner).tolist()
-            for i, name in enumerate(law.names)
-            if name not in self.fixed
-            and has[j, i]
-            and (self.support is None or (j, i) in self.support)
-        )
+        nothing = SpeedRange(np.full(len(theta), 1e-9), np.full(len(theta), np.inf))
+        limits = friction.constraints or constraints_of(law, nothing)
+        for j in np.unique(limits.owner).tolist():
+            twins = [int(k) for k in np.flatnonzero(limits.owner == j) if k != j]
+            for i, name in enumerate(law.names):
+                if not has[j, i] or (self.support is not None and (j, i) not in self.support):
+                    continue
+                deviation = float(limits.deviation[j, i])
+                yield Parameter(
+                    *(self.name, f"{name} of {joints[j]}", friction.units_at(j)[i]),
+                    float(theta[j, i]),
+                    *(float(limits.low[j, i]), float(limits.high[j, i]), deviation),
+                    (j, i),
+                    float(limits.mean[j, i]) if np.isfinite(deviation) else None,
+                    tuple((f"{name} of {joints[k]}", (k, i)) for k in twins),
+                )
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         theta = np.array(estimate.friction.theta, dtype=float)
@@ -186,11 +73,6 @@ class FrictionBlock(ParameterBlock):
             for place in parameter.places:
                 theta[place] = value
         return estimate._replace(friction=replace(estimate.friction, theta=theta))
-
-
-def _no_range(n: int) -> SpeedRange:
-    """Range of speeds of n joints about whose motion nothing is known."""
-    return SpeedRange(np.full(n, 1e-9), np.full(n, np.inf))
 
 
 def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:
@@ -201,43 +83,34 @@ def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[Pa
     return tuple(replace(b, support=has) if isinstance(b, FrictionBlock) else b for b in blocks)
 
 
-_KEPT = 0.05  # of the nominal mass matrix that is left in any direction
-
-
 @dataclass(frozen=True)
 class InertiaBlock(ParameterBlock):
-    """Base parameters, but for those whose names are `fixed`.
+    """Base parameters; the inertia of a rotor does not become negative.
 
-    M(q) stays positive definite for all q, see `inside`. `prior` is a standard deviation relative
-    to each value; of a value that is zero, to the mean size of those with the same unit. The
-    inertia of a rotor does not become negative.
+    M(q) stays positive definite for all q, see `inside`. A prior is relative to each value; of a
+    value that is zero, to the mean size of those with the same unit.
     """
 
-    fixed: tuple[str, ...] = ()
-    prior: float | None = None
-    known: tuple[tuple[str, float], ...] = ()
-    name, enters = "inertia", "base"
+    name, enters, relative = "inertia", "base", True
 
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+    def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
+        mechanism = estimate.mechanism
+        return mechanism.base_names, f"{mechanism.kind} has no base parameter"
+
+    def sizes(self, parameters: Sequence[Parameter]) -> list[float]:
+        sizes = {
+            unit: float(np.mean([abs(p.value) for p in parameters if p.unit == unit]))
+            for unit in {p.unit for p in parameters}
+        }
+        return [abs(p.value) or sizes[p.unit] for p in parameters]
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
-        names, units = mechanism.base_names, mechanism.base_units
-        check_fixed(self.fixed, names, self.name, f"{mechanism.kind} has no base parameter")
-        sizes = _sizes(base, units)
         rotors = {p.name for p in mechanism.parameters if p.rotor}
-        free = (
-            Parameter(
-                block=self.name,
-                name=name,
-                unit=unit,
-                value=float(base[i]),
-                low=0.0 if name in rotors else -np.inf,
-                prior=relative_deviation(self.prior, self.name, sizes[i]),
-                place=(i,),
-            )
-            for i, (name, unit) in enumerate(zip(names, units, strict=True))
-            if name not in self.fixed
-        )
-        return with_known(free, self.known)
+        names = zip(mechanism.base_names, mechanism.base_units, strict=True)
+        for i, (name, unit) in enumerate(names):
+            low = 0.0 if name in rotors else -np.inf
+            yield Parameter(self.name, name, unit, float(base[i]), low, place=(i,))
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(estimate.calibration.base, dtype=float)
@@ -246,13 +119,6 @@ class InertiaBlock(ParameterBlock):
         nominal = estimate.mechanism.base(estimate.mechanism.nominal())
         base = inside(estimate.mechanism, np.asarray(nominal, dtype=float), new)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))
-
-
-def _sizes(base: Array, units: tuple[str, ...]) -> list[float]:
-    """Sizes of base parameters: of one that is zero, the mean of those with its unit."""
-    pairs = [(abs(float(b)), unit) for b, unit in zip(base, units, strict=True)]
-    mean = {unit: float(np.mean([b for b, own in pairs if own == unit])) for unit in units}
-    return [b or mean[unit] for b, unit in pairs]
 
 
 def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
@@ -275,3 +141,137 @@ def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
     least = float(np.linalg.eigvalsh(root @ then @ np.swapaxes(root, -1, -2)).min())
     share = 1.0 if least >= _KEPT else (1.0 - _KEPT) / (1.0 - least)
     return base + share * (wanted - base)
+
+
+# --- Sensors, clocks and servos ---------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Late(ParameterBlock):
+    """A delay [s] of at most `most`, either way."""
+
+    most: float = 0.1
+    label: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        if not self.most > 0:
+            raise InputError(f"block {self.name!r}: most = {self.most} s must be positive")
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        value = float(np.asarray(getattr(estimate.calibration, self.name)))
+        yield Parameter(self.name, self.label, "s", value, -self.most, self.most)
+
+
+@dataclass(frozen=True)
+class DelayBlock(_Late):
+    """How much later than logged the motor torque acts [s], within `most` either way.
+
+    It is continuous: the logged torque is averaged over each piece of time as it was logged, held
+    or interpolated. `where_sampled`: only where a motor's torque is sampled.
+    """
+
+    most: float = 0.2
+    where_sampled: bool = False
+    name, enters, label = "delay", "torque", "torque delay"
+
+    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
+        return (estimate.calibration.gain * u.by_delay)[None]
+
+
+class TargetDelayBlock(_Late):
+    """How much later than logged a servo's targets act [s], up to `most`.
+
+    Bus and controller are late with a new target, but not with what the encoder reads: unlike a
+    late torque that takes no damping.
+    """
+
+    name, enters, label = "target_delay", "actuator", "target delay"
+
+
+@dataclass(frozen=True)
+class _EachJoint(ParameterBlock):
+    """One value for each driven joint, of an angle's sensor for each joint."""
+
+    label: ClassVar[str]
+    low: ClassVar[float] = -FREE
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        d, values = estimate.mechanism, np.asarray(getattr(estimate.calibration, self.name))
+        positions = d.position_units
+        units = {"bias": d.torque_units, "offset": positions, "backlash": positions}
+        for j, joint in enumerate(d.joints):
+            if d.driven[j] or self.enters == "angle":
+                unit = units.get(self.name, ("1",) * d.n)[j]
+                name, value = f"{self.label} of {joint}", float(values[j])
+                yield Parameter(self.name, name, unit, value, self.low, place=(j,))
+
+
+class GainBlock(_EachJoint):
+    """Factor between logged and true motor torque of each driven joint: a wrong gear ratio."""
+
+    name, enters, label, low = "gain", "torque", "torque gain", 0.0
+
+    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
+        return u.torque * _at_joints(free, u.torque)
+
+
+class BiasBlock(_EachJoint):
+    """Constant torque beside the logged one, of each driven joint; `prior` in N m."""
+
+    name, enters, label = "bias", "torque", "torque bias"
+
+    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
+        return 0.0 * u.torque + _at_joints(free, u.torque)
+
+
+class OffsetBlock(_EachJoint):
+    """Measured angle of each joint less the true one; `prior` in rad."""
+
+    name, enters, label = "offset", "angle", "angle offset"
+
+
+class BacklashBlock(_EachJoint):
+    """Backlash [rad] between each driven joint and the encoder that its controller reads.
+
+    With a gain P that is a torque of +-P backlash/2 with hysteresis: one gain alone shows it by its
+    hysteresis only, several gains tell it from friction. `prior` in rad.
+    """
+
+    name, enters, label, low = "backlash", "actuator", "backlash", 0.0
+
+
+def _at_joints(parameters: Sequence[Parameter], torque: Array) -> Array:
+    """One at each parameter's joint, zero elsewhere, (E, 1, ..., n)."""
+    n = torque.shape[-1]
+    rows = np.eye(n)[np.array([p.place[0] for p in parameters], dtype=int)]
+    return rows.reshape(len(parameters), *(1,) * (torque.ndim - 1), n)
+
+
+@dataclass(frozen=True)
+class ActuatorBlock(ParameterBlock):
+    """Torque constant kt and resistance R of the motors.
+
+    With this block motor torque is no input: u = kt (V - kt w)/R of the recorded voltage V and the
+    *predicted* velocity w while the motor is connected, and nothing while it is not. The back-EMF
+    kt^2/R w acts like viscous friction, only that it goes with the connection: recordings with the
+    motor disconnected, a fixed constant, or a prior tell the two apart. `prior` is relative.
+    """
+
+    name, enters, relative = "actuator", "actuator", True
+
+    def __post_init__(self) -> None:
+        check_fixed(self.fixed, MOTOR, "a motor has no constant", self.name)
+
+    def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
+        return MOTOR, "a motor has no constant"
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        values = np.asarray(estimate.calibration.motor, dtype=float).tolist()
+        for name, unit, value in zip(MOTOR, _UNITS, values, strict=True):
+            yield Parameter(self.name, name, unit, value, _LEAST * value)
+
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        motor = np.array(estimate.calibration.motor, dtype=float)
+        for parameter, value in values:
+            motor[MOTOR.index(parameter.name)] = value
+        return estimate._replace(calibration=replace(estimate.calibration, motor=motor))

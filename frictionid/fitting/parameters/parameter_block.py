@@ -1,9 +1,14 @@
-"""Blocks of parameters that shooting can free, and the free parameters of a fit."""
+"""Parameters that a fit may free, in blocks, and all free ones as one vector.
+
+A block lists its parameters. Each has a tolerance: zero where it is held, infinite where it is
+free, and the standard deviation of its prior in between.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -18,6 +23,7 @@ from frictionid.mechanics import Mechanism
 IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
 IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
 _ORDER = ("friction", "base", "torque", "actuator", "angle")
+FREE = float("inf")
 
 
 class Estimate(NamedTuple):
@@ -29,20 +35,21 @@ class Estimate(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One free parameter: block, name, unit, value, bounds, and standard deviation of its prior.
+    """One parameter of a fit: block, name, unit, value, bounds, and tolerance.
 
-    `place` says where the block keeps it: the joint first, of base parameters their index. The
-    prior's deviation is infinite where there is none; its mean is the value that the fit begins
-    with, unless `mean` is given. `shared` are names and places of those that have its value.
+    tolerance : 0 holds it, infinity lets it go, else the standard deviation of its prior about
+        `mean`, or about the value that the fit begins with
+    place : where the block keeps it: the joint first, of base parameters their index
+    shared : names and places of those that have its value
     """
 
     block: str
     name: str
     unit: str
     value: float
-    low: float = -float("inf")
-    high: float = float("inf")
-    prior: float = float("inf")
+    low: float = -FREE
+    high: float = FREE
+    tolerance: float = FREE
     place: tuple[int, ...] = ()
     mean: float | None = None
     shared: tuple[tuple[str, tuple[int, ...]], ...] = ()
@@ -69,32 +76,83 @@ class Logged(NamedTuple):
     by_delay: Array
 
 
+@dataclass(frozen=True)
 class ParameterBlock(ABC):
     """Some of the parameters of a fit, free but for those whose names are `fixed`.
 
-    `enters` says which input of the physics they are: "friction", "base", "torque", "angle" or
-    "actuator". `known` are standard deviations of priors by the parameters' names.
+    enters : which input of the physics they are: "friction", "base", "torque", "angle" or
+        "actuator"
+    prior : standard deviation of their priors; relative to each value where `relative`
+    known : standard deviations of priors by the parameters' names
     """
 
+    fixed: tuple[str, ...] = ()
+    prior: float | None = None
+    known: tuple[tuple[str, float], ...] = ()
     name: ClassVar[str]
     enters: ClassVar[str]
-    fixed: tuple[str, ...] = ()
-    known: tuple[tuple[str, float], ...] = ()
+    relative: ClassVar[bool] = False
 
     @abstractmethod
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        """All parameters of the block, with their current values."""
+
+    def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
+        """What can be fixed, and the words for what cannot: names of joints."""
+        return estimate.mechanism.joints, f"{estimate.mechanism.kind} has no joint"
+
+    def sizes(self, parameters: Sequence[Parameter]) -> list[float]:
+        """Sizes that a relative prior counts in."""
+        return [abs(p.value) for p in parameters]
+
     def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
         """The free parameters, with their current values."""
+        check_fixed(self.fixed, *self.names(estimate), self.name)
+        if self.prior is not None and not self.prior > 0:
+            raise InputError(
+                f"block {self.name!r}: prior = {self.prior} must be a positive standard deviation"
+            )
+        listed, deviations = list(self.listed(estimate)), dict(self.known)
+        sizes = self.sizes(listed) if self.relative else [1.0] * len(listed)
+        tolerances = (
+            min(
+                p.tolerance,
+                FREE if self.prior is None else self.prior * max(size, 1e-12),
+                deviations.get(p.name, FREE),
+                0.0 if _is_fixed(p, self.fixed) else FREE,
+            )
+            for p, size in zip(listed, sizes, strict=True)
+        )
+        pairs = zip(listed, tolerances, strict=True)
+        return tuple(p._replace(tolerance=tolerance) for p, tolerance in pairs if tolerance > 0)
 
-    @abstractmethod
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         """The estimate with other values of the block's free parameters."""
+        new = np.array(getattr(estimate.calibration, self.name), dtype=float)
+        for parameter, value in values:
+            new[parameter.place] = value
+        return estimate._replace(calibration=replace(estimate.calibration, **{self.name: new}))
 
-    def torque_slope(self, estimate: Estimate, own: Sequence[Parameter], u: Logged) -> Array:
-        """Derivatives (E, ..., n) of the motor torque by the block's `own` E free parameters.
+    def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
+        """Derivatives (E, ..., n) of the motor torque by the block's E free parameters.
 
         None, (0, ..., n), for a block that does not change the torque.
         """
         return np.empty((0, *u.torque.shape))
+
+
+def check_fixed(fixed: Sequence[str], names: Sequence[str], what: str, block: str) -> None:
+    """Check that fixed parameters are among those that there are."""
+    for name in fixed:
+        if name not in names:
+            raise InputError(
+                f"block {block!r}: {what} {name!r} to fix; known are {', '.join(names)}"
+            )
+
+
+def _is_fixed(parameter: Parameter, fixed: Sequence[str]) -> bool:
+    """Whether a parameter is named by its name, or by its part before or behind " of "."""
+    return not {parameter.name, *parameter.name.split(" of ", 1)}.isdisjoint(fixed)
 
 
 class FreeBlock(NamedTuple):
@@ -117,12 +175,12 @@ def free_blocks(blocks: Sequence[ParameterBlock], estimate: Estimate) -> tuple[F
 
 def all_parameters(blocks: Sequence[FreeBlock]) -> tuple[Parameter, ...]:
     """All free parameters, with the values that the fit begins with."""
-    return tuple(p for own in blocks for p in own.parameters)
+    return tuple(p for free in blocks for p in free.parameters)
 
 
 def prior_precision(parameters: Sequence[Parameter]) -> Array:
     """Precision (D,) of the parameters' priors."""
-    return 1.0 / np.array([p.prior for p in parameters]) ** 2
+    return 1.0 / np.array([p.tolerance for p in parameters]) ** 2
 
 
 def prior_mean(parameters: Sequence[Parameter]) -> Array:
@@ -132,58 +190,12 @@ def prior_mean(parameters: Sequence[Parameter]) -> Array:
 
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:
     """The estimate with other values (D,) of all free parameters."""
-    for own in blocks:
-        new = tuple(zip(own.parameters, values[own.columns], strict=True))
-        estimate = own.block.with_values(estimate, new)
+    for free in blocks:
+        new = tuple(zip(free.parameters, values[free.columns], strict=True))
+        estimate = free.block.with_values(estimate, new)
     return estimate
 
 
 def values_of(estimate: Estimate, blocks: Sequence[FreeBlock]) -> Array:
     """Values (D,) of all free parameters in an estimate."""
-    return np.array([p.value for own in blocks for p in own.block.parameters(estimate)])
-
-
-def prior_deviation(prior: float | None, name: str) -> float:
-    """Standard deviation of a prior, infinite for none.
-
-    Raises
-    ------
-    InputError
-        Where it is not positive.
-    """
-    if prior is None:
-        return float("inf")
-    if not prior > 0:
-        raise InputError(f"block {name!r}: prior = {prior} must be a positive standard deviation")
-    return float(prior)
-
-
-def relative_deviation(prior: float | None, name: str, value: float) -> float:
-    """Standard deviation of a prior that is given relative to a value, infinite for none."""
-    deviation = prior_deviation(prior, name)
-    return deviation * max(abs(value), 1e-12) if prior else deviation
-
-
-def with_known(
-    parameters: Iterable[Parameter], known: Sequence[tuple[str, float]]
-) -> tuple[Parameter, ...]:
-    """The parameters, those of known names with priors at least as narrow."""
-    deviations = dict(known)
-    return tuple(
-        p._replace(prior=min(p.prior, deviations.get(p.name, float("inf")))) for p in parameters
-    )
-
-
-def check_fixed(fixed: Sequence[str], known: Sequence[str], block: str, what: str) -> None:
-    """Check that fixed parameters are known ones.
-
-    Raises
-    ------
-    InputError
-        With the first that is not.
-    """
-    for name in fixed:
-        if name not in known:
-            raise InputError(
-                f"block {block!r}: {what} {name!r} to fix; known are {', '.join(known)}"
-            )
+    return np.array([p.value for free in blocks for p in free.block.parameters(estimate)])

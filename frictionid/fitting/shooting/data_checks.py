@@ -41,7 +41,7 @@ def check_blocks(
     parameters = {b.name: b.parameters(estimate) for b in blocks}
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
-    known = any(np.isfinite(p.prior) for own in parameters.values() for p in own)
+    known = any(np.isfinite(p.tolerance) for own in parameters.values() for p in own)
     torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
     remedy = (
         "fix one base parameter that you are sure of, such as "

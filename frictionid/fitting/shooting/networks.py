@@ -1,23 +1,37 @@
-"""Networks in shooting: on NumPy arrays, and as laws of the combinations that change the motion."""
+"""Networks in shooting: on NumPy arrays, and as laws of the combinations that change the motion.
+
+The motion depends on a network through its torque alone, and few combinations of its weights
+change that by more than rounding: the right singular vectors V_r of the torque's Jacobian J (N, P)
+with the largest singular values. Torques are far from linear in the weights, the motion is nearly
+linear in the torques. So a step c of the combinations is taken as the change J V_r c of the
+torques, the weights are fitted to the changed torques, and the combinations are computed again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from frictionid.arrays import namespace
+from frictionid.arrays import Array, namespace
 from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.errors import needs
 from frictionid.fitting.parameters.blocks import FrictionBlock
-from frictionid.fitting.parameters.combinations import CombinationBlock
-from frictionid.fitting.parameters.parameter_block import ParameterBlock
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    Parameter,
+    ParameterBlock,
+    Values,
+)
 from frictionid.fitting.shooting.combinations import CombinationLaw, TorqueSamples
 from frictionid.friction import Friction
 
 _MOST = 20  # combinations of a joint
 _DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
+_ITERATIONS = 12  # Gauss-Newton iterations towards wanted torques
+_RIDGE = (1e-4, 10.0)  # of the largest singular value, and its growth after a step too far
 
 
 def on_arrays(friction: Friction) -> Friction:
@@ -61,6 +75,103 @@ def with_combinations(
     free = np.array([name not in fixed and not np.isfinite(ends).any() for name, ends in pairs])
     deviation = _DEVIATION if block is None or block.prior is None else block.prior
     few = CombinationBlock(
-        np.array(friction.theta), samples, free, deviation, min(_MOST, int(free.sum()))
+        begin=np.array(friction.theta),
+        samples=samples,
+        free=free,
+        deviation=deviation,
+        count=min(_MOST, int(free.sum())),
     )
     return few.of(friction), tuple(few if b is block else b for b in blocks)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CombinationBlock(ParameterBlock):
+    """Combinations of a network's weights, in units of the standard deviation of their prior.
+
+    begin : (n, P), the weights that the fit begins with
+    samples : of the motion, at which torques are compared
+    free : (P,), weights that may move
+    deviation : standard deviation of the prior, relative to the size of all the weights
+    count : combinations of a joint
+    """
+
+    begin: Array
+    samples: TorqueSamples
+    free: Array
+    deviation: float
+    count: int
+    name, enters = "friction", "friction"
+
+    def of(self, friction: Friction, before: Array | None = None) -> Friction:
+        """The friction as a law of the combinations that change its torques most, all zero.
+
+        before : (n, P, r), directions that are to stay what they were, nearly
+        """
+        law, theta = friction.law, friction.theta
+        slopes = self.samples.slopes(friction) * self.free
+        directions = np.zeros((*theta.shape, self.count))
+        for j in range(friction.n):
+            _, _, right = np.linalg.svd(slopes[:, j], full_matrices=False)
+            own = self._scale[j] * right[: self.count].T
+            if before is not None:
+                left, _, right = np.linalg.svd(own.T @ before[j])
+                own = own @ (left @ right)
+            directions[j] = own
+        few = CombinationLaw(law, law.width, law.shape, theta, directions)
+        theta = np.zeros((friction.n, self.count))
+        return replace(friction, law=few, theta=theta, constraints=None)
+
+    @property
+    def _scale(self) -> Array:
+        """Length (n,) of the directions."""
+        return np.asarray(self.deviation * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1)))
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        friction, joints = estimate.friction, estimate.mechanism.friction_names
+        value = self._values(friction)
+        for j, k in np.ndindex(len(joints), self.count):
+            name, unit = f"{friction.law.names[k]} of {joints[j]}", friction.units_at(j)[k]
+            yield Parameter(self.name, name, unit, float(value[j, k]), tolerance=1.0, place=(j, k))
+
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        law: Any = estimate.friction.law  # of `of`: a CombinationLaw
+        step = -self._values(estimate.friction)
+        for parameter, value in values:
+            step[parameter.place] += value
+        here = replace(estimate.friction, law=law.law, theta=law.origin)
+        change = (law.directions @ step[..., None])[..., 0]
+        turn = (self.samples.slopes(here) * change).sum(axis=-1)
+        moved = self._moved(here, change, self.samples.torque(here) + turn)
+        return estimate._replace(friction=self.of(moved, law.directions))
+
+    def _values(self, friction: Friction) -> Array:
+        """Combinations (n, r) of the weights' distance from where they began."""
+        law: Any = friction.law
+        directions, off = law.directions, law.numbers(friction.theta) - self.begin
+        return np.einsum("np,npr->nr", off, directions) / self._scale[:, None] ** 2
+
+    def _moved(self, friction: Friction, change: Array, wanted: Array) -> Friction:
+        """The friction with weights fitted to wanted torques (N, n).
+
+        By damped Gauss-Newton steps, the first of them the given change (n, P).
+        """
+        theta, (ridge, more) = friction.theta, _RIDGE
+        off = wanted - self.samples.torque(friction)
+        damping = np.full(friction.n, ridge)
+        for _ in range(_ITERATIONS):
+            stepped = theta + change
+            left = wanted - self.samples.torque(replace(friction, theta=stepped))
+            better = (left**2).sum(axis=0) < (off**2).sum(axis=0)
+            theta = np.where(better[:, None], stepped, theta)
+            off = np.where(better, left, off)
+            damping = np.where(better, damping / more, damping * more)
+            slopes = self.samples.slopes(replace(friction, theta=theta)) * self.free
+            parts = [_solved(slopes[:, j], off[:, j], damping[j]) for j in range(friction.n)]
+            change = np.stack(parts)
+        return replace(friction, theta=theta)
+
+
+def _solved(slopes: Array, off: Array, damping: float) -> Array:
+    """Damped least-squares solution (P,) of slopes (N, P) @ change = off (N,)."""
+    left, size, right = np.linalg.svd(slopes, full_matrices=False)
+    return np.asarray(right.T @ (size / (size**2 + (damping * size[0]) ** 2) * (left.T @ off)))

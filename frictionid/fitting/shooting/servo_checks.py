@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.actuator import MOTOR
+from frictionid.fitting.parameters.blocks import MOTOR
 from frictionid.fitting.parameters.parameter_block import Estimate, FreeBlock, ParameterBlock
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.friction.coordinates import refuse_coupled
@@ -102,7 +102,7 @@ def check_servo(
     """
     parameters = {free.block.name: free.parameters for free in blocks}
     names = {p.name for p in parameters.get("actuator", ())}
-    informed = any(np.isfinite(p.prior) for group in parameters.values() for p in group)
+    informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
     remedy = "fix actuator.kt or actuator.R, or give a prior of the block"
     if "gain" in parameters and "actuator" in parameters:
         raise InputError(

@@ -10,8 +10,7 @@ import numpy as np
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.actuator import TargetDelayBlock
-from frictionid.fitting.parameters.blocks import DelayBlock, FrictionBlock
+from frictionid.fitting.parameters.blocks import DelayBlock, FrictionBlock, TargetDelayBlock
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
 
 WINDOWS = (5 / 60, 10 / 60, 20 / 60)

@@ -26,7 +26,7 @@ def least_significant(
     found = []
     for name in (b.name for b in blocks if b.name in IDEAL):
         own = [k for k, p in enumerate(covariance.parameters) if p.block == name]
-        if own and not any(np.isfinite(covariance.parameters[k].prior) for k in own):
+        if own and not any(np.isfinite(covariance.parameters[k].tolerance) for k in own):
             found.append(Dropped(name, _p_value(covariance, own, IDEAL[name])))
     worst = max(found, key=lambda dropped: dropped.p_value, default=None)
     return worst if worst is not None and worst.p_value > level else None

@@ -209,7 +209,7 @@ def check_blocks(
     torque = any(np.any(r.torque.value) for r in balance.dataset.recordings)
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
-    known = any(np.isfinite(p.prior) for own in free.values() for p in own)
+    known = any(np.isfinite(p.tolerance) for own in free.values() for p in own)
     # recordings that differ by known amounts, such as a payload, give the others their scale
     loaded = bool(np.ptp(balance.base[use], axis=0).any()) and torque
     if (

@@ -6,7 +6,7 @@ a delay, so that the derivatives by the drift are (t - middle) times those by th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,12 +38,12 @@ class ClockCalibration(Calibration):
 class DriftBlock(ParameterBlock):
     """Drift of the torque's clock [1]; `prior` is its prior standard deviation."""
 
-    prior: float = DRIFT_SIGMA
+    prior: float | None = DRIFT_SIGMA
     name, enters = "drift", "torque"
 
-    def parameters(self, estimate: Estimate) -> tuple[Parameter, ...]:
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         drift = _drift_of(estimate)
-        return (Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT, self.prior),)
+        yield Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         own = {f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__}

@@ -29,7 +29,7 @@ LATE = 0.012  # [s]
 def covariance_of(values, error, freedom=9, prior=np.inf):
     """Covariance of a torque delay and the torque biases of two joints."""
     parameters = (
-        Parameter("delay", "torque delay", "s", values[0], prior=prior),
+        Parameter("delay", "torque delay", "s", values[0], tolerance=prior),
         Parameter("bias", "torque bias of joint 1", "N m", values[1], place=(0,)),
         Parameter("bias", "torque bias of joint 2", "N m", values[2], place=(1,)),
     )

@@ -86,7 +86,7 @@ def test_the_inertia_of_a_rotor_does_not_become_negative(arm):
         Estimate(none, Calibration.ideal(2, arm.base({"rotor_two": 0.0})), arm)
     )
     rotors = [p for p in own if p.name.startswith("rotor")]
-    assert rotors and all(p.low == 0.0 and p.value == 0.0 and 0 < p.prior < 1 for p in rotors)
+    assert rotors and all(p.low == 0.0 and p.value == 0.0 and 0 < p.tolerance < 1 for p in rotors)
 
 
 def test_a_peak_is_no_larger_than_what_the_slowest_rows_show():
