@@ -63,7 +63,7 @@ def parse_toml(text: str | bytes, where: str) -> dict[str, Any]:
         raise InputError(f"{where} is no TOML ({error}); correct it") from None
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, candidates: Iterable[str]) -> str:
     """Way out for an unknown name: the known one that looks most like it, or all of them.
 
     Examples
@@ -71,7 +71,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     >>> nearest("angel", ["time", "angle"])
     "did you mean 'angle'?"
     """
-    names = list(known)
+    names = list(candidates)
     close = difflib.get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(map(repr, names))}"
 
@@ -147,11 +147,11 @@ def _is_beside(top: str, folder: Path) -> bool:
         spec = importlib.util.find_spec(top)
     except (ImportError, ValueError):
         return False
-    own = (folder / f"{top}.py", folder / top / "__init__.py")
+    places = (folder / f"{top}.py", folder / top / "__init__.py")
     if spec is None or not spec.origin or not Path(spec.origin).is_file():
         return False
     content = Path(spec.origin).read_bytes()
-    return any(path.is_file() and path.read_bytes() == content for path in own)
+    return any(path.is_file() and path.read_bytes() == content for path in places)
 
 
 class Strict(BaseModel):
@@ -168,11 +168,11 @@ class Strict(BaseModel):
     def _known_keys(cls, table: Any) -> Any:
         if not isinstance(table, dict):
             return table
-        known = [*cls.model_fields, *cls.settings]
+        keys = [*cls.model_fields, *cls.settings]
         strict = cls.settings or cls.model_config.get("extra") == "forbid"
         for key in table if strict else ():
-            if key not in known:
-                raise ValueError(f"unknown key {key!r}; {nearest(key, known)}")
+            if key not in keys:
+                raise ValueError(f"unknown key {key!r}; {nearest(key, keys)}")
         return table
 
 
@@ -188,8 +188,8 @@ def mistake(invalid: ValidationError) -> str:
         if len(missing) > 1:
             names = ", ".join(map(repr, missing[:-1]))
             return f"the keys {names} and {missing[-1]!r} are missing; add them"
-        known = error["type"] != "missing"
-        return error["msg"] if known else f"the key {place[1:]!r} is missing; add it"
+        is_worded = error["type"] != "missing"
+        return error["msg"] if is_worded else f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     reason = re.sub("valid (tuple|array)", "valid list", reason)
     if error["type"] in _TABLES:  # pydantic's words name our classes
@@ -220,13 +220,13 @@ def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Ch
         raise InputError(f"{where}: {mistake(invalid)}") from None
 
 
-def unknown(setting: str, known: Iterable[str]) -> str:
+def unknown(setting: str, settings: Iterable[str]) -> str:
     """Complaint about a setting that is none of the known ones.
 
     >>> unknown("widht", ["width", "shape"])
     "unknown setting 'widht'; did you mean 'width'?"
     """
-    names = list(known)
+    names = list(settings)
     return f"unknown setting {setting!r}; {nearest(setting, names) if names else 'it has none'}"
 
 
@@ -289,5 +289,7 @@ def _model_of(settings: type) -> type[BaseModel]:
     types = get_type_hints(settings, include_extras=True)
     kinds = {field.name: types[field.name] for field in fields(settings)}
     plain = (bool, int, float, str)
-    known: Any = {k: (t, ...) for k, t in kinds.items() if t in plain or not isinstance(t, type)}
-    return create_model(settings.__name__, __config__=STRICT, **known)
+    checkable: Any = {
+        k: (t, ...) for k, t in kinds.items() if t in plain or not isinstance(t, type)
+    }
+    return create_model(settings.__name__, __config__=STRICT, **checkable)

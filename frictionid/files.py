@@ -103,14 +103,14 @@ def written_beside(path: Path) -> Iterator[Path]:
             beside.unlink(missing_ok=True)
 
 
-def exchange(one: Path, other: Path) -> bool:
+def exchange(path: Path, other: Path) -> bool:
     """Exchange two files or folders in one step, or return False where the system cannot."""
     here, swap = -100, 2  # AT_FDCWD, RENAME_EXCHANGE of renameat2 (Linux)
     try:
         rename = ctypes.CDLL(None).renameat2
     except (AttributeError, OSError, TypeError):
         return False
-    return bool(rename(here, os.fsencode(one), here, os.fsencode(other), swap) == 0)
+    return bool(rename(here, os.fsencode(path), here, os.fsencode(other), swap) == 0)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -109,9 +109,9 @@ def check_unchanged(folder: Path, *, replace: bool = False) -> None:
     InputError
         With the file that was changed.
     """
-    for name, known in sorted(_listed(folder).items()):
+    for name, sums in sorted(_listed(folder).items()):
         path = folder / name
-        if not replace and os.path.lexists(path) and not _is_ours(path, known):
+        if not replace and os.path.lexists(path) and not _is_ours(path, sums):
             raise _changed(path)
 
 
@@ -162,13 +162,13 @@ def linked(folder: Path, path: Path) -> Path | None:
     return next((way for way in ways if way.is_symlink()), None)
 
 
-def _check_place(folder: Path, name: str, known: frozenset[str], replace: bool) -> None:
+def _check_place(folder: Path, name: str, sums: frozenset[str], replace: bool) -> None:
     path = folder / name
     if link := linked(folder, path):
         raise InputError(f"{link} is a link to another folder, which is left alone: remove it")
     if path.is_dir() and not path.is_symlink():
         raise InputError(f"{path} is a folder where a file is to be written: move it")
-    if not replace and os.path.lexists(path) and not _is_ours(path, known):
+    if not replace and os.path.lexists(path) and not _is_ours(path, sums):
         raise _changed(path)
 
 
@@ -179,15 +179,15 @@ def _changed(path: Path) -> InputError:
     )
 
 
-def _is_ours(path: Path, known: Iterable[str]) -> bool:
-    return path.is_file() and not path.is_symlink() and _sum(path.read_bytes()) in known
+def _is_ours(path: Path, sums: Iterable[str]) -> bool:
+    return path.is_file() and not path.is_symlink() and _sum(path.read_bytes()) in sums
 
 
 def _remove(folder: Path, stale: Mapping[str, frozenset[str]]) -> None:
     """Remove listed files that are unchanged, and folders that are empty then."""
-    for name, known in stale.items():
+    for name, sums in stale.items():
         path = folder / name
-        if linked(folder, path) is None and _is_ours(path, known):
+        if linked(folder, path) is None and _is_ours(path, sums):
             path.unlink()
             if path.parent != folder and not any(path.parent.iterdir()):
                 path.parent.rmdir()
@@ -198,7 +198,7 @@ def _sum(content: bytes) -> str:
 
 
 def _write_sums(folder: Path, sums: Mapping[str, frozenset[str]]) -> None:
-    lines = [f"{one}  {name}\n" for name in sorted(sums) for one in sorted(sums[name])]
+    lines = [f"{digest}  {name}\n" for name in sorted(sums) for digest in sorted(sums[name])]
     write_text(folder / SUMS, "".join(lines))
 
 
@@ -208,8 +208,8 @@ def _listed(folder: Path) -> dict[str, frozenset[str]]:
     path = folder / SUMS
     text = path.read_text("utf-8", "replace") if path.is_file() else ""
     for line in text.splitlines():
-        found, _, name = line.partition("  ")
+        digest, _, name = line.partition("  ")
         parts = Path(name).parts
         if parts and ".." not in parts and not Path(name).is_absolute():
-            out[name] = out.get(name, frozenset()) | {found}
+            out[name] = out.get(name, frozenset()) | {digest}
     return out

@@ -157,5 +157,5 @@ def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> First
     InputError
         Where the recordings are too short to hold any motion out.
     """
-    found = first.quick(dataset_of(data), done)
-    return FirstVerdict(**{f.name: getattr(found, f.name) for f in fields(found)})
+    verdict = first.quick(dataset_of(data), done)
+    return FirstVerdict(**{f.name: getattr(verdict, f.name) for f in fields(verdict)})

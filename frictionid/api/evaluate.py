@@ -138,7 +138,7 @@ def scores_of(
 def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[str]:
     """A sentence where the model was fitted to tables of the data set."""
     fitted = set(friction.provenance.data.values())
-    shared = [file for file, own in dataset.hashes.items() if own in fitted]
+    shared = [file for file, digest in dataset.hashes.items() if digest in fitted]
     if shared:
         yield (
             f"{name} was fitted to {len(shared)} of the {len(dataset.hashes)} tables of "

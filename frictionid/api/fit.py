@@ -69,7 +69,7 @@ def method_of(
         raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
     if method in RECIPES:
         method, recipe = "one_step", method
-    known = None if calibration is None else _known(calibration)
+    calibrated = None if calibration is None else _known(calibration)
     shots: dict[str, Any] = {
         "free": free if free is None else _names(free),
         "fixed": _names(fixed) or None,
@@ -77,21 +77,21 @@ def method_of(
         "iterations": iterations,
         "consistent": consistent or None,
     }
-    given = {key: value for key, value in shots.items() if value is not None}
+    options = {key: value for key, value in shots.items() if value is not None}
     if method == "one_step":
-        if given:
+        if options:
             raise InputError(
-                f"{', '.join(given)}: only with method = 'shooting' or 'inverse_dynamics'"
+                f"{', '.join(options)}: only with method = 'shooting' or 'inverse_dynamics'"
             )
-        if known is None:
+        if calibrated is None:
             return recipe_named(recipe)
         entry = {"name": f"{recipe} calibrated", "like": recipe, "known": ""}
-        return recipe_of(checked(RecipeEntry, entry, "fit"), known=known)
-    entry = {"name": method, "by": method, **given}
+        return recipe_of(checked(RecipeEntry, entry, "fit"), known=calibrated)
+    entry = {"name": method, "by": method, **options}
     entry["start"] = "integral" if recipe == method else recipe
-    if known is not None and method != "shooting":
+    if calibrated is not None and method != "shooting":
         raise InputError(f"method = {method!r} takes no calibration: use method = 'shooting'")
-    return recipe_of(checked(RecipeEntry, entry, "fit"), known=known)
+    return recipe_of(checked(RecipeEntry, entry, "fit"), known=calibrated)
 
 
 def _names(names: str | Sequence[str]) -> list[str]:

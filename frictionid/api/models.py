@@ -90,7 +90,7 @@ def _part_name(law: Any) -> str:
     if isinstance(law, str):
         return law
     kind = law if isinstance(law, type) else type(law)
-    names = [name for name, known in LAWS.items() if known is kind]
+    names = [name for name, law_class in LAWS.items() if law_class is kind]
     if not names or (isinstance(law, Law) and law != kind()):
         raise InputError(
             f"the laws of single joints have names, such as ['stribeck', 'none']; {law!r} has none"

@@ -161,7 +161,7 @@ def sensitivity_of_suite(
     path = suite_path(Path(suite))
     table = load_suite(path)
     named = {"identifiers": identifiers, "recipes": recipes}
-    update = {key: list(own) for key, own in named.items() if own}
+    update = {key: list(values) for key, values in named.items() if values}
     settings = table.sensitivity.model_copy(update=update)
     table = table.model_copy(update={"sensitivity": settings})
     folder = Path("report") / f"{table.name}-sensitivity" if out is None else Path(out)

@@ -65,7 +65,7 @@ class Suggestion:
         rows = []
         for entry in design_document(self.design)["parameters"]:
             known = [entry[key] for key in ("friction_alone", "inertia_free")]
-            errors = [np.nan if own is None else float(own["error"]) for own in known]
+            errors = [np.nan if entry is None else float(entry["error"]) for entry in known]
             rows.append((entry["name"], entry["unit"], entry["prior"], *errors))
         columns = ["name", "unit", "prior", "friction_alone", "inertia_free"]
         return pd.DataFrame(rows, columns=columns)
@@ -153,15 +153,15 @@ def _search(effort: int, seed: int) -> excitation.Search:
     return excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
 
 
-def option(given: Mapping[str, Any] | str, name: str) -> str:
+def option(values: Mapping[str, Any] | str, name: str) -> str:
     """The text of an option of the command line."""
-    if isinstance(given, str):
-        return given
-    if not isinstance(given, Mapping):
-        raise InputError(f'{name} must be a mapping such as {{"torque": 0.14}}, not {given!r}')
+    if isinstance(values, str):
+        return values
+    if not isinstance(values, Mapping):
+        raise InputError(f'{name} must be a mapping such as {{"torque": 0.14}}, not {values!r}')
     values = {
         key: np.asarray(value, dtype=float).tolist() if np.ndim(value) else float(value)
-        for key, value in given.items()
+        for key, value in values.items()
     }
     return ",".join(f"{key}={value}" for key, value in values.items())
 

@@ -79,9 +79,9 @@ def quick(
     figure = figure or Path(f"quick-{file_names([loaded.name])[loaded.name]}.png")
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(STEPS, f"first verdict ({loaded.name})") as done:
-        found = first_verdict(loaded, done)
-    print(quick_json(found)) if json else show_quick(found)
-    if found.chosen is None:
+        verdict = first_verdict(loaded, done)
+    print(quick_json(verdict)) if json else show_quick(verdict)
+    if verdict.chosen is None:
         raise typer.Exit(2)
-    write_bytes(figure, quick_picture(found))
+    write_bytes(figure, quick_picture(verdict))
     typer.echo(f"written to {figure}", err=True)

@@ -22,11 +22,11 @@ def list_(json: Json = False) -> None:
         return
     for name, collection in collections().items():
         total, here = len(collection.files), count_present(name)
-        known = sum(file.sha256 is not None for file in collection.files)
+        hashed = sum(file.sha256 is not None for file in collection.files)
         print(name)
         print(f"  {collection.title}")
         print(f"  files            {total}, here {here} ({cached(name)})")
-        print(f"  SHA-256          {_hashes(known, total)}")
+        print(f"  SHA-256          {_hashes(hashed, total)}")
         print(f"  licence          {collection.licence}")
         print(f"  redistribution   {collection.redistribution}")
         print(f"  citation         {collection.citation}")
@@ -38,7 +38,7 @@ def _as_json() -> str:
 
     from frictionid.data.readers.public_collections import cached, collections, count_present
 
-    known = {
+    document = {
         name: {
             "title": c.title,
             "files": len(c.files),
@@ -52,7 +52,7 @@ def _as_json() -> str:
         }
         for name, c in collections().items()
     }
-    return texts.dumps(known, indent=1)
+    return texts.dumps(document, indent=1)
 
 
 @data.command()
@@ -83,7 +83,7 @@ def get(
     print(f"in {cached(name)}")
 
 
-def _hashes(known: int, total: int) -> str:
-    if known == total:
+def _hashes(hashed: int, total: int) -> str:
+    if hashed == total:
         return "of all originals known"
-    return f"of {known} of {total} originals known: the others are taken as they are"
+    return f"of {hashed} of {total} originals known: the others are taken as they are"

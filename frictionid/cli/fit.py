@@ -82,23 +82,23 @@ def fit(
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
         common = partial(fit_data, loaded, chosen, method=method, sample_time=sample_time)
-        made = common(seed=seed, equal=groups, bias=bias)
-    made.save(out)
+        fitted = common(seed=seed, equal=groups, bias=bias)
+    fitted.save(out)
     if figure is not None:
-        write_bytes(figure, png(lambda: fit_figure(made.friction, loaded)))
+        write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
-    _show(made.friction, set_ or [], out, figure)
+    _show(fitted.friction, set_ or [], out, figure)
 
 
-def _show(friction: Friction, given: list[str], out: Path, figure: Path | None) -> None:
+def _show(friction: Friction, texts: list[str], out: Path, figure: Path | None) -> None:
     """Print a fit, and where it was written."""
     from frictionid.report import show_fit
 
     show_fit(friction)
     print(f"written to {out}")
-    if any(text.partition("=")[0].strip() == "width" for text in given):
+    if any(text.partition("=")[0].strip() == "width" for text in texts):
         _say_if_numerical(friction)
     if figure is not None:
         print(f"written to {figure}")

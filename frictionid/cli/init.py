@@ -44,17 +44,19 @@ def init(
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
-    found = tables_at(tables)
-    dataset_file, suite_file = (found.folder / f"{name}.toml" for name in ("dataset", "suite"))
+    source = tables_at(tables)
+    dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
     _check_free([dataset_file])
     check_outputs([dataset_file])
     machine = _mechanism(mechanism, set_ or [])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
-    known = _motor(found, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None)
-    described = describe_tables(found, machine, known)
+    guesses = _motor(
+        source, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None
+    )
+    described = describe_tables(source, machine, guesses)
     _check_free([suite_file], left=described.suite_toml.encode())
-    _write(found, described, json)
+    _write(source, described, json)
 
 
 def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
@@ -74,23 +76,23 @@ def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
             )
 
 
-def _write(found: Tables, described: Described, json: bool) -> None:
+def _write(tables: Tables, described: Described, json: bool) -> None:
     import tomllib
 
     from frictionid.files import json_text, write_text
 
     # the suite first: a folder with a dataset.toml is done
-    write_text(found.folder / "suite.toml", described.suite_toml)
-    write_text(found.folder / "dataset.toml", described.dataset_toml)
+    write_text(tables.folder / "suite.toml", described.suite_toml)
+    write_text(tables.folder / "dataset.toml", described.dataset_toml)
     if json:
         texts = {"dataset": described.dataset_toml, "suite": described.suite_toml}
         read: dict[str, Any] = {name: tomllib.loads(text) for name, text in texts.items()}
-        read["written"] = [found.folder / f"{name}.toml" for name in texts]
+        read["written"] = [tables.folder / f"{name}.toml" for name in texts]
         print(json_text(read), end="")
         return
     print(described.dataset_toml)
-    print(f"written to {found.folder / 'dataset.toml'} and {found.folder / 'suite.toml'}")
-    print(f"next: frictionid quick {found.folder}")
+    print(f"written to {tables.folder / 'dataset.toml'} and {tables.folder / 'suite.toml'}")
+    print(f"next: frictionid quick {tables.folder}")
 
 
 # --- What is not given ------------------------------------------------------------------------
@@ -102,16 +104,16 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.errors import InputError
 
-    known = mechanisms()
+    kinds = mechanisms()
     if not kind:
         kind = _asked(
-            "mechanism", f"--mechanism {' or '.join(k.name for k in known)}", known[-1].name
+            "mechanism", f"--mechanism {' or '.join(k.name for k in kinds)}", kinds[-1].name
         )
-    machine = described(known, kind)
+    machine = described(kinds, kind)
     options = {option.name for option in machine.settings}
-    given = dict(map(setting, settings))
-    table = {"kind": kind, **{k: v for k, v in given.items() if k in options}}
-    parameters = {k: v for k, v in given.items() if k not in options}
+    values = dict(map(setting, settings))
+    table = {"kind": kind, **{k: v for k, v in values.items() if k in options}}
+    parameters = {k: v for k, v in values.items() if k not in options}
     missing = [p for p in machine.parameters if not p.default and p.name not in parameters]
     if missing and not _is_asked():
         words = " ".join(f"--set {p.name}=..." for p in missing)
@@ -122,19 +124,19 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     return {**table, "parameters": parameters}
 
 
-def _motor(found: Tables, machine: dict[str, Any], known: Known, ask_gear: bool) -> Known:
+def _motor(tables: Tables, machine: dict[str, Any], guesses: Known, ask_gear: bool) -> Known:
     """The constants of motors whose currents are in the tables, asked for where not given."""
     from dataclasses import replace
 
     from frictionid.quickstart.describe_tables import guess_tables
 
-    if known.kt is not None or not _is_asked():
-        return known
-    if not guess_tables(found, machine, known).is_current:
-        return known
+    if guesses.kt is not None or not _is_asked():
+        return guesses
+    if not guess_tables(tables, machine, guesses).is_current:
+        return guesses
     kt = _number("kt, torque constant of the motor [N m/A]")
-    gear = _number("gear, turns of the motor for one of the joint") if ask_gear else known.gear
-    return replace(known, kt=kt, gear=gear)
+    gear = _number("gear, turns of the motor for one of the joint") if ask_gear else guesses.gear
+    return replace(guesses, kt=kt, gear=gear)
 
 
 def _is_asked() -> bool:

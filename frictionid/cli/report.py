@@ -51,8 +51,8 @@ def _side_by_side(folder: Path, other: Path, json: bool) -> None:
     from frictionid.api.comparison import load_comparison
     from frictionid.report import show_side_by_side, side_by_side_json
 
-    found = load_comparison(folder).against(load_comparison(other))
-    print(side_by_side_json(found)) if json else show_side_by_side(found)
+    comparison = load_comparison(folder).against(load_comparison(other))
+    print(side_by_side_json(comparison)) if json else show_side_by_side(comparison)
 
 
 def check_requirements(requirements: Sequence[str] | None) -> None:

@@ -73,7 +73,7 @@ def suggest(
         )
         return
     with counted(stages(effort, seed), "searching") as done:
-        found = suggested(
+        suggestion = suggested(
             load_mechanism(mechanism),
             limits,
             friction,
@@ -90,7 +90,7 @@ def suggest(
             seed=seed,
             done=done,
         )
-    _write(found.design, places, figure, json)
+    _write(suggestion.design, places, figure, json)
 
 
 def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
