@@ -23,7 +23,6 @@ from frictionid.fitting.parameters.parameter_block import (
     values_of,
     with_values,
 )
-from frictionid.fitting.shooting.combinations import torque_samples
 from frictionid.fitting.shooting.covariance import covariance_of
 from frictionid.fitting.shooting.data_checks import (
     check_blocks,
@@ -33,7 +32,12 @@ from frictionid.fitting.shooting.data_checks import (
     warnings_of,
 )
 from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
-from frictionid.fitting.shooting.networks import as_given, on_arrays, with_combinations
+from frictionid.fitting.shooting.networks import (
+    as_given,
+    on_arrays,
+    torque_samples,
+    with_combinations,
+)
 from frictionid.fitting.shooting.odd_recordings import odd_recordings, odd_sentences
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,

@@ -18,7 +18,7 @@ from frictionid.dynamics.tangent.tensor_law import TensorLaw
 from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds
-from frictionid.fitting.shooting.combinations import CombinationLaw
+from frictionid.fitting.shooting.networks import CombinationLaw
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs
