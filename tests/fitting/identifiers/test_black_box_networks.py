@@ -74,22 +74,6 @@ def test_another_seed_gives_another_network(kind: str) -> None:
     assert not np.allclose(one, two)
 
 
-def test_a_file_holds_all_of_it(kind: str, tmp_path) -> None:
-    save_model(learned(kind), tmp_path / "box.json", LAWS)
-    back = load_model(tmp_path / "box.json", LAWS)
-    assert back.mechanism == "unit" and back.law == learned(kind).law
-    assert np.array_equal(back.theta, learned(kind).theta)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [({"hidden": [0]}, "hidden"), ({"epochs": 0}, "epochs"), ({"width": -1.0}, "width")],
-)
-def test_settings_out_of_range_are_refused(kind: str, settings, message) -> None:
-    with pytest.raises(InputError, match=message):
-        identifier_named(kind, settings)
-
-
 def test_problems_with_masked_rows_are_refused(kind: str) -> None:
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="velocity_threshold = 0"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
 
-from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.comparison.registry import IDENTIFIERS, LAWS
 from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published, check_identifier
@@ -27,6 +27,7 @@ from frictionid.friction.laws import (
     NoFriction,
     Stribeck,
 )
+from frictionid.friction.model_files import load_model, save_model
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,28 @@ def test_identifiers_keep_to_the_contract(identifier):
 QUICK = {"epochs": 2}
 SETTINGS = {
     "gear_load": {"moment": 0.1},
+    "mlp": {"hidden": [6]},
     "sklearn": {"estimator": "kernel_ridge"},
     **dict.fromkeys(("lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm"), QUICK),
 }
 
 
 @pytest.mark.parametrize("name", IDENTIFIERS)
-def test_every_identifier_of_the_suites_keeps_to_it(name):
-    if name == "published":
-        check_identifier(Published(true_friction(2)), joints=(2,))
-        assert Published(true_friction(1)) not in OURS
-    else:
-        made = identifier_named(name, SETTINGS.get(name, {}))
-        check_identifier(made, joints=(1,))
+def test_every_identifier_of_the_suites_keeps_to_it_and_its_friction_comes_back(name, tmp_path):
+    joints = 2 if name == "published" else 1
+    identifier = (
+        Published(true_friction(2))
+        if name == "published"
+        else identifier_named(name, SETTINGS.get(name, {}))
+    )
+    check_identifier(identifier, joints=(joints,))
+    problem = synthetic_problem(joints)
+    friction = identifier.fit(problem, synthetic_weights(problem), 0)
+    for fitted in (friction, friction[1]):
+        save_model(fitted, tmp_path / "model.json", LAWS)
+        again = load_model(tmp_path / "model.json", LAWS)
+        assert again.law == fitted.law and again.mechanism == fitted.mechanism
+        np.testing.assert_array_equal(again.theta, fitted.theta)
 
 
 def test_laws_with_memory_are_fitted_in_the_contract():

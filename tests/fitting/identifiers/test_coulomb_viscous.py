@@ -13,8 +13,6 @@ from fixtures.exact_problems import (
 
 from frictionid.arrays import times
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.friction import Friction
@@ -108,21 +106,3 @@ def test_it_prints_itself_with_units_and_comes_back_from_its_file(tmp_path):
         again = load_model(tmp_path / "model.json", LAWS)
         assert again.law == LAW
         np.testing.assert_array_equal(again.theta, friction.theta)
-
-
-def test_its_settings_are_those_of_the_law():
-    made = identifier_named("coulomb_viscous", {"width": 0.1, "shape": "arctan"})
-    assert made == LeastSquares(CoulombViscous(0.1, "arctan"))
-
-
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"width": -1.0}, "width.* -1.0"),
-        ({"shape": "tan"}, "shape"),
-        ({"with": 0.1}, "'with'.* did you mean 'width'"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, complaint):
-    with pytest.raises(InputError, match=complaint):
-        identifier_named("coulomb_viscous", settings)

@@ -5,8 +5,6 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.friction import along
@@ -45,9 +43,3 @@ def test_it_prints_and_keeps_itself(tmp_path):
     again = load_model(tmp_path / "none.json", LAWS)
     assert again.law == NoFriction()
     assert again.theta.shape == (2, 0)
-
-
-def test_it_has_no_settings():
-    assert identifier_named("none", {}) == Frictionless()
-    with pytest.raises(InputError, match="'width'"):
-        identifier_named("none", {"width": 0.1})

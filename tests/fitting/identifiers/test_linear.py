@@ -7,15 +7,12 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
 
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, Linear, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
 from frictionid.friction.laws import Spline, Stribeck, Table
-from frictionid.friction.model_files import load_model, save_model
 
 KNOTS = (0.5, 1.5, 3.0, 6.0)
 LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), Spline(KNOTS, symmetric=False), Table((0.5, 1.5, 3.0)))
@@ -112,16 +109,6 @@ def test_clusters_are_recordings_where_there_are_enough_and_else_stretches():
     assert len(np.unique(clusters(many))) == FEW
 
 
-def test_it_comes_back_from_its_file(tmp_path):
-    for law in LAWS_:
-        problem = explained_by(law, drawn(law))
-        found = Linear(law).fit(problem, np.repeat(everything(problem), 2, axis=0), 0)
-        save_model(found, tmp_path / "model.json", LAWS)
-        again = load_model(tmp_path / "model.json", LAWS)
-        assert again.law == law
-        np.testing.assert_array_equal(again.theta, found.theta)
-
-
 def test_a_table_is_straight_between_its_speeds_and_level_beyond():
     law = Table((1.0, 2.0, 4.0))
     friction = Friction(law, np.array([[0.3, 0.1, 0.2, 0.5, 0.5, 0.5]]))
@@ -134,12 +121,6 @@ def test_a_table_is_straight_between_its_speeds_and_level_beyond():
 def test_speeds_of_a_table_that_mean_nothing_are_refused(speeds):
     with pytest.raises(InputError, match="Table: speeds"):
         Table(speeds)
-
-
-def test_its_settings_choose_the_law():
-    assert identifier_named("spline", {"degree": 1}) == Linear(Spline(degree=1))
-    with pytest.raises(InputError, match=r"Stribeck\(.*is not linear"):
-        Linear(Stribeck())
 
 
 def test_a_joint_that_hardly_slides_is_refused():

@@ -7,8 +7,6 @@ import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
 
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
@@ -16,7 +14,6 @@ from frictionid.fitting.networks.network import Network, check_device
 from frictionid.fitting.networks.training_sets import Cells, FoldStack, SequenceTrainingSet
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
-from frictionid.friction.model_files import load_model, save_model
 
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
@@ -174,56 +171,6 @@ def test_seeds_differ():
     weights = synthetic_weights(problem)
     one, other = (SMALL.fit(problem, weights, seed).theta for seed in (0, 1))
     assert np.abs(one - other).max() > 1e-3
-
-
-def test_it_comes_back_from_its_files(tmp_path):
-    problem = synthetic_problem(1)
-    found = replace(SMALL, epochs=1).fit(problem, synthetic_weights(problem), 0)
-    save_model(found, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
-    assert again.law == found.law
-    np.testing.assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
-
-
-def test_its_settings_choose_the_law():
-    assert identifier_named("lstm", {}) == Network(LSTM())
-    made = identifier_named("lstm", {"cells": 4, "odd": True, "epochs": 5})
-    assert made == Network(LSTM(4, odd=True), epochs=5)
-    bare = {"free": True, "dissipative": False, "monotone_tail": False}
-    assert identifier_named("lstm", bare) == Network(replace(FREE, cells=8, hidden=(16,)))
-
-
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"cells": 0}, "cells"),
-        ({"free": True}, "add dissipative = false"),
-        ({"hidden": []}, "hidden"),
-        ({"rate": 0.0}, "rate"),
-        ({"device": "tpu"}, "device"),
-        ({"cels": 3}, "did you mean 'cells'"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, complaint):
-    with pytest.raises(InputError, match=complaint):
-        identifier_named("lstm", settings)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: LSTM(cells=0),
-        lambda: LSTM(sample_time=0.0),
-        lambda: replace(FREE, odd=True),
-        lambda: Network(LSTM(), targets=0),
-        lambda: Network(LSTM(), burn_in=-1),
-        lambda: Network(LSTM(), device="tpu"),
-        lambda: Network(Stribeck()),
-    ],
-)
-def test_objects_that_mean_nothing_are_refused(make):
-    with pytest.raises(InputError):
-        make()
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")

@@ -9,7 +9,6 @@ import torch
 from fixtures.exact_problems import cost, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.evaluation import curve_error
 from frictionid.fitting.identifiers import LeastSquares
@@ -198,47 +197,3 @@ def test_weights_that_are_lost_or_of_another_fit_are_refused(tmp_path):
     (tmp_path / "b.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match="beside it"):
         load_model(tmp_path / "b.json", LAWS)
-
-
-def test_its_settings_choose_the_law():
-    assert identifier_named("mlp", {}) == CompressedNetwork(MLP())
-    made = identifier_named("mlp", {"hidden": [8], "odd": True, "width": 0.1})
-    assert made == CompressedNetwork(MLP((8,), odd=True, width=0.1))
-
-
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"hidden": []}, "hidden"),
-        ({"hidden": [0]}, "hidden"),
-        ({"odd": "perhaps"}, "odd.*'perhaps'"),
-        ({"width": 0.0}, "width"),
-        ({"hiden": [8]}, "'hiden'.* did you mean 'hidden'"),
-        ({"epochs": 5}, 'epochs = 5 needs solver = "adam"'),
-        ({"rate": 0.1, "solver": "levenberg_marquardt"}, 'rate = 0.1 needs solver = "adam"'),
-        ({"batch": 32}, "batch = 32 needs"),
-        ({"patience": 1}, "patience = 1 needs"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, complaint):
-    with pytest.raises(InputError, match=complaint):
-        identifier_named("mlp", settings)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: MLP(hidden=()),
-        lambda: MLP(hidden=(2.5,)),
-        lambda: MLP(others=-1),
-        lambda: MLP(shape="step"),
-        lambda: CompressedNetwork(MLP(others=1)),
-        lambda: CompressedNetwork(Stribeck()),
-        lambda: CompressedNetwork(MLP(), nodes=1),
-        lambda: CompressedNetwork(MLP(), prior_deviations=()),
-        lambda: CompressedNetwork(MLP(), share=0.9),
-    ],
-)
-def test_objects_that_mean_nothing_are_refused(make):
-    with pytest.raises(InputError):
-        make()

@@ -11,7 +11,6 @@ from sklearn.linear_model import LinearRegression
 from sklearn.neighbors import KNeighborsRegressor
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Regressor, check_identifier
 from frictionid.fitting.identifiers.regressor import NAMED, estimator_named, torques
@@ -19,7 +18,7 @@ from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, 
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
-from frictionid.friction.model_files import load_model, save_model
+from frictionid.friction.model_files import save_model
 
 TRUTH = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 SPEEDS = np.array([0.6, 1.0, 2.0, 3.5])
@@ -132,48 +131,6 @@ def test_with_other_inputs_it_keeps_to_the_contract_and_is_not_saved(tmp_path):
     with pytest.raises(InputError, match="cannot be saved: regressors of more than the velocity"):
         save_model(found, tmp_path / "model.json", LAWS)
     assert not list(tmp_path.iterdir())
-
-
-def test_the_curve_comes_back_from_its_file(tmp_path):
-    found = fit(synthetic_problem(2), speeds=(0.5, 1.0, 4.0))
-    assert found.law.speeds == (0.5, 1.0, 4.0)
-    save_model(found, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
-    assert again.law == found.law
-    np.testing.assert_array_equal(again.theta, found.theta)
-
-
-def test_its_settings_choose_the_estimator():
-    made = identifier_named("sklearn", {"estimator": "knn", "settings": {"n_neighbors": 4}})
-    assert repr(made) == repr(Regressor(KNeighborsRegressor(n_neighbors=4)))
-    dotted = identifier_named("sklearn", {"estimator": "sklearn.linear_model.LinearRegression"})
-    assert repr(dotted) == repr(Regressor(LinearRegression()))
-    colon = identifier_named("sklearn", {"estimator": "sklearn.dummy:DummyRegressor", "bins": 9})
-    assert repr(colon) == repr(Regressor(DummyRegressor(), bins=9))
-
-
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"estimator": "gradient_bosting"}, "did you mean 'gradient_boosting'"),
-        ({"estimator": "sklearn.svm.Nothing"}, "cannot be imported"),
-        ({"estimator": "no.such.Thing"}, "is of no installed package"),
-        ({"estimator": "sklearn.base.clone"}, "sklearn: "),
-        ({"estimator": "sklearn.preprocessing.StandardScaler"}, "no class with fit and predict"),
-        ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
-        ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
-        ({"estimator": "knn", "bins": 1}, "bins"),
-        ({"estimator": "knn", "speeds": [2.0, 1.0]}, r"speeds = \[2.0, 1.0\] .* increase"),
-        ({"estimator": "sklearn.svm.SVC"}, r"SVC\(\) is no regressor"),
-        ({"estimator": "sklearn.cluster.KMeans"}, r"KMeans\(\) is no regressor"),
-        ({}, "estimator"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with pytest.raises(InputError, match=rule):
-        identifier_named("sklearn", settings)
-    with pytest.raises(InputError, match=r"inputs = .* must include w"):
-        Regressor(RIDGE, ("q",))
 
 
 def test_a_joint_that_never_slides_is_refused():

@@ -12,8 +12,6 @@ from pysindy import FourierLibrary, PolynomialLibrary
 
 from frictionid.__main__ import main
 from frictionid.comparison.fit_model import with_notes
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
@@ -29,7 +27,6 @@ from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
-from frictionid.friction.model_files import load_model, save_model
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as SimulatedStribeck
 
@@ -282,42 +279,6 @@ def test_a_fold_that_trains_on_noise_alone_has_no_friction():
     found = fit(replace(problem, r=noise))
     assert (found.theta[0] != 0).sum() <= 2
     assert along(found, problem.nodes).shape == (1, *problem.nodes.inputs.w.shape)
-
-
-def test_it_comes_back_from_its_file(tmp_path):
-    friction = fit(made_of(Stribeck(), STRIBECK, 1e-3), library=Library(harmonics=(1,), load=True))
-    save_model(friction, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
-    assert again.law == friction.law
-    np.testing.assert_array_equal(again.theta, friction.theta)
-
-
-def test_its_settings_choose_library_and_optimiser():
-    assert identifier_named("sindy", {}) == SINDy()
-    assert identifier_named("sindy", {"search_sets": False}) == SINDy(search_sets=False)
-    made = identifier_named(
-        "sindy",
-        {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5},
-    )
-    library = Library(velocities=(1.0, 2.0), harmonics=(1,))
-    assert made == SINDy(library, optimizer="sr3", ensemble=5)
-
-
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"optimizer": "lasso"}, "optimizer.*lasso"),
-        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),
-        ({"widths": [0.02]}, "widths = .* repeat width"),
-        ({"powers": [0]}, "powers"),
-        ({"thresholds": [2.0]}, r"thresholds\[0\]: it should be less than 1, not 2.0"),
-        ({"velocity": [1.0]}, "did you mean 'velocities'"),
-        ({"gear": 0.0}, "gear"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with pytest.raises(InputError, match=rule):
-        identifier_named("sindy", settings)
 
 
 def test_a_soft_sign_and_a_level_at_rest_exclude_each_other():

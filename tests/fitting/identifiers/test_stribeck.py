@@ -14,8 +14,6 @@ from fixtures.exact_problems import (
 )
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.friction import along
@@ -162,22 +160,3 @@ def test_it_prints_itself_with_units_and_comes_back_from_its_file(law, tmp_path)
         again = load_model(tmp_path / "model.json", LAWS)
         assert again.law == law
         np.testing.assert_array_equal(again.theta, friction.theta)
-
-
-def test_its_settings_choose_the_law():
-    assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
-    made = identifier_named("stribeck", {"symmetric": False, "width": 0.1, "shape": "arctan"})
-    assert made == LeastSquares(Stribeck(0.1, "arctan", symmetric=False))
-
-
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"width": 0.0}, "width.* 0.0"),
-        ({"symmetric": "perhaps"}, "symmetric.*'perhaps'"),
-        ({"symetric": False}, "'symetric'.* did you mean 'symmetric'"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, complaint):
-    with pytest.raises(InputError, match=complaint):
-        identifier_named("stribeck", settings)

@@ -10,7 +10,6 @@ from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.paths import ROOT
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
@@ -21,7 +20,6 @@ from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet,
 from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
 from frictionid.friction.laws import (
     MLP,
-    Dahl,
     Ensemble,
     FilmLag,
     Stribeck,
@@ -231,50 +229,6 @@ def test_they_come_back_from_their_files(tmp_path):
         again = load_model(tmp_path / "model.json", LAWS)
         assert again.law == friction.law
         np.testing.assert_array_equal(again.theta, friction.theta)
-
-
-def test_their_settings_choose_the_law():
-    assert identifier_named("window_mlp", {}) == Network(WindowMLP())
-    made = identifier_named("window_mlp", {"samples": 4, "members": 2, "rate": 0.02})
-    assert made == Network(WindowMLP(4), rate=0.02, members=2)
-    made = identifier_named("window_mlp", {"presliding": 0.005, "dissipative": False})
-    assert made == Network(WindowMLP(presliding=0.005, dissipative=False))
-    made = identifier_named("mlp", {"inputs": "all", "hidden": [8]})
-    assert made == Network(MLP((8,)), inputs="all")
-    assert identifier_named("mlp", {"solver": "adam"}) == Network(MLP())
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "complaint"),
-    [
-        ("window_mlp", {"samples": 0}, "samples"),
-        ("window_mlp", {"members": 0}, "members"),
-        ("window_mlp", {"batch": 0.5}, "batch"),
-        ("mlp", {"inputs": "all", "solver": "levenberg_marquardt"}, 'needs solver = "adam"'),
-        ("mlp", {"inputs": "both"}, "inputs"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
-    with pytest.raises(InputError, match=complaint):
-        identifier_named(kind, settings)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: WindowMLP(samples=0),
-        lambda: WindowMLP(sample_time=-1.0),
-        lambda: WindowMLP(presliding=-0.01),
-        lambda: Ensemble(members=1),
-        lambda: Network(WindowMLP(), inputs="all"),
-        lambda: Network(WindowMLP(), epochs=0),
-        lambda: Network(WindowMLP(), share=0.0),
-        lambda: window(Dahl(), synthetic_problem(1).nodes),
-    ],
-)
-def test_objects_that_mean_nothing_are_refused(make):
-    with pytest.raises(InputError):
-        make()
 
 
 def test_the_memory_of_a_motion_begins_as_if_it_had_been_constant():

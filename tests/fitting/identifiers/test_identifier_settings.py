@@ -1,0 +1,214 @@
+"""Settings of identifiers by name: they are those of laws and fits, and bad ones are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from sklearn.dummy import DummyRegressor
+from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.neighbors import KNeighborsRegressor
+
+from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Linear, Regressor, SINDy
+from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.networks.compressed import CompressedNetwork
+from frictionid.fitting.networks.network import Network
+from frictionid.fitting.networks.training_sets import window
+from frictionid.friction.laws import (
+    LSTM,
+    MLP,
+    CoulombViscous,
+    Dahl,
+    Ensemble,
+    Library,
+    Spline,
+    Stribeck,
+    WindowMLP,
+)
+
+FREE = LSTM(free=True, dissipative=False, monotone_tail=False)
+BARE = {"free": True, "dissipative": False, "monotone_tail": False}
+LIBRARY = Library(velocities=(1.0, 2.0), harmonics=(1,))
+CHOSEN = [
+    ("none", {}, Frictionless()),
+    (
+        "coulomb_viscous",
+        {"width": 0.1, "shape": "arctan"},
+        LeastSquares(CoulombViscous(0.1, "arctan")),
+    ),
+    ("stribeck", {}, LeastSquares(Stribeck())),
+    (
+        *("stribeck", {"symmetric": False, "width": 0.1, "shape": "arctan"}),
+        LeastSquares(Stribeck(0.1, "arctan", symmetric=False)),
+    ),
+    ("spline", {"degree": 1}, Linear(Spline(degree=1))),
+    ("lstm", {}, Network(LSTM())),
+    ("lstm", {"cells": 4, "odd": True, "epochs": 5}, Network(LSTM(4, odd=True), epochs=5)),
+    ("lstm", BARE, Network(FREE)),
+    ("mlp", {}, CompressedNetwork(MLP())),
+    (
+        *("mlp", {"hidden": [8], "odd": True, "width": 0.1}),
+        CompressedNetwork(MLP((8,), odd=True, width=0.1)),
+    ),
+    ("mlp", {"inputs": "all", "hidden": [8]}, Network(MLP((8,)), inputs="all")),
+    ("mlp", {"solver": "adam"}, Network(MLP())),
+    ("window_mlp", {}, Network(WindowMLP())),
+    (
+        *("window_mlp", {"samples": 4, "members": 2, "rate": 0.02}),
+        Network(WindowMLP(4), rate=0.02, members=2),
+    ),
+    (
+        *("window_mlp", {"presliding": 0.005, "dissipative": False}),
+        Network(WindowMLP(presliding=0.005, dissipative=False)),
+    ),
+    ("sindy", {}, SINDy()),
+    ("sindy", {"search_sets": False}, SINDy(search_sets=False)),
+    (
+        *("sindy", {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5}),
+        SINDy(LIBRARY, optimizer="sr3", ensemble=5),
+    ),
+    (
+        *("sklearn", {"estimator": "knn", "settings": {"n_neighbors": 4}}),
+        Regressor(KNeighborsRegressor(n_neighbors=4)),
+    ),
+    (
+        *("sklearn", {"estimator": "sklearn.linear_model.LinearRegression"}),
+        Regressor(LinearRegression()),
+    ),
+    (
+        *("sklearn", {"estimator": "sklearn.dummy:DummyRegressor", "bins": 9}),
+        Regressor(DummyRegressor(), bins=9),
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "settings", "identifier"), CHOSEN)
+def test_settings_are_those_of_the_law_and_the_fit(kind, settings, identifier):
+    assert repr(identifier_named(kind, settings)) == repr(identifier)
+
+
+REFUSED = {
+    "none": [({"width": 0.1}, "'width'")],
+    "coulomb_viscous": [
+        ({"width": -1.0}, "width.* -1.0"),
+        ({"shape": "tan"}, "shape"),
+        ({"with": 0.1}, "'with'.* did you mean 'width'"),
+    ],
+    "stribeck": [
+        ({"width": 0.0}, "width.* 0.0"),
+        ({"symmetric": "perhaps"}, "symmetric.*'perhaps'"),
+        ({"symetric": False}, "'symetric'.* did you mean 'symmetric'"),
+    ],
+    "lstm": [
+        ({"cells": 0}, "cells"),
+        ({"free": True}, "add dissipative = false"),
+        ({"hidden": []}, "hidden"),
+        ({"rate": 0.0}, "rate"),
+        ({"device": "tpu"}, "device"),
+        ({"cels": 3}, "did you mean 'cells'"),
+    ],
+    "mlp": [
+        ({"hidden": []}, "hidden"),
+        ({"hidden": [0]}, "hidden"),
+        ({"odd": "perhaps"}, "odd.*'perhaps'"),
+        ({"width": 0.0}, "width"),
+        ({"hiden": [8]}, "'hiden'.* did you mean 'hidden'"),
+        ({"epochs": 5}, 'epochs = 5 needs solver = "adam"'),
+        ({"rate": 0.1, "solver": "levenberg_marquardt"}, 'rate = 0.1 needs solver = "adam"'),
+        ({"batch": 32}, "batch = 32 needs"),
+        ({"patience": 1}, "patience = 1 needs"),
+        ({"inputs": "all", "solver": "levenberg_marquardt"}, 'needs solver = "adam"'),
+        ({"inputs": "both"}, "inputs"),
+    ],
+    "window_mlp": [
+        ({"samples": 0}, "samples"),
+        ({"members": 0}, "members"),
+        ({"batch": 0.5}, "batch"),
+    ],
+    **dict.fromkeys(
+        ("blackbox_mlp", "blackbox_lstm"),
+        [({"hidden": [0]}, "hidden"), ({"epochs": 0}, "epochs"), ({"width": -1.0}, "width")],
+    ),
+    "sindy": [
+        ({"optimizer": "lasso"}, "optimizer.*lasso"),
+        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),
+        ({"widths": [0.02]}, "widths = .* repeat width"),
+        ({"powers": [0]}, "powers"),
+        ({"thresholds": [2.0]}, r"thresholds\[0\]: it should be less than 1, not 2.0"),
+        ({"velocity": [1.0]}, "did you mean 'velocities'"),
+        ({"gear": 0.0}, "gear"),
+    ],
+    "sindy_dynamics": [
+        ({"degree": 0}, "degree"),
+        ({"degree": 9}, "more than 2000 candidates"),
+        ({"thresholds": [2.0]}, "it should be less than 1"),
+        ({"width": -1.0}, "width"),
+    ],
+    "sklearn": [
+        ({"estimator": "gradient_bosting"}, "did you mean 'gradient_boosting'"),
+        ({"estimator": "sklearn.svm.Nothing"}, "cannot be imported"),
+        ({"estimator": "no.such.Thing"}, "is of no installed package"),
+        ({"estimator": "sklearn.base.clone"}, "sklearn: "),
+        ({"estimator": "sklearn.preprocessing.StandardScaler"}, "no class with fit and predict"),
+        ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
+        ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
+        ({"estimator": "knn", "bins": 1}, "bins"),
+        ({"estimator": "knn", "speeds": [2.0, 1.0]}, r"speeds = \[2.0, 1.0\] .* increase"),
+        ({"estimator": "sklearn.svm.SVC"}, r"SVC\(\) is no regressor"),
+        ({"estimator": "sklearn.cluster.KMeans"}, r"KMeans\(\) is no regressor"),
+        ({}, "estimator"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "complaint"),
+    [(kind, *row) for kind, rows in REFUSED.items() for row in rows],
+)
+def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
+    problem = synthetic_problem(2)
+    with pytest.raises(InputError, match=complaint):  # at the latest in a fit
+        identifier_named(kind, settings).fit(problem, synthetic_weights(problem), 0)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: LSTM(cells=0),
+        lambda: LSTM(sample_time=0.0),
+        lambda: replace(FREE, odd=True),
+        lambda: Network(LSTM(), targets=0),
+        lambda: Network(LSTM(), burn_in=-1),
+        lambda: Network(LSTM(), device="tpu"),
+        lambda: Network(Stribeck()),
+        lambda: MLP(hidden=()),
+        lambda: MLP(hidden=(2.5,)),
+        lambda: MLP(others=-1),
+        lambda: MLP(shape="step"),
+        lambda: CompressedNetwork(MLP(others=1)),
+        lambda: CompressedNetwork(Stribeck()),
+        lambda: CompressedNetwork(MLP(), nodes=1),
+        lambda: CompressedNetwork(MLP(), prior_deviations=()),
+        lambda: CompressedNetwork(MLP(), share=0.9),
+        lambda: WindowMLP(samples=0),
+        lambda: WindowMLP(sample_time=-1.0),
+        lambda: WindowMLP(presliding=-0.01),
+        lambda: Ensemble(members=1),
+        lambda: Network(WindowMLP(), inputs="all"),
+        lambda: Network(WindowMLP(), epochs=0),
+        lambda: Network(WindowMLP(), share=0.0),
+        lambda: window(Dahl(), synthetic_problem(1).nodes),
+    ],
+)
+def test_objects_that_mean_nothing_are_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+def test_what_a_fit_needs_of_a_law_or_an_estimator_is_said():
+    with pytest.raises(InputError, match=r"Stribeck\(.*is not linear"):
+        Linear(Stribeck())
+    with pytest.raises(InputError, match=r"inputs = .* must include w"):
+        Regressor(Ridge(), ("q",))
