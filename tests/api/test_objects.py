@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from fixtures.arm_frames import arm, frames
 from fixtures.paths import ROOT
+from fixtures.result_folders import leave_blank
 from matplotlib.figure import Figure
 
 import frictionid as fid
@@ -216,7 +217,8 @@ def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data):
     assert bench["stribeck"].fit.data is data
 
 
-def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path):
+def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path, monkeypatch):
+    leave_blank(monkeypatch)
     suite = tmp_path / "suite.toml"
     suite.write_text(
         f'name = "s"\nhorizons = [0.5, 1.0]\n[folds]\ncount = 5\n'
@@ -232,7 +234,8 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path):
     assert (tmp_path / "out" / "summary.md").exists()
 
 
-def test_a_folder_holds_the_same_comparison(data, tmp_path):
+def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
+    leave_blank(monkeypatch)
     models, out = ["none", Own], tmp_path / "out"
     written = fid.compare(data, models, folds=3, horizons=[0.5], folder=out)
     memory = fid.compare(data, models, folds=3, horizons=[0.5])

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.paths import ROOT
+from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
 
 from frictionid.__main__ import main
@@ -164,7 +165,8 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
     np.testing.assert_allclose(own, built_in, rtol=1e-5)
 
 
-def test_models_of_a_comparison_are_evaluated_too(place, call):
+def test_models_of_a_comparison_are_evaluated_too(place, call, monkeypatch):
+    leave_blank(monkeypatch)
     write_suite(place, [("recipes", [{"name": "integral"}]), ("horizons", [0.3])])
     assert call("compare", "suite.toml", "--out", "result", "--jobs", 1)[0] == 0
     models = sorted((place / "result" / "models").glob("*.json"))

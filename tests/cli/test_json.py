@@ -7,6 +7,7 @@ import pytest
 from fixtures.command_line import run_command
 from fixtures.damage_own_data import TUTORIAL, swing
 from fixtures.damage_targets import small
+from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import write_dataset, write_suite
 
 from frictionid.__main__ import main
@@ -39,6 +40,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize(("arguments", "holds"), COMMANDS.values(), ids=COMMANDS)
 def test_a_script_reads_what_a_command_prints(monkeypatch, capsys, place, arguments, holds):
+    leave_blank(monkeypatch)
     if arguments[0] == "evaluate":
         run_command(monkeypatch, capsys, place, *FIT, "--replace")
     code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json")

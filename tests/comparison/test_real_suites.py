@@ -4,6 +4,7 @@ import sys
 
 import pandas as pd
 import pytest
+from fixtures import result_folders as made
 from fixtures.paths import ROOT
 
 from frictionid.__main__ import main
@@ -23,6 +24,7 @@ def scores(request, real_data, tmp_path_factory):
     out = tmp_path_factory.mktemp(name)
     file = ROOT / "comparisons" / f"{name}.toml"
     with pytest.MonkeyPatch.context() as patch:
+        made.leave_blank(patch)
         data = str(real_data / COLLECTION[name])
         command = ["frictionid", "compare", str(file), "--data", data, "--out", str(out)]
         patch.setattr(sys, "argv", [*command, "--jobs", "1"])
