@@ -96,7 +96,7 @@ def _check(folder, out):
 def test_the_settings_on_the_page_of_the_drive_are_accepted():
     text = (ROOT / "docs" / "drive.md").read_text()
     blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-    rig, ros, columns = map(tomllib.loads, blocks)
+    rig, ros = map(tomllib.loads, blocks)
     setup = rig_settings_of(rig, "rig.toml")
     assert written(setup.protocol.format(), ("1000", "0.05", "0.2")).decode().strip() in text
     checked(AngleColumns, rig["angles"], "[angles]")
@@ -104,5 +104,5 @@ def test_the_settings_on_the_page_of_the_drive_are_accepted():
     checked(RosSettings, settings, "[reader]")
     assert ros["reader"]["kind"] in READERS
     machine = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.15}}
-    described = check_dataset_toml({"name": "rig", "mechanism": machine, **columns}, "dataset.toml")
+    described = check_dataset_toml({"name": "rig", "mechanism": machine, **ros}, "dataset.toml")
     assert described.actuator is not None
