@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
+from frictionid.dynamics.compiled.loops import rolled_out
 from frictionid.dynamics.compiled.machine import machine_of
-from frictionid.dynamics.compiled.step import rolled_out
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
@@ -71,16 +71,15 @@ def rollout(
     True
     """
     if method not in ("rk4", *_ONE_STEP):
-        known = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
-        raise InputError(f"the step {method!r} is unknown; known are {known}")
+        names = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
+        raise InputError(f"the step {method!r} is unknown; known are {names}")
     xp = namespace(start.q, u)
     sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
     many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
-        motion = state.q, state.w
         counts = np.array(sizes, dtype=int)
-        return Rollout(*rolled_out(machine, plant, friction.theta, motion, u, dt, counts, _RUNAWAY))
+        return Rollout(*rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY))
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
@@ -117,10 +116,8 @@ def _sample_ahead(
         return adaptive_step(plant, friction, state, u, dt[..., None], size)
     friction = replace(friction, law=still[0], theta=still[1])
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
-        motion, sizes = (state.q, state.w), np.array([size])
-        q, w = rolled_out(
-            machine, plant, friction.theta, motion, u[None], dt[None], sizes, _RUNAWAY
-        )
+        begin, sizes = state._replace(memory=()), np.array([size])
+        q, w = rolled_out(machine, plant, friction.theta, begin, u[None], dt[None], sizes, _RUNAWAY)
         return State(q[1], w[1], memory)
     after = adaptive_step(plant, friction, state._replace(memory=()), u, dt[..., None], size)
     return after._replace(memory=memory)
@@ -133,7 +130,7 @@ def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -
     """
     xp = namespace(start.q)
     batches = (friction.theta.shape[:-2], dt.shape, plant.p.shape[:-1])
-    shape = np.broadcast_shapes(start.q.shape, u.shape, *((*own, 1) for own in batches))
+    shape = np.broadcast_shapes(start.q.shape, u.shape, *((*batch, 1) for batch in batches))
     state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
     if state.memory:
         return state

@@ -74,10 +74,10 @@ class Instant(NamedTuple):
 def rows_of(x: Array, which: Array, axes: int) -> Array:
     """Some rows of an array whose last axes are no batch; the array itself where it has one row."""
     xp, batch = namespace(which), tuple(x.shape[: x.ndim - axes])
-    own = tuple(x.shape[x.ndim - axes :])
+    shape = tuple(x.shape[x.ndim - axes :])
     if not batch or set(batch) == {1}:
-        return xp.reshape(x, own)
-    return xp.broadcast_to(x, (*which.shape, *own))[which]
+        return xp.reshape(x, shape)
+    return xp.broadcast_to(x, (*which.shape, *shape))[which]
 
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:

@@ -11,20 +11,17 @@ A w = 0 friction is set-valued: `stiction` says which parts stick, `zero_crossin
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.dynamics.sliding_friction import Stiction, friction_torque
 from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
 from frictionid.dynamics.step_size import StepSize
-from frictionid.dynamics.torque_balance import constrained
+from frictionid.dynamics.torque_balance import Stiction, constrained, friction_torque
 from frictionid.dynamics.zero_crossing import (
     Crossing,
     Substep,
     after_break_away,
     after_crossing,
-    break_away,
-    crossing,
     stiction,
 )
 from frictionid.friction import Friction, Memory
@@ -87,13 +84,15 @@ def adaptive_step(
 def _joined(which: Array, yes: State, no: State, like: State) -> State:
     xp = namespace(like.q)
 
-    def one(y: Array, n: Array, x: Array) -> Array:
+    def joined(y: Array, n: Array, x: Array) -> Array:
         out = 1.0 * xp.broadcast_to(x, (*which.shape, x.shape[-1]))
         out[which], out[~which] = y, n
         return out
 
     memory = zip(yes.memory, no.memory, like.memory, strict=True)
-    return State(one(yes.q, no.q, like.q), one(yes.w, no.w, like.w), tuple(one(*z) for z in memory))
+    return State(
+        joined(yes.q, no.q, like.q), joined(yes.w, no.w, like.w), tuple(joined(*z) for z in memory)
+    )
 
 
 def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
@@ -117,10 +116,16 @@ def _approach(
     a = acceleration(plant, friction, state, u, held)
     turns = turns_of(plant.mechanism, a)
     w, change = of_parts(state.w, turns), of_parts(a, turns)
-    speed, slow = xp.abs(w), plant.slow_like(w)
-    braked = (w * change < 0) & (speed < _MARGIN * xp.abs(change) * dt + slow)
-    near = braked | (speed <= slow)
-    return (near if held.firm is None else near & ~held.firm).any(-1), Begin(held, a)
+    firm = xp.zeros_like(w) != 0.0 if held.firm is None else held.firm
+    near: Any = parts_near_rest(w, change, plant.slow_like(w), firm, dt).any(-1)
+    return near, Begin(held, a)
+
+
+def parts_near_rest(w: Array, change: Array, slow: Array, firm: Array, dt: Array) -> Array:
+    """Parts (..., m) that are slow, or will be within dt at a rate of change; not firm ones."""
+    speed = namespace(w).abs(w)
+    stops = (w * change < 0) & (speed < _MARGIN * namespace(w).abs(change) * dt + slow)
+    return (stops | (speed <= slow)) & ~firm
 
 
 def substep(
@@ -130,8 +135,8 @@ def substep(
     u: Array,
     dt: Array,
     begin: Begin | None = None,
-) -> tuple[State, Stiction, Crossing | None]:
-    """State after one substep, the stiction in it, and what joints crossed w = 0."""
+) -> tuple[State, Stiction, tuple[Array, Crossing] | None]:
+    """State after one substep, the stiction in it, and the rows (...) that crossed w = 0."""
     held = stiction(Instant(plant, friction, state, u)) if begin is None else begin.stiction
     memory = advanced(plant, friction, state, u, dt / 2)
     # accelerations are those of the begin where the memory does not advance in it
@@ -144,15 +149,14 @@ def substep(
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
     after = State(q, w, memory)
     part = Substep(state, Instant(plant, friction, after, u), held, dt)
-    if (crossed := crossing(part)) is not None:
-        after = after_crossing(crossed, part)
-        part = part._replace(end=part.end._replace(state=after))
-    if (broken := break_away(part, crossed)) is not None:
-        after = after_break_away(broken, after)
+    crossed = after_crossing(part)
+    if crossed is not None:
+        part = part._replace(end=part.end._replace(state=crossed[0]))
+    after = after_break_away(part, None if crossed is None else crossed[1])
     turns = turns_of(plant.mechanism, after.w)
     if turns is not None and held.sticking is not None:  # joints that other parts hold, too
         after = after._replace(w=resting_parts(after.w, turns)[..., : plant.n])
-    return after, held, crossed
+    return after, held, None if crossed is None else crossed[1:]
 
 
 def rk4(

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, like, plain
-from frictionid.dynamics.sliding_friction import is_sharp
-from frictionid.dynamics.torque_balance import has_break_away
+from frictionid.dynamics.torque_balance import has_break_away, is_sharp
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.coordinates import at_places, mobility, turns_of
@@ -44,7 +43,9 @@ def step_size_of(
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     substeps(plant, friction, dt)
-    sliding = replace(friction, law=friction.law.sharpened()) if is_sharp(friction) else friction
+    sliding = (
+        replace(friction, law=friction.law.sharpened()) if is_sharp(friction.law) else friction
+    )
     away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
     longest = min(longest, friction.law.longest_substep)
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
@@ -95,8 +96,8 @@ def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Arra
     load = 0.0 * u
     if friction.law.uses_load:
         batch = plant.p.ndim - 1
-        some = plant[(0,) * batch] if batch else plant
-        load = plain(some.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
+        machine = plant[(0,) * batch] if batch else plant
+        load = plain(machine.load(q, 0.0 * q, 0.0 * q)).max(axis=0)
     x = at_places(plant.mechanism, Inputs(load, load, u, load))
     return x.u, x.load
 

@@ -40,35 +40,35 @@ def with_derivatives(
         return along[operand.number] if isinstance(operand, Value) else 0.0
 
     for line in program.lines:
-        own = tuple(value(x) for x in line.operands)
-        made = recorder.record(line.operation, *own)
+        operands = tuple(value(x) for x in line.operands)
+        result = recorder.record(line.operation, *operands)
         for along in rates.values():
             changes = tuple(rate(x, along) for x in line.operands)
-            along.append(_rate(recorder.record, Line(line.operation, own), changes, made))
-        values.append(made)
-    results = {name: tuple(value(x) for x in own) for name, own in program.outputs.items()}
+            along.append(_rate(recorder.record, Line(line.operation, operands), changes, result))
+        values.append(result)
+    results = {name: tuple(value(x) for x in entries) for name, entries in program.outputs.items()}
     for name in outputs:
         for direction, along in rates.items():
-            own = tuple(rate(x, along) for x in program.outputs[name])
-            results[f"{name} by {direction}"] = own
+            rates_of_output = tuple(rate(x, along) for x in program.outputs[name])
+            results[f"{name} by {direction}"] = rates_of_output
     return needed(Program(program.inputs, tuple(recorder.lines), results))
 
 
-def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], made: Operand) -> Operand:
+def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], result: Operand) -> Operand:
     """Rate of a line's value, as its operands change."""
     if all(change == 0.0 for change in changes):
         return 0.0
-    operation, own = line
+    operation, operands = line
     if operation in ("add", "subtract", "negative"):
         return record(operation, *changes)
     if operation == "select":
-        return record("select", own[0], *changes[1:])
+        return record("select", operands[0], *changes[1:])
     if operation in ("maximum", "minimum"):
-        first = record("less", *(own[::-1] if operation == "maximum" else own))
+        first = record("less", *(operands[::-1] if operation == "maximum" else operands))
         return record("select", first, *changes)
     if operation == "power":
-        return _of_power(record, own, changes, made)
-    slopes = _slopes(record, operation, own, made)
+        return _of_power(record, operands, changes, result)
+    slopes = _slopes(record, operation, operands, result)
     total: Operand = 0.0
     for slope, change in zip(slopes, changes, strict=bool(slopes)):
         if change != 0.0:
@@ -77,40 +77,40 @@ def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], made: Opera
 
 
 def _of_power(
-    record: _Record, own: tuple[Operand, ...], changes: tuple[Operand, ...], made: Operand
+    record: _Record, operands: tuple[Operand, ...], changes: tuple[Operand, ...], result: Operand
 ) -> Operand:
-    a, b = own
+    a, b = operands
     lower = record("power", a, record("subtract", b, 1.0))
     total = record("multiply", record("multiply", b, lower), changes[0])
     if changes[1] == 0.0:
         return total
-    by_exponent = record("multiply", made, record("log", a))
+    by_exponent = record("multiply", result, record("log", a))
     return record("add", total, record("multiply", by_exponent, changes[1]))
 
 
 def _slopes(
-    record: _Record, operation: str, own: tuple[Operand, ...], made: Operand
+    record: _Record, operation: str, operands: tuple[Operand, ...], result: Operand
 ) -> tuple[Operand, ...]:
     """Slopes by each operand; of comparisons and signs, which are steps, none."""
-    a = own[0]
+    a = operands[0]
     match operation:
         case "multiply":
-            return own[1], a
+            return operands[1], a
         case "divide":
-            by_divisor = record("negative", record("divide", made, own[1]))
-            return record("divide", 1.0, own[1]), by_divisor
+            by_divisor = record("negative", record("divide", result, operands[1]))
+            return record("divide", 1.0, operands[1]), by_divisor
         case "absolute":
             return (record("sign", a),)
         case "sqrt":
-            return (record("divide", 0.5, made),)
+            return (record("divide", 0.5, result),)
         case "exp":
-            return (made,)
+            return (result,)
         case "log":
             return (record("divide", 1.0, a),)
         case "log1p":
             return (record("divide", 1.0, record("add", 1.0, a)),)
         case "tanh":
-            return (record("subtract", 1.0, record("multiply", made, made)),)
+            return (record("subtract", 1.0, record("multiply", result, result)),)
         case "arctan":
             return (record("divide", 1.0, record("add", 1.0, record("multiply", a, a))),)
         case "sin":

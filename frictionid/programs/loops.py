@@ -13,43 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from llvmlite import ir
-from numba.extending import intrinsic
 
 # for functions that compiled ones call: small ones, and larger ones
 inlined = numba.njit(error_model="numpy", forceinline=True)
 called = numba.njit(error_model="numpy")
-
-Numbers = Any  # where numbers begin in memory, see `pointer`
-
-
-@intrinsic
-def pointer(_: Any, array: Any) -> Any:
-    """Where the numbers of a contiguous array begin, for compiled loops.
-
-    Arrays count who knows them, whenever they are handed on; that costs more than short loops do.
-    The array must live on: something must be done to it after the last use of the place.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
-
-    return numba.types.CPointer(array.dtype)(array), generate
-
-
-@intrinsic
-def run_at(_: Any, address: Any, numbers: Any, first: Any, out: Any) -> Any:
-    """Run the function f(numbers, first, out) that stands at an address."""
-    whole = numba.types.int64
-    kinds = [kind if kind is numbers else whole for kind in (address, numbers, first, out)]
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
-        function = ir.FunctionType(ir.VoidType(), kinds)
-        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
-
-    return numba.types.void(*kinds), generate
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,129 +1,153 @@
-"""Programs as machine code: functions that read and write numbers in memory.
+"""Programs as machine code: functions that read and write the numbers of a row in memory.
 
-All functions have one signature and are called by their address, so that loops which call them are
-compiled once, whatever they compute. A program is straight-line code already: it is handed to LLVM
-as it is, in a tenth of the time that Numba takes for the same lines of Python.
+Loops that call them by their address are compiled once, whatever they compute. A program is
+straight-line code already: it is handed to LLVM as it is, in a tenth of the time that Numba takes
+for the same lines of Python. A row is one array, which costs nothing to hand on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import Any
 
 from llvmlite import ir
+from numba import types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
+from numba.extending import intrinsic
 
-from frictionid.programs.loops import called, pointer, run_at
-from frictionid.programs.program import Line, Operand, Program, Value
+from frictionid.programs.loops import called
+from frictionid.programs.program import Operand, Program, Value
 
 _NUMBER, _INDEX = ir.DoubleType(), ir.IntType(64)
-_FUNCTION = ir.FunctionType(ir.VoidType(), [ir.PointerType(_NUMBER), _INDEX, _INDEX])
+_FUNCTION = ir.FunctionType(ir.VoidType(), [ir.PointerType(_NUMBER)])
 _ARITHMETIC = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "divide": "fdiv"}
 _INTRINSIC = {"power": "pow", "absolute": "fabs"} | {x: x for x in ("sqrt", "exp", "log")}
 _INTRINSIC |= {x: x for x in ("sin", "cos")}
 _LIBRARY = {"log1p": "log1p", "tanh": "tanh", "arctan": "atan"}
 _COMPARISON = {"less": "<", "less_equal": "<=", "equal": "=="}
+_LONG = 300  # lines
 _numbers = count()
 _kept: list[Any] = []  # code lives as long as the process: who knows its address, no one counts
 
 
-def machine_code(program: Program) -> int:
-    """Address of a function f(numbers, first, out) of inputs in their order, for `run_at`.
+def machine_code(
+    programs: Mapping[str, Program],
+    places: Mapping[str, int],
+    sequences: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, int]:
+    """Addresses, for `run_at`, of the programs and of `sequences` that run some of them in order.
 
-    `numbers` is a place in memory, see `compiled.pointer`; inputs stand from entry `first` on,
-    outputs from entry `out`, one behind the other.
+    places : where the first entry of an input or an output, x_1 of x, stands in a row
 
     >>> import numpy as np
     >>> from frictionid.programs.trace import traced
-    >>> double = machine_code(traced(lambda x: {"y": 2.0 * x["w"]}, {"w": 2}))
-    >>> run(double, numbers := np.array([1.0, 3.0, 0.0, 0.0]), 0, 2)
-    >>> numbers[2:]
+    >>> double = traced(lambda x: {"y": 2.0 * x["w"]}, {"w": 2})
+    >>> row = np.array([1.0, 3.0, 0.0, 0.0])
+    >>> run(machine_code({"double": double}, {"w": 0, "y": 2})["double"], row)
+    >>> row[2:]
     array([2., 6.])
     """
-    outputs = tuple(value for own in program.outputs.values() for value in own)
-    return _compiled(len(program.inputs), program.lines, outputs)
-
-
-@called
-def run(function: int, numbers: Any, first: int, out: int) -> None:
-    """Run machine code from Python, on an array."""
-    run_at(function, pointer(numbers), first, out)
-
-
-@cache
-def _compiled(inputs: int, lines: tuple[Line, ...], outputs: tuple[Operand, ...]) -> int:
-    name = f"frictionid_program_{next(_numbers)}"
-    module = ir.Module(name)
-    function = ir.Function(module, _FUNCTION, name)
-    builder = ir.IRBuilder(function.append_basic_block())
-    numbers, first, out = function.args
-
-    def place(start: Any, k: int) -> Any:
-        return builder.gep(numbers, [builder.add(start, ir.Constant(_INDEX, k))])
-
-    values = [builder.load(place(first, k)) for k in range(inputs)]
-
-    def value(operand: Operand) -> Any:
-        if isinstance(operand, Value):
-            return values[operand.number]
-        return ir.Constant(_NUMBER, operand)
-
-    for operation, operands in lines:
-        values.append(_built(builder, operation, *map(value, operands)))
-    for k, operand in enumerate(outputs):
-        builder.store(value(operand), place(out, k))
-    builder.ret_void()
-    return _finished(module, name)
-
-
-def _finished(module: ir.Module, name: str) -> int:
-    """Address of a function of a module."""
+    module = ir.Module(f"frictionid_{next(_numbers)}")
+    names = (*programs, *(sequences or {}))
+    functions = {x: ir.Function(module, _FUNCTION, f"{module.name}_{x}") for x in names}
+    for name, program in programs.items():
+        if len(program.lines) > _LONG:  # not to be compiled again in each sequence
+            functions[name].attributes.add("noinline")
+        _write(functions[name], program, places)
+    for name, parts in (sequences or {}).items():
+        builder = ir.IRBuilder(functions[name].append_basic_block())
+        for part in parts:
+            builder.call(functions[part], functions[name].args)
+        builder.ret_void()
     with global_compiler_lock:
-        library = cpu_target.target_context.codegen().create_library(name)
+        library = cpu_target.target_context.codegen().create_library(module.name)
         library.add_ir_module(module)
         library.finalize()
         _kept.append(library)
-        return int(library.get_pointer_to_function(name))
+        pointers = library.get_pointer_to_function
+        return {name: int(pointers(function.name)) for name, function in functions.items()}
 
 
-def _built(builder: ir.IRBuilder, operation: str, *own: Any) -> Any:
+@intrinsic
+def run_at(_: Any, __: Any, row: Any) -> Any:
+    """Run the function f(row) that stands at an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[1])(context, builder, arguments[1]).data
+        builder.call(builder.inttoptr(arguments[0], _FUNCTION.as_pointer()), [data])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, row), generate
+
+
+@called
+def run(function: int, row: Any) -> None:
+    """Run machine code from Python, on the numbers of a row."""
+    run_at(function, row)
+
+
+def _write(function: ir.Function, program: Program, places: Mapping[str, int]) -> None:
+    """Write a function that computes a program on the numbers of a row."""
+    builder = ir.IRBuilder(function.append_basic_block())
+    values: dict[int, Any] = {}
+
+    def place(number: int) -> Any:
+        return builder.gep(function.args[0], [ir.Constant(_INDEX, number)])
+
+    def value(operand: Operand) -> Any:
+        if not isinstance(operand, Value):
+            return ir.Constant(_NUMBER, operand)
+        if operand.number not in values:
+            name, _, entry = program.inputs[operand.number].rpartition("_")
+            values[operand.number] = builder.load(place(places[name] + int(entry) - 1))
+        return values[operand.number]
+
+    for number, (operation, operands) in program.numbered():
+        values[number] = _built(builder, operation, *map(value, operands))
+    # all are read before one is written: an output may be an input, too
+    results = [
+        (places[x] + k, value(v)) for x, row in program.outputs.items() for k, v in enumerate(row)
+    ]
+    for number, result in results:
+        builder.store(result, place(number))
+    builder.ret_void()
+
+
+def _built(builder: ir.IRBuilder, operation: str, *operands: Any) -> Any:
     """Value of an operation."""
-    one, zero = ir.Constant(_NUMBER, 1.0), ir.Constant(_NUMBER, 0.0)
+    yes, no = ir.Constant(_NUMBER, 1.0), ir.Constant(_NUMBER, 0.0)
 
     def truth(value: Any) -> Any:
-        return builder.fcmp_unordered("!=", value, zero)
+        return builder.fcmp_unordered("!=", value, no)
 
     def number(truth: Any) -> Any:
-        return builder.select(truth, one, zero)
+        return builder.select(truth, yes, no)
 
     def ordered(how: str, a: Any, b: Any) -> Any:
         return builder.fcmp_ordered(how, a, b)
 
     if operation in _ARITHMETIC:
-        return getattr(builder, _ARITHMETIC[operation])(*own)
+        return getattr(builder, _ARITHMETIC[operation])(*operands)
     if operation in _INTRINSIC:
         function = builder.module.declare_intrinsic(f"llvm.{_INTRINSIC[operation]}", [_NUMBER])
-        return builder.call(function, own)
+        return builder.call(function, operands)
     if operation in _LIBRARY:
-        return builder.call(_external(builder.module, _LIBRARY[operation]), own)
+        return builder.call(_external(builder.module, _LIBRARY[operation]), operands)
     if operation in _COMPARISON:
-        return number(ordered(_COMPARISON[operation], *own))
+        return number(ordered(_COMPARISON[operation], *operands))
     others: dict[str, Callable[..., Any]] = {
         "negative": builder.fneg,
-        "sign": lambda a: builder.fsub(
-            number(ordered(">", a, zero)), number(ordered("<", a, zero))
-        ),
+        "sign": lambda a: builder.fsub(number(ordered(">", a, no)), number(ordered("<", a, no))),
         "maximum": lambda a, b: builder.select(ordered(">", b, a), b, a),
         "minimum": lambda a, b: builder.select(ordered("<", b, a), b, a),
         "and": lambda a, b: number(builder.and_(truth(a), truth(b))),
         "or": lambda a, b: number(builder.or_(truth(a), truth(b))),
-        "not": lambda a: builder.select(truth(a), zero, one),
+        "not": lambda a: builder.select(truth(a), no, yes),
         "select": lambda a, b, c: builder.select(truth(a), b, c),
     }
-    return others[operation](*own)
+    return others[operation](*operands)
 
 
 def _external(module: ir.Module, name: str) -> ir.Function:

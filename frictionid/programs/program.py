@@ -111,10 +111,10 @@ class Program:
 
     def with_inputs(self, names: Sequence[str]) -> Program:
         """The program with only these of its inputs, those that it reads among them."""
-        own = [k for k, name in enumerate(self.inputs) if name in names]
+        left = [k for k, name in enumerate(self.inputs) if name in names]
         count = len(self.inputs)
-        kept = [*own, *range(count, count + len(self.lines))]
-        return _renumbered(replace(self, inputs=tuple(self.inputs[k] for k in own)), kept)
+        kept = [*left, *range(count, count + len(self.lines))]
+        return _renumbered(replace(self, inputs=tuple(self.inputs[k] for k in left)), kept)
 
     def run(
         self, inputs: Mapping[str, Any], functions: Mapping[str, Any] | None = None
@@ -123,21 +123,23 @@ class Program:
 
         With the functions of CasADi, SymPy or torch the values are theirs.
         """
-        of = functions or {name: operation.value for name, operation in OPERATIONS.items()}
+        compute = functions or {name: operation.value for name, operation in OPERATIONS.items()}
         values = [inputs[name] for name in self.inputs]
 
         def value(operand: Operand) -> Any:
             return values[operand.number] if isinstance(operand, Value) else operand
 
         for line in self.lines:
-            values.append(of[line.operation](*map(value, line.operands)))
-        return {name: [value(entry) for entry in own] for name, own in self.outputs.items()}
+            values.append(compute[line.operation](*map(value, line.operands)))
+        return {name: [value(entry) for entry in entries] for name, entries in self.outputs.items()}
 
 
 def needed(program: Program) -> Program:
     """The program without lines that no output needs."""
     count = len(program.inputs)
-    used = {v.number for own in program.outputs.values() for v in own if isinstance(v, Value)}
+    used = {
+        v.number for entries in program.outputs.values() for v in entries if isinstance(v, Value)
+    }
     for number in range(count + len(program.lines) - 1, count - 1, -1):
         if number in used:
             operands = program.lines[number - count].operands
@@ -155,5 +157,5 @@ def _renumbered(program: Program, kept: Sequence[int]) -> Program:
         return tuple(place[v.number] if isinstance(v, Value) else v for v in operands)
 
     lines = tuple(Line(line.operation, moved(line.operands)) for line in program.lines)
-    outputs = {name: moved(own) for name, own in program.outputs.items()}
+    outputs = {name: moved(entries) for name, entries in program.outputs.items()}
     return Program(program.inputs, lines, outputs)

@@ -37,8 +37,8 @@ class Recorder:
 
     def record(self, operation: str, *operands: Operand) -> Operand:
         """Value of an operation: a number where all operands are."""
-        if (known := _simplified(operation, operands)) is not None:
-            return known
+        if (simple := _simplified(operation, operands)) is not None:
+            return simple
         if operation == "power" and operands[1] == 2.0:  # much faster in most languages
             operation, operands = "multiply", (operands[0], operands[0])
         line = Line(operation, operands)
@@ -83,7 +83,7 @@ class Traced(np.ndarray):
 
     def __getitem__(self, index: Any) -> Any:
         # a single entry stays an array, which can be computed on
-        return of(self.recorder, super().__getitem__(index))
+        return as_traced(self.recorder, super().__getitem__(index))
 
     def __array_ufunc__(
         self,
@@ -105,32 +105,40 @@ class Traced(np.ndarray):
         name = _SAME.get(ufunc.__name__, ufunc.__name__)
         recorder = _recorder(inputs)
         if name == "matmul" and method == "__call__":
-            return _product(*(of(recorder, a) for a in inputs))
-        if dtype not in (None, object) or where is not True:
+            return _product(*(as_traced(recorder, a) for a in inputs))
+        if dtype not in (None, bool, object) or where is not True:
             raise NotImplementedError(f"{ufunc.__name__} of some entries, or of a type")
         if method == "reduce":
-            return _reduced(recorder, name, of(recorder, inputs[0]), axis, keepdims)
+            return _reduced(recorder, name, as_traced(recorder, inputs[0]), axis, keepdims)
         if method != "__call__" or name not in {**OPERATIONS, **_COMPOSED}:
             raise NotImplementedError(ufunc.__name__)
         return self._apply(recorder, name, inputs)
 
     def _apply(self, recorder: Recorder, name: str, inputs: Any) -> Array:
-        def one(*operands: Operand) -> Operand:
-            own = tuple(v if isinstance(v, Value) else float(v) for v in operands)
+        def recorded(*operands: Operand) -> Operand:
+            values = tuple(v if isinstance(v, Value) else float(v) for v in operands)
             if name in _COMPOSED:
-                return _COMPOSED[name](recorder.record, *own)
-            return recorder.record(name, *own)
+                return _COMPOSED[name](recorder.record, *values)
+            return recorder.record(name, *values)
 
-        return _each(recorder, one, *inputs)
+        return _each(recorder, recorded, *inputs)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         recorder = _recorder(args)
         if func is np.where and len(args) == 3:
             return self._apply(recorder, "select", args)
-        made = super().__array_function__(func, types, args, kwargs)
-        if isinstance(made, list | tuple):
-            return type(made)(of(recorder, array) for array in made)
-        return of(recorder, made) if isinstance(made, np.ndarray) else made
+        if func is np.astype:  # values of a program are of one type
+            return args[0]
+        if func is np.linalg.solve:
+            return _solution(*(as_traced(recorder, a) for a in args))
+        if func is np.linalg.inv:
+            return _solution(
+                as_traced(recorder, args[0]), as_traced(recorder, np.eye(len(args[0])))
+            )
+        result = super().__array_function__(func, types, args, kwargs)
+        if isinstance(result, list | tuple):
+            return type(result)(as_traced(recorder, array) for array in result)
+        return as_traced(recorder, result) if isinstance(result, np.ndarray) else result
 
     def __bool__(self) -> bool:
         raise NotImplementedError("a decision by values that are not known")
@@ -153,7 +161,7 @@ def _each(recorder: Recorder, function: Callable[..., Operand], *arrays: Any) ->
     out = np.empty(parts[0].shape, dtype=object)
     for index in np.ndindex(out.shape):
         out[index] = function(*(part[index] for part in parts))
-    return of(recorder, out)
+    return as_traced(recorder, out)
 
 
 def _boxed(array: Any) -> Array:
@@ -163,7 +171,7 @@ def _boxed(array: Any) -> Array:
     return np.asarray(array, dtype=object)
 
 
-def of(recorder: Recorder, array: Any) -> Any:
+def as_traced(recorder: Recorder, array: Any) -> Any:
     """An array as a traced one."""
     out = (_boxed(array) if not isinstance(array, Traced) else array).view(Traced)
     out.recorder = recorder
@@ -171,19 +179,34 @@ def of(recorder: Recorder, array: Any) -> Any:
 
 
 def _product(a: Any, b: Any) -> Any:
-    """Product of matrices (..., i, k) and (..., k, j)."""
+    """Product of matrices (..., i, k) and (..., k, j), of which one may be a vector (k,)."""
+    if a.ndim == 1:
+        return _product(a[None], b)[..., 0, :]
+    if b.ndim == 1:
+        return _product(a, b[:, None])[..., 0]
     return (a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2)
+
+
+def _solution(matrix: Any, right: Any) -> Any:
+    """Solution (n, k) of a system by elimination without pivots, which mass matrices do without."""
+    n = len(matrix)
+    rows = [np.concatenate([matrix[i], right[i]]) for i in range(n)]
+    for k in range(n):
+        rows[k] = rows[k] / rows[k][k]
+        for i in (*range(k), *range(k + 1, n)):
+            rows[i] = rows[i] - rows[i][k] * rows[k]
+    return np.stack(rows)[:, n:]
 
 
 def _reduced(recorder: Recorder, name: str, array: Any, axis: Any, keepdims: bool) -> Any:
     """Sum, greatest or least along axes."""
     axes = range(array.ndim) if axis is None else np.atleast_1d(axis) % array.ndim
-    for one in sorted((int(a) for a in axes), reverse=True):
-        parts = [of(recorder, array.take(k, axis=one)) for k in range(array.shape[one])]
-        total = parts[0] if parts else of(recorder, np.zeros(np.delete(array.shape, one)))
+    for k in sorted(map(int, axes), reverse=True):
+        parts = [as_traced(recorder, array.take(i, axis=k)) for i in range(array.shape[k])]
+        total = parts[0] if parts else as_traced(recorder, np.zeros(np.delete(array.shape, k)))
         for part in parts[1:]:
             total = array._apply(recorder, name, (total, part))
-        array = np.expand_dims(total, one) if keepdims else total
+        array = np.expand_dims(total, k) if keepdims else total
     return array
 
 
@@ -234,14 +257,14 @@ def traced(
         entries = np.empty(size, dtype=object)
         for k in range(size):
             entries[k] = Value(at + k)
-        arrays[name] = of(recorder, entries.view(Traced))
+        arrays[name] = as_traced(recorder, entries.view(Traced))
         at += size
-    made = function(arrays)
+    result = function(arrays)
     outputs = {
         name: tuple(
             v if isinstance(v, Value) else float(v) for v in _boxed(array).reshape(-1).tolist()
         )
-        for name, array in made.items()
+        for name, array in result.items()
     }
     return needed(Program(names, tuple(recorder.lines), outputs))
 
@@ -259,9 +282,9 @@ def chained(first: Program, then: Program) -> Program:
     )
     recorder = Recorder(inputs)
     functions = {name: partial(recorder.record, name) for name in OPERATIONS}
-    known: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
-    middle = first.run(known, functions)
-    known |= {f"{x}_{j + 1}": v for x, own in middle.items() for j, v in enumerate(own)}
-    last = then.run(known, functions)
-    outputs = {name: tuple(own) for name, own in (*middle.items(), *last.items())}
+    values: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
+    middle = first.run(values, functions)
+    values |= {f"{x}_{j + 1}": v for x, row in middle.items() for j, v in enumerate(row)}
+    last = then.run(values, functions)
+    outputs = {name: tuple(row) for name, row in (*middle.items(), *last.items())}
     return needed(Program(inputs, tuple(recorder.lines), outputs))

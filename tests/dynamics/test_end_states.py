@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction import laws as known
+from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
 
 COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
@@ -25,6 +28,15 @@ CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
     "pendulum, coulomb": (pendulum(mass=0.5, length=0.3), known.CoulombViscous(), [0.05, 0.01]),
     "double, wide": (double_pendulum(), known.CoulombViscous(width=0.1), [0.1, 0.02]),
     "double, motor load": (double_pendulum(), known.MotorLoad(), [0.1, 0.02, 0.1]),
+    "acrobot, lugre": (acrobot(), known.LuGre(), [0.05, 0.03, 1.0, 0.01, 0.02, 0.02, 0.3]),
+    "double, dahl": (double_pendulum(), known.Dahl(motor_load=True), [0.1, 0.1, 0.05, 0.02]),
+    "double, film": (double_pendulum(), known.FilmLag(), [0.1, 0.05, 0.5, 0.01, 0.05]),
+    "double, load": (double_pendulum(), known.LoadDependent(), [0.05, 0.005, 0.01]),
+    "double, coupled": (
+        replace(double_pendulum(), coupled=(("both", (1.0, 1.0)),)),
+        known.CoulombViscous(),
+        [0.05, 0.01],
+    ),
     "acrobot, none": (acrobot(), known.NoFriction(), []),
     "acrobot, network": (acrobot(), NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 40)),
 }
@@ -36,14 +48,18 @@ def test_end_states_and_derivatives_are_those_of_arrays(
 ) -> None:
     machine, law, numbers = CASES[case]
     random, n, count = np.random.default_rng(2), machine.n, len(numbers)
-    theta = np.tile(np.array(numbers), (n, 1))
-    p = Plant.from_parameters(machine, {}).p
-    plant = Plant(machine, {}, np.repeat(p[None], COUNT, 0))
+    m = len(machine.friction_names)
+    theta = np.tile(np.array(numbers), (m, 1))
+    plant = Plant.from_parameters(machine, {})
+    p = np.repeat(plant.p[None], COUNT, 0)
+    plant = Plant(machine, {k: np.full(COUNT, v) for k, v in plant.parameters.items()}, p)
     q, w = random.normal(size=(2, COUNT, n))
     w[::4] *= 0.05
     w[1::4, 0] = 0.0
-    reads = reads_of(law, theta, Inputs(q[:8], w[:8], 0.0 * q[:8], 0.0 * q[:8]))
-    free = FreeTheta(np.repeat(np.arange(n), count), np.tile(np.arange(count), n))
+    x = at_places(machine, Inputs(q, w, 0.0 * q, 0.0 * q))
+    reads = reads_of(law, theta, x.each(lambda rows: rows[:8]))
+    memory = tuple(0.5 * z for z in law.start(theta, x))
+    free = FreeTheta(np.repeat(np.arange(m), count), np.tile(np.arange(count), m))
     model = MotionModel(plant, Friction(law, theta), free, (0, 1), reads)
 
     def motor(rows: np.ndarray, parts: int) -> MotorTorque:
@@ -59,7 +75,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(
     made = []
     for many in (10**9, 0):
         monkeypatch.setattr(sensitivities, "COMPILED", many)
-        made.append(sensitivities.end_states(model, State(q, w), torque, dt, FINE))
+        made.append(sensitivities.end_states(model, State(q, w, memory), torque, dt, FINE))
     arrays, fast = made
     for name in ("q", "w", "by_start", "by_parameters"):
         # derivatives of friction by differences on arrays, exact in the compiled step

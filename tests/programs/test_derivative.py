@@ -40,11 +40,12 @@ def test_derivatives_agree_with_differences(name: str, point: tuple[float, float
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_machine_code_computes_what_the_program_does(name: str) -> None:
     program = traced(lambda v: {"z": FUNCTIONS[name](v["x"], v["y"])}, {"x": 1, "y": 1})
-    code = machine_code(program)
+    places = {"x": 0, "y": 1, "z": 2}
+    code = machine_code({"f": program}, places)["f"]
     for x, y in POINTS:
-        numbers = np.array([x, y, 0.0])
-        run(code, numbers, 0, 2)
-        assert numbers[2] == pytest.approx(program.run({"x_1": x, "y_1": y})["z"][0], rel=1e-14)
+        row = np.array([x, y, 0.0])
+        run(code, row)
+        assert row[2] == pytest.approx(program.run({"x_1": x, "y_1": y})["z"][0], rel=1e-14)
 
 
 def test_directions_of_several_inputs_add_up() -> None:

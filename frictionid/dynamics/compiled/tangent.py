@@ -1,308 +1,275 @@
-"""The variational equation of one row as machine code, see `variational_equation`."""
+"""The derivatives of the compiled step: programs of what `tangent.substep` computes of arrays."""
 
 from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled import layout as at
-from frictionid.dynamics.compiled import tangent_layout as more
-from frictionid.dynamics.compiled.tangent_layout import TangentMachine
-from frictionid.dynamics.compiled.torque_balance import (
-    constrained,
-    evaluate_dynamics,
-    inverse_of_free,
+from frictionid.dynamics.compiled.machine import Machine, machine_of, row_of
+from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, program_of
+from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta, Slopes
+from frictionid.dynamics.tangent.substep import (
+    MemoryRates,
+    advanced,
+    at_break_away,
+    crossed,
+    displacement,
+    linear,
+    middle,
+    without_held,
 )
-from frictionid.programs.loops import Numbers, called, run_at
+from frictionid.dynamics.tangent.tangent import MotionModel
+from frictionid.friction.coordinates import resting_parts
+from frictionid.mechanics import Partials
+from frictionid.programs.derivative import with_derivatives
+from frictionid.programs.machine_code import machine_code
+from frictionid.programs.program import Operand, Program, needed
 
-_GRAZE = 0.1  # of a slow speed
 
+class TangentMachine(NamedTuple):
+    """A machine, and the addresses of programs of its derivatives; places of what they read or set.
 
-@called
-def advance_tangent(
-    tangent: TangentMachine,
-    row: Numbers,
-    n: int,
-    T: Numbers,
-    D: int,
-    spare: Numbers,
-    free: Array,
-    base: Array,
-    by: Array,
-    h: float,
-    crossed: bool,
-) -> None:
-    """Advance derivatives T (2n, D) over the substep of h [s] that the row has just made.
-
-    spare : (3n, D); free (F, 2): joint of free friction parameters, and which of
-    those with slopes they are; base: places of base
-    parameters; by (E, n): derivatives of the motor torque
+    change : (s, s + F + n), of a state by itself, F free parameters, and the motor torque
+    by_moment (n, n), by_base (n, nb) : of the angles by a moment of the torque, and by parameters
     """
-    for j in range(n):
-        if row[at.STICKING * n + j] != 0.0:
-            for d in range(D):
-                T[(n + j) * D + d] = 0.0
-    if crossed:
-        _keep_start(tangent, row, n, T, D, spare)
-    _set_slopes(tangent, row, n, h)
-    for j in range(n):
-        for d in range(D):
-            T[j * D + d] += h / 2 * T[(n + j) * D + d]
-    _set_torque_change(tangent, row, n, T, D, spare, free, base, by)
-    A = more.extra_of(n, tangent.machine) + more.inverse_of(n, tangent) + n
-    for i in range(n):
-        for j in range(n):
-            factor = h * row[(A + i) * n + j]
-            for d in range(D):
-                T[(n + i) * D + d] -= factor * spare[j * D + d]
-        for d in range(D):
-            T[i * D + d] += h / 2 * T[(n + i) * D + d]
-    if crossed:
-        _cross(tangent, row, n, T, D, spare, h)
+
+    machine: Machine
+    differentiate: int
+    differentiate_crossing: int
+    displace: int
+    moment: int
+    change: int
+    by_moment: int
+    by_base: int
+    base: int
+    size: int
 
 
-@called
-def _keep_start(
-    tangent: TangentMachine, row: Numbers, n: int, T: Numbers, D: int, spare: Numbers
-) -> None:
-    """Keep M of a crossing, and the derivatives of the velocities before it."""
-    crossing = more.extra_of(n, tangent.machine) + more.crossing_of(n, tangent)
-    for i in range(n):
-        for j in range(n):
-            row[(crossing + i) * n + j] = row[(at.M + i) * n + j]
-        for d in range(D):
-            spare[(n + i) * D + d] = T[(n + i) * D + d]
+def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
+    """Machine code of a model and its derivatives; None where there is none."""
+    row = None if model.reads.others else row_of(model.plant, model.friction)
+    machine = machine_of(model.plant, model.friction)
+    if row is None or machine is None:
+        return None
+    free = tuple(zip(model.free.joint.tolist(), model.free.place.tolist(), strict=True))
+    return _tangent_machine(machine, TangentRow(row, free, model.base))
 
 
-@called
-def _set_slopes(tangent: TangentMachine, row: Numbers, n: int, h: float) -> None:
-    """Set the derivatives of the torques in the middle of the substep, and what they divide by."""
-    machine = tangent.machine
-    extra = more.extra_of(n, machine)
-    q, w, a = extra + more.Q_MIDDLE, extra + more.W_MIDDLE, extra + more.A_MIDDLE
-    for j in range(n):
-        w0, w1 = row[at.W_BEFORE * n + j], row[at.W * n + j]
-        row[q * n + j] = (row[at.Q_BEFORE * n + j] + row[at.Q * n + j]) / 2 + (w0 - w1) * h / 8
-        row[w * n + j] = (w0 + w1) / 2
-    evaluate_dynamics(machine, row, n, q, w)
-    _set_friction_slopes(tangent, row, n, q, w)
-    for j in range(n):
-        row[at.SPARE * n + j] = row[at.F * n + j] - row[(extra + more.SLOPES) * n + j]
-    constrained(row, n, at.SPARE, at.STICKING, a)
-    _evaluate_partials(tangent, row, n, q, w, a)
-    partials = extra + more.partials_of(tangent)
-    for j in range(n):
-        row[(partials + n + j) * n + j] += row[(extra + more.SLOPES + 1) * n + j]
-        row[(partials + j) * n + j] += row[(extra + more.SLOPES + 2) * n + j]
-    inner = extra + more.inverse_of(n, tangent)
-    for i in range(n):
-        for j in range(n):
-            row[(inner + i) * n + j] = (
-                row[(at.M + i) * n + j] + h / 2 * row[(partials + n + i) * n + j]
-            )
-    inverse_of_free(row, n, inner, at.STICKING, inner + n)
+@lru_cache(maxsize=64)
+def _tangent_machine(machine: Machine, row: TangentRow) -> TangentMachine | None:
+    sizes = row.sizes
+    try:
+        programs = row.programs
+    except NO_PROGRAM:
+        return None
+    places = places_of(sizes)
+    code = machine_code(programs, places, row.sequences)
+    names = ("moment", "change", "by_moment", "by_base_moment")
+    numbers = (*(code[name] for name in row.sequences), *(places[name] for name in names))
+    return TangentMachine._make((machine, *numbers, len(row.base), sum(sizes.values())))
 
 
-@called
-def _evaluate_partials(
-    tangent: TangentMachine, row: Numbers, n: int, q: int, w: int, a: int
-) -> None:
-    """Set the partial derivatives of M a - h; lines of zeros: -1."""
-    base = tangent.machine.base
-    extra, motion = more.extra_of(n, tangent.machine), at.motion_of(n)
-    own = extra + more.motion_of(tangent)
-    for j in range(n):
-        row[own * n + j] = row[q * n + j]
-        row[(own + 1) * n + j] = row[w * n + j] if w >= 0 else 0.0
-        row[(own + 2) * n + j] = row[a * n + j] if a >= 0 else 0.0
-    for k in range(base):
-        row[(own + 3) * n + k] = row[(motion + 2) * n + k]
-    run_at(tangent.partials, row, own * n, (extra + more.partials_of(tangent)) * n)
+@dataclass(frozen=True)
+class TangentRow:
+    """Programs of the derivatives of a row, by free (joint, place) in theta and base parameters."""
 
+    row: Row
+    free: tuple[tuple[int, int], ...]
+    base: tuple[int, ...]
 
-@called
-def _set_friction_slopes(tangent: TangentMachine, row: Numbers, n: int, q: int, w: int) -> None:
-    """Set the friction torques at a state and their slopes, of joints that slide to their side."""
-    machine = tangent.machine
-    law, slopes = at.law_of(n, machine), more.extra_of(n, machine) + more.SLOPES
-    for j in range(n):
-        side, speed = row[at.DIRECTION * n + j], row[w * n + j]
-        if machine.breaks and machine.beyond > 0.0 and side != 0.0:
-            speed = side * max(side * speed, machine.beyond)
-        row[law * n + j] = speed
-        row[(law + 1) * n + j] = row[q * n + j]
-        row[(law + 2) * n + j] = row[at.U * n + j]
-    run_at(tangent.slopes, row, law * n, slopes * n)
-    for j in range(n):
-        if row[law * n + j] != row[w * n + j]:  # evaluated at the side of its smoothing
-            row[(slopes + 1) * n + j] = 0.0
-    brakes = False
-    for j in range(n):
-        brakes = brakes or row[at.BRAKING * n + j] != 0.0
-    if brakes:
-        _set_break_away_slopes(tangent, row, n, law, slopes)
+    @property
+    def places(self) -> list[int]:
+        """Parameters of the law that are free in some joint."""
+        return sorted({place for _, place in self.free})
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers each name has."""
+        sizes, e, F = self.row.sizes, self.row.entries, len(self.free)
+        n, m, nb, nf = sizes["q"], sizes["slow"], sizes["p"], len(self.base)
+        s = 2 * n + e * m
+        return {
+            **sizes,
+            **{"by_v": m * m, "by_q": m * n, "by_w": m * n, "by_u": m * n, "by_z": e * m},
+            **{"by_theta": F, "by_level": F, "memory_by_z": e * e * m, "memory_by_v": e * m},
+            **{"memory_by_theta": e * F, "a": n, "moment": n, "memory1": e * m},
+            **{"partial_q": n * n, "partial_w": n * n, "partial_p": n * nb},
+            **{"change": s * (s + F + nf + n), "by_moment": n * n, "by_base_moment": n * nf},
+        }
 
-@called
-def _set_break_away_slopes(
-    tangent: TangentMachine, row: Numbers, n: int, law: int, slopes: int
-) -> None:
-    """The same of friction that is at its break-away level, whatever w is."""
-    limits = more.extra_of(n, tangent.machine) + more.limits_of(tangent)
-    for j in range(n):
-        row[law * n + j] = row[at.BRAKING * n + j] if row[at.BRAKING * n + j] != 0.0 else 1.0
-    run_at(tangent.limits, row, law * n, limits * n)
-    for j in range(n):
-        least, own = row[at.BRAKING * n + j], row[slopes * n + j]
-        if (least > 0.0 and own < least) or (least < 0.0 and own > least):
-            row[slopes * n + j] = least
-            row[(slopes + 1) * n + j] = row[(slopes + 2) * n + j] = row[(slopes + 3) * n + j] = 0.0
-            for k in range(tangent.free):
-                row[(slopes + 4 + k) * n + j] = np.sign(least) * row[(limits + 1 + k) * n + j]
+    @property
+    def programs(self) -> dict[str, Program]:
+        """Programs of the derivatives, and those of the step that they need."""
+        law = {"slopes": self._slopes(), "levels": self._levels(), "rates": self._rates()}
+        names = dict.fromkeys(name for parts in self.sequences.values() for name in parts)
+        sizes, others = self.sizes, [name for name in names if name not in law]
+        methods = {name: getattr(self, name, None) or getattr(self.row, name) for name in others}
+        return law | {name: program_of(method, sizes) for name, method in methods.items()}
 
+    @property
+    def sequences(self) -> dict[str, tuple[str, ...]]:
+        """Programs that are run one after the other, in the order of `TangentMachine`."""
+        law = ("straight", "rates", "aim", "slopes", "levels")
+        start = ("to_middle", "dynamics", *law, "accelerate_middle", "partials")
+        return {
+            "differentiate": (*start, "transition", "restore"),
+            "differentiate_crossing": (*start, "transition_crossing", "restore"),
+            "displace_row": ("to_end", "dynamics", "displace"),
+        }
 
-@called
-def _set_torque_change(
-    tangent: TangentMachine,
-    row: Numbers,
-    n: int,
-    T: Numbers,
-    D: int,
-    change: Numbers,
-    free: Array,
-    base: Array,
-    by: Array,
-) -> None:
-    """Set derivatives (n, D) of the joints' torques at constant a."""
-    D = D
-    extra = more.extra_of(n, tangent.machine)
-    slopes, partials = extra + more.SLOPES, extra + more.partials_of(tangent)
-    for i in range(n):
-        for d in range(D):
-            change[i * D + d] = 0.0
-        for j in range(n):
-            by_q, by_w = row[(partials + i) * n + j], row[(partials + n + i) * n + j]
-            for d in range(D):
-                change[i * D + d] += by_q * T[j * D + d] + by_w * T[(n + j) * D + d]
-    first = 2 * n
-    for k in range(len(free)):
-        joint = free[k, 0]
-        change[joint * D + first + k] += row[(slopes + 4 + free[k, 1]) * n + joint]
-    first += len(free)
-    for k in range(len(base)):
-        for i in range(n):
-            entry = i * tangent.machine.base + base[k]
-            change[i * D + first + k] += row[(partials + 2 * n) * n + entry]
-    first += len(base)
-    for k in range(len(by)):
-        for i in range(n):
-            share = row[(slopes + 3) * n + i] - row[at.MOTORS * n + i]
-            change[i * D + first + k] += share * by[k, i]
+    # ------------------------------------------------------------ slopes of the law
 
+    def _derivatives(self, function: Any, output: str, inputs: Sequence[str]) -> Program:
+        """Program of a function with the derivatives of an output, numbered from 0, in each input.
 
-@called
-def _cross(
-    tangent: TangentMachine, row: Numbers, n: int, T: Numbers, D: int, spare: Numbers, h: float
-) -> None:
-    """Change the derivatives where joints cross w = 0, see `crossing_tangent`."""
-    D = D
-    stops, passes = False, False
-    for d in range(D):
-        spare[0 * D + d] = 0.0
-    for j in range(n):
-        stops = stops or row[at.STOPS * n + j] != 0.0
-        passes = passes or row[at.PASSES * n + j] != 0.0
-        share = h / 2 if row[at.STOPS * n + j] != 0.0 else 0.0
-        # minus the derivative of the time since the crossing; bounded where w = 0 is just met
-        w0, w1 = row[at.W_BEFORE * n + j], row[at.W_END * n + j]
-        part = h / max((w0 - w1) ** 2, (_GRAZE * row[at.SLOW * n + j]) ** 2)
-        part = part if row[at.PASSES * n + j] != 0.0 else 0.0
-        for d in range(D):
-            T[j * D + d] -= share * T[(n + j) * D + d]
-            spare[0 * D + d] += part * (w0 * T[(n + j) * D + d] - w1 * spare[(n + j) * D + d])
-    if passes:
-        for i in range(n):
-            for d in range(D):
-                T[(n + i) * D + d] -= row[at.JUMP * n + i] * spare[0 * D + d]
-    if stops:
-        _hand_on(tangent, row, n, T, D, spare)
+        "theta" stands for each place that is free, "z" for each entry of the memory, of all parts.
+        """
+        sizes, m = self.sizes, self.sizes["slow"]
+        directions: dict[str, Collection[str]] = {}
+        for name in inputs:
+            if name == "z":
+                for i in range(self.row.entries):
+                    directions[f"z {i}"] = [f"memory_{i * m + j + 1}" for j in range(m)]
+            elif name == "theta":
+                P = sizes["theta"] // m
+                for k in self.places:
+                    directions[f"theta {k}"] = [f"theta_{j * P + k + 1}" for j in range(m)]
+            elif name == "each v":
+                directions["each v"] = [f"v_{j + 1}" for j in range(m)]
+            else:
+                for j in range(sizes[name]):
+                    directions[f"{name} {j}"] = [f"{name}_{j + 1}"]
+        return with_derivatives(program_of(function, sizes), directions, [output])
 
+    def _columns(self, program: Program, output: str, name: str) -> tuple[Operand, ...]:
+        """Derivatives (outputs, entries of an input) as numbers, row by row."""
+        count = sum(key.startswith(f"{output} by {name} ") for key in program.outputs)
+        columns = [program.outputs[f"{output} by {name} {j}"] for j in range(count)]
+        return tuple(value for row in zip(*columns, strict=True) for value in row)
 
-@called
-def _hand_on(
-    tangent: TangentMachine, row: Numbers, n: int, T: Numbers, D: int, spare: Numbers
-) -> None:
-    """A joint that stops hands its momentum on."""
-    D = D
-    M = more.extra_of(n, tangent.machine) + more.crossing_of(n, tangent)
-    inverse = at.inverse_of(n)
-    inverse_of_free(row, n, M, at.HELD, inverse)
-    for i in range(n):
-        for d in range(D):
-            spare[i * D + d] = 0.0
-        for j in range(n):
-            kept = 0.0
-            for k in range(n):
-                kept += row[(inverse + i) * n + k] * row[(M + k) * n + j]
-            for d in range(D):
-                spare[i * D + d] += kept * T[(n + j) * D + d]
-    for i in range(n):
-        for d in range(D):
-            T[(n + i) * D + d] = spare[i * D + d]
+    def _of_free(self, program: Program, output: str, entry: int = 0) -> tuple[Operand, ...]:
+        """Derivatives by free entries of theta, of the same part's output."""
+        m = self.sizes["slow"]
+        return tuple(
+            program.outputs[f"{output} by theta {place}"][entry * m + joint]
+            for joint, place in self.free
+        )
 
+    def _slopes(self) -> Program:
+        def torque(x: Any) -> dict[str, Array]:
+            return self.row.torque(SimpleNamespace(**vars(x) | self.row.dynamics(x)))
 
-@called
-def displace(
-    tangent: TangentMachine,
-    row: Numbers,
-    n: int,
-    T: Numbers,
-    D: int,
-    base: Array,
-    moment: Array,
-    moment_by: Array,
-) -> None:
-    """Displace the state by M^-1 moment, for the torque's variation about its mean in a substep."""
-    extra = more.extra_of(n, tangent.machine)
-    resting, way, inverse = extra + more.RESTING, extra + more.A_MIDDLE, at.inverse_of(n)
-    for j in range(n):
-        row[resting * n + j] = 1.0 if row[at.W * n + j] == 0.0 else 0.0
-    evaluate_dynamics(tangent.machine, row, n, at.Q, at.W)
-    inverse_of_free(row, n, at.M, resting, inverse)
-    first = D - len(moment_by)
-    for i in range(n):
-        row[way * n + i] = 0.0
-        for j in range(n):
-            row[way * n + i] += row[(inverse + i) * n + j] * moment[j]
-            for k in range(len(moment_by)):
-                T[i * D + first + k] += row[(inverse + i) * n + j] * moment_by[k, j]
-    if len(base):
-        # M displacement = moment, and M is linear in the base parameters
-        _base_moves(tangent, row, n, T, D, base, first - len(base), way, 1.0)
-        _base_moves(tangent, row, n, T, D, base, first - len(base), -1, -1.0)
-    for j in range(n):
-        row[at.Q * n + j] += row[way * n + j]
+        program = self._derivatives(torque, "sliding", ("v", "at_q", "at_w", "u", "z", "theta"))
+        rows = {"by_v": "v", "by_q": "at_q", "by_w": "at_w", "by_u": "u"}
+        outputs = {x: self._columns(program, "sliding", name) for x, name in rows.items()}
+        memory = [program.outputs[f"sliding by z {i}"] for i in range(self.row.entries)]
+        outputs["by_z"] = tuple(value for entry in memory for value in entry)
+        outputs["by_theta"] = self._of_free(program, "sliding")
+        outputs["sliding"] = program.outputs["sliding"]
+        return needed(replace(program, outputs=outputs))
 
+    def _levels(self) -> Program:
+        def level(x: Any) -> dict[str, Array]:
+            w = np.where(x.braking != 0.0, x.braking, 1.0)
+            return {"level": self.row.of_law(self.row.law.limit, x, w)}
 
-@called
-def _base_moves(
-    tangent: TangentMachine,
-    row: Numbers,
-    n: int,
-    T: Numbers,
-    D: int,
-    base: Array,
-    first: int,
-    a: int,
-    sign: float,
-) -> None:
-    """Change of the angles' derivatives by base parameters, with accelerations in a line."""
-    partials = more.extra_of(n, tangent.machine) + more.partials_of(tangent) + 2 * n
-    inverse = at.inverse_of(n)
-    _evaluate_partials(tangent, row, n, at.Q, -1, a)
-    for k in range(len(base)):
-        for i in range(n):
-            for j in range(n):
-                entry = j * tangent.machine.base + base[k]
-                by = row[partials * n + entry]
-                T[i * D + first + k] -= sign * row[(inverse + i) * n + j] * by
+        program = self._derivatives(level, "level", ("theta",))
+        return needed(replace(program, outputs={"by_level": self._of_free(program, "level")}))
+
+    def _rates(self) -> Program:
+        def later(x: Any) -> dict[str, Array]:
+            return {"later": self.row.later_memory(x, x.v)}
+
+        program = self._derivatives(later, "later", ("each v", "z", "theta"))
+        entries, m = range(self.row.entries), self.sizes["slow"]
+        columns = [program.outputs[f"later by z {k}"] for k in entries]
+        by_z = tuple(columns[k][i * m + j] for i in entries for k in entries for j in range(m))
+        by_theta = tuple(value for i in entries for value in self._of_free(program, "later", i))
+        outputs = {"memory_by_z": by_z, "memory_by_theta": by_theta}
+        outputs["memory_by_v"] = program.outputs["later by each v"]
+        return needed(replace(program, outputs=outputs))
+
+    # ------------------------------------------------------------ a substep
+
+    def to_middle(self, x: Any) -> dict[str, Array]:
+        at = middle(State(x.q0, x.w0), State(x.q, x.w), x.dt)
+        mean = (x.memory0 + x.memory) / 2
+        return {"at_q": at.q, "at_w": at.w, "memory1": x.memory, "memory": mean}
+
+    def restore(self, x: Any) -> dict[str, Array]:
+        return {"memory": x.memory1}
+
+    @property
+    def free_theta(self) -> FreeTheta:
+        """What is free of theta."""
+        return FreeTheta(*np.array(self.free, dtype=int).reshape(-1, 2).T)
+
+    def slopes_of(self, x: Any) -> Slopes:
+        """Slopes of friction in the middle of the substep."""
+        m, n, free = len(x.slow), len(x.q), self.free_theta
+        moves = np.where(x.v == self.row.inputs(x).w, 1.0, 0.0)[:, None]
+        by_v = x.by_v.reshape(m, m) * moves @ self.row.mechanism.friction_map
+        by_q, by_w, by_u = (x.reshape(m, n) for x in (x.by_q, x.by_w, x.by_u))
+        by_z = x.by_z.reshape(self.row.entries, m)
+        of_theta = free.of_parts(x.by_theta, m)
+        friction = Slopes(x.sliding, by_q, by_v + by_w, by_u, by_z, of_theta)
+        if self.row.sharp or not self.row.breaks:
+            return friction
+        return at_break_away(friction, x.braking, free.of_parts(x.by_level, m))
+
+    def accelerate_middle(self, x: Any) -> dict[str, Array]:
+        return {"a": self.row.acceleration(x)}
+
+    def partials(self, x: Any) -> dict[str, Array]:
+        partials = self.row.mechanism.partials(x.p, x.at_q, x.at_w, x.a)
+        return {"partial_q": partials.by_q, "partial_w": partials.by_w, "partial_p": partials.by_p}
+
+    def transition(self, x: Any) -> dict[str, Array]:
+        return {"change": self._change(x)[1]}
+
+    def transition_crossing(self, x: Any) -> dict[str, Array]:
+        start, T = self._change(x)
+        at = self.row.crossing(x)._replace(M=x.M_end.reshape(len(x.q), -1))
+        return {"change": crossed(T, start, x.w0, at, x.dt[:, None], x.slow)}
+
+    def _change(self, x: Any) -> tuple[Array, Array]:
+        """Derivatives of w where a substep begins, and of the state (s, D) behind it."""
+        n, m, e, turns = len(x.q), len(x.slow), self.row.entries, self.row.turns
+        rates = None
+        if e:
+            of_theta = self.free_theta.of_parts(x.memory_by_theta.reshape(e, len(self.free)), m)
+            by_z, by_v = x.memory_by_z.reshape(e, e, m), x.memory_by_v.reshape(e, m)
+            rates = MemoryRates(by_z, by_v, of_theta)
+        M, by_q, by_w = (y.reshape(n, n) for y in (x.M, x.partial_q, x.partial_w))
+        partials = Partials(by_q, by_w, x.partial_p.reshape(n, -1))
+        motors = self.row.mechanism.motors
+        here = linear(M, self.slopes_of(x), partials, self.base, motors, turns, rates)
+        size = 2 * n + e * m
+        T = np.eye(size, size + len(self.free) + len(self.base) + n) + 0.0 * x.dt
+        start = without_held(T[n : 2 * n], x.sticking, x.M0.reshape(n, n), turns)
+        T = np.concatenate([T[:n], start, T[2 * n :]])
+        return start, advanced(T, np.eye(n), here, x.sticking, x.dt[:, None], turns)
+
+    # ------------------------------------------------------------ moments of the torque
+
+    def to_end(self, x: Any) -> dict[str, Array]:
+        return {"at_q": x.q, "at_w": x.w}
+
+    def displace(self, x: Any) -> dict[str, Array]:
+        mechanism, resting = self.row.mechanism, resting_parts(x.w, self.row.turns) == 0.0
+        way, by_moment, by_base = displacement(
+            x.M.reshape(len(x.q), -1),
+            resting,
+            x.moment,
+            lambda a: mechanism.partials(x.p, x.q, 0.0 * a, a).by_p,
+            self.base,
+            self.row.turns,
+        )
+        return {"q": x.q + way, "by_moment": by_moment, "by_base_moment": by_base}

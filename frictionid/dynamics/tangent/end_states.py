@@ -9,19 +9,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, times
+from frictionid.arrays import Array, solve
 from frictionid.dynamics import step
-from frictionid.dynamics.compiled.end_states import advanced, tangent_machine_of
-from frictionid.dynamics.state import State, velocities
-from frictionid.dynamics.tangent.substep import advance_tangent
-from frictionid.dynamics.tangent.tangent import (
-    MotionModel,
-    MotorTorque,
-    Tangent,
-    initial_tangent,
-    inverse_of_free,
+from frictionid.dynamics.compiled.loops import end_states_of
+from frictionid.dynamics.compiled.tangent import tangent_machine_of
+from frictionid.dynamics.state import State, driven, inputs, velocities
+from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta, slopes
+from frictionid.dynamics.tangent.substep import (
+    MemoryRates,
+    advanced,
+    at_break_away,
+    crossed,
+    displacement,
+    linear,
+    middle,
+    product,
+    without_held,
 )
-from frictionid.friction import Memory
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.torque_balance import Stiction, constrained
+from frictionid.dynamics.zero_crossing import Crossing
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.coordinates import of_parts, onto_joints
 
 COMPILED = 500  # intervals: fewer are done before loops are compiled
 
@@ -49,30 +58,26 @@ def end_states(
     """
     machine = tangent_machine_of(model) if len(dt) >= COMPILED else None
     if machine is not None:
-        q, w, T = advanced(machine, model, (start.q, start.w), motor, dt, fine)
+        state, T = end_states_of(machine, model, start, motor, dt, fine)
         size = T.shape[1]
-        return EndStates(q, w, (), T[..., :size], T[..., size:])
-    state, tangent = start, initial_tangent(model, start, motor.by.shape[1])
-    part = (dt / len(motor.u))[:, None]
+        return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
+    state, part = start, (dt / len(motor.u))[:, None]
+    size = 2 * start.q.shape[-1] + sum(z.shape[-1] for z in start.memory)
+    T = np.zeros((len(dt), size, size + model.directions + motor.by.shape[1]))
+    T[:, range(size), range(size)] = 1.0
     for piece, u in enumerate(motor.u):
         near = step.near_rest(model.plant, model.friction, state, u, part)
         ends = []
         for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
             if len(rows):
-                own = tangent.take(rows)
-                torque = motor.of(rows, piece, count)
-                here = _rows_of(state, rows)
-                end = _substeps(model.take(rows), here, own, torque, part[rows] / count)
-                tangent.put(rows, own)
+                torque = motor.in_parts(rows, piece, count)
+                here = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
+                end, T[rows] = _substeps(
+                    model.take(rows), here, T[rows], torque, part[rows] / count
+                )
                 ends.append((rows, end))
         state = _merged(state, ends)
-    matrix = np.stack(tangent.rows()).transpose(2, 0, 1)
-    size = matrix.shape[1]
-    return EndStates(state.q, state.w, state.memory, matrix[..., :size], matrix[..., size:])
-
-
-def _rows_of(state: State, rows: Array) -> State:
-    return State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
+    return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
 
 
 def _merged(state: State, ends: list[tuple[Array, State]]) -> State:
@@ -80,43 +85,115 @@ def _merged(state: State, ends: list[tuple[Array, State]]) -> State:
     q, w = np.empty_like(state.q), np.empty_like(state.w)
     memory = tuple(np.empty_like(z) for z in state.memory)
     for rows, end in ends:
-        q[rows], w[rows] = end.q, end.w
-        for whole, part in zip(memory, end.memory, strict=True):
+        for whole, part in zip((q, w, *memory), (end.q, end.w, *end.memory), strict=True):
             whole[rows] = part
     return State(q, w, memory)
 
 
 def _substeps(
-    model: MotionModel, state: State, tangent: Tangent, motor: MotorTorque, dt: Array
-) -> State:
-    """State after some substeps; the derivatives change in place."""
-    for k, (u, by) in enumerate(zip(motor.u, motor.by, strict=True)):
-        substep = step.substep(model.plant, model.friction, state, u, dt)
-        advance_tangent(model, tangent, state, substep, u, by, dt)
-        state = substep[0]
+    model: MotionModel, state: State, T: Array, motor: MotorTorque, dt: Array
+) -> tuple[State, Array]:
+    """State (K, n) after some substeps of dt (K, 1), and its derivatives T (K, s, D)."""
+    for k, (u, by) in enumerate(zip(motor.u, np.moveaxis(motor.by, 1, -1), strict=True)):
+        after, stiction, crossing = step.substep(model.plant, model.friction, state, u, dt)
+        T = _advanced(model, T, state, after, stiction, crossing, u, by, dt)
+        state = after
         if motor.moment is not None and motor.moment_by is not None and motor.moment[k].any():
-            state = _displaced(model, state, tangent, motor.moment[k], motor.moment_by[k])
-    return state
+            by = np.moveaxis(motor.moment_by[k], 0, -1)
+            state, T = _displaced(model, state, T, motor.moment[k], by)
+    return state, T
+
+
+def _advanced(
+    model: MotionModel,
+    T: Array,
+    before: State,
+    after: State,
+    stiction: Stiction,
+    crossing: tuple[Array, Crossing] | None,
+    u: Array,
+    by: Array,
+    dt: Array,
+) -> Array:
+    """Derivatives T after a substep, see `step.substep`; by (K, n, E) of the motor torque u."""
+    plant, n, turns, h = model.plant, by.shape[-2], model.turns, dt[..., None]
+    held = None if stiction.sticking is None or not stiction.sticking.any() else stiction.sticking
+    if held is not None:
+        T = T.copy()
+        M = plant.mechanism.inertia(plant.p, before.q)
+        T[:, n : 2 * n] = without_held(T[:, n : 2 * n], held, M, turns)
+    at = middle(before, after, dt)
+    friction = slopes(plant, model.friction, at, u, model.free, model.reads, stiction)
+    if stiction.braking is not None and stiction.braking.any():
+        minimum = stiction.braking
+        friction = at_break_away(friction, minimum, _limit_slopes(model, at, u, minimum))
+    M, h0 = plant.dynamics(at.q, at.w)
+    force = h0 + driven(plant, u) - onto_joints(friction.torque, turns)
+    a = solve(M, force) if held is None else constrained(M, force, held, turns)
+    partials = plant.mechanism.partials(plant.p, at.q, at.w, a)
+    rates = memory_rates(model, at, u, dt / 2)
+    here = linear(M, friction, partials, model.base, plant.mechanism.motors, turns, rates)
+    start, T = T, advanced(T, by, here, held, h, turns)
+    if crossing is not None:
+        rows, cross = crossing
+        slow = plant.slow_like(of_parts(before.w, turns))
+        w = start[rows, n : 2 * n]
+        T[rows] = crossed(T[rows], w, before.w[rows], cross, h[rows], slow)
+    return T
+
+
+def _limit_slopes(model: MotionModel, state: State, u: Array, braking: Array) -> Array:
+    """Slopes (K, m, F) of break-away levels by free entries of theta, where joints are braked."""
+    x = inputs(model.plant, model.friction, state, u)
+    x = x._replace(w=np.where(braking != 0.0, braking, 1.0))
+    law, theta, zero = model.friction.law, model.friction.theta, 0.0 * x.w
+
+    def limit(theta: Array) -> Array:
+        return law.limit(theta, x, state.memory) + zero
+
+    return model.free.of_parts(by_theta(theta, model.free, limit, None, zero), x.w.shape[-1])
+
+
+def memory_rates(model: MotionModel, state: State, u: Array, dt: Array) -> MemoryRates | None:
+    """How the memory changes over dt at states; None for laws that advance with the samples."""
+    law, theta = model.friction.law, model.friction.theta
+    if not state.memory or law.sample_time is not None:
+        return None
+    x = inputs(model.plant, model.friction, state, u)
+
+    def later(theta: Array, x: Inputs, memory: Memory) -> Array:
+        """All entries (e, K, m)."""
+        return np.stack([z + 0.0 * x.w for z in law.advance(theta, x, memory, dt)])
+
+    up, down = (later(theta, x._replace(w=x.w + s * SPEED), state.memory) for s in (1.0, -1.0))
+    of_memory = np.stack(by_memory(lambda z: later(theta, x, z), state.memory), axis=1)
+    of_theta = by_theta(theta, model.free, lambda t: later(t, x, state.memory), None, 0.0 * x.w)
+    return MemoryRates(
+        np.moveaxis(of_memory, 2, 0),
+        np.moveaxis((up - down) / (2 * SPEED), 1, 0),
+        model.free.of_parts(
+            np.moveaxis(np.broadcast_to(of_theta, (len(up), *of_theta.shape[-2:])), 1, 0),
+            x.w.shape[-1],
+        ),
+    )
 
 
 def _displaced(
-    model: MotionModel, state: State, tangent: Tangent, moment: Array, moment_by: Array
-) -> State:
+    model: MotionModel, state: State, T: Array, moment: Array, moment_by: Array
+) -> tuple[State, Array]:
     """State displaced by M^-1 moment, for the torque's variation about its mean in a substep."""
-    n = len(tangent.q)
-    resting = velocities(model.plant, state) == 0.0
-    M = model.plant.mechanism.inertia(model.plant.p, state.q)
-    A = inverse_of_free(M, resting, model.turns)
-    first = len(tangent.q[0]) - len(moment_by)
-    for i in range(n):
-        for j in range(n):
-            tangent.q[i][first:] += A[:, i, j] * moment_by[:, :, j]
-    displacement = times(A, moment)
-    if model.base:
-        # M displacement = moment, and M is linear in the base parameters
-        p, mechanism, zero = model.plant.p, model.plant.mechanism, 0.0 * displacement
-        inert, rest = (mechanism.partials(p, state.q, zero, a).by_p for a in (displacement, zero))
-        for k, place in enumerate(model.base, first - len(model.base)):
-            for i in range(n):
-                tangent.q[i][k] -= (A[:, i] * (inert - rest)[..., place]).sum(-1)
-    return state._replace(q=state.q + displacement)
+    plant, n = model.plant, moment.shape[-1]
+    M, resting = plant.mechanism.inertia(plant.p, state.q), velocities(plant, state) == 0.0
+    way, by_moment, by_base = displacement(
+        M,
+        resting,
+        moment,
+        lambda a: plant.mechanism.partials(plant.p, state.q, 0.0 * a, a).by_p,
+        model.base,
+        model.turns,
+    )
+    T = T.copy()
+    last = T.shape[-1] - moment_by.shape[-1]
+    T[:, :n, last:] += product(by_moment, moment_by)
+    T[:, :n, last - len(model.base) : last] += by_base
+    return state._replace(q=state.q + way), T

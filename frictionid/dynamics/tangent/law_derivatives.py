@@ -8,10 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.sliding_friction import Stiction, sharpened, sliding_velocity
 from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.torque_balance import (
+    Stiction,
+    least_sliding_speed,
+    sharpened,
+    sliding_velocity,
+)
 from frictionid.friction import Friction, Inputs, Law, Memory
-from frictionid.friction.coordinates import torque_map
+from frictionid.friction.coordinates import of_parts, torque_map, turns_of
 from frictionid.mechanics import Plant
 
 # Central differences: the cube root of rounding, times the scale on which friction changes
@@ -25,23 +30,23 @@ class FreeTheta(NamedTuple):
     joint: Array
     place: Array
 
-    def of(self, joint: int) -> list[int]:
-        """Which of them belong to a joint."""
-        return [int(k) for k in np.flatnonzero(self.joint == joint)]
+    def of_parts(self, slopes: Array, parts: int) -> Array:
+        """Slopes (..., m, F) of all parts, from slopes (..., F) of each entry's own part."""
+        return slopes[..., None, :] * (self.joint == np.arange(parts)[:, None])
 
 
 class Slopes(NamedTuple):
     """Friction torque (K, m) [N m] of all parts and its partial derivatives.
 
-    by_q, by_w, by_u (K, m, n) by those of the joints, None where there are none; by_memory, an
-    array (K, m) for each entry of the memory; by_theta (D, K): of each free entry's own part.
+    by_q, by_w, by_u (K, m, n) by those of the joints; by_memory (K, e, m), of each part's own
+    entries; by_theta (K, m, F), by each free entry of theta.
     """
 
     torque: Array
-    by_q: Array | None
+    by_q: Array
     by_w: Array
-    by_u: Array | None
-    by_memory: Memory
+    by_u: Array
+    by_memory: Array
     by_theta: Array
 
 
@@ -85,36 +90,40 @@ def slopes(
     stiction: Stiction,
 ) -> Slopes:
     """Friction torque and its slopes at states (K, n), of parts that slide to their side."""
-    theta, memory = friction.theta, state.memory
-    x = inputs(plant, friction, state, u)
-    w = sliding_velocity(friction, x.w, stiction)
-    law = sharpened(friction, stiction)
-    x, moves = x._replace(w=w), (w == x.w)[..., None]
-    by_q: Array | None
-    by_u: Array | None
-    here = law.torque(theta, x, memory)
-    if law.uses_load:
-        by_q, by_w, by_u = _through_load(plant, friction, state, u)
-    else:
-        eye = np.eye(w.shape[-1])
+    theta, memory, law = friction.theta, state.memory, sharpened(friction, stiction)
 
-        def own(name: str) -> Array:
+    def sliding(q: Array, w: Array, u: Array) -> Inputs:
+        x = inputs(plant, friction, State(q, w), u)
+        least = least_sliding_speed(friction.law)
+        return x._replace(w=sliding_velocity(x.w, stiction.direction, least))
+
+    x, each = sliding(state.q, state.w, u), of_parts(state.w, turns_of(plant.mechanism, u))
+    w, moves = x.w, (x.w == each)[..., None]
+    here, K = law.torque(theta, x, memory), len(w)
+    if law.uses_load:
+        at = (state.q, state.w, u)
+        by_q, by_w, by_u = _through_load(lambda *v: law.torque(theta, sliding(*v), memory), at)
+    else:
+        eye, A, last = (
+            np.eye(w.shape[-1]),
+            plant.mechanism.friction_map,
+            torque_map(plant.mechanism),
+        )
+
+        def diagonal(name: str) -> Array:
             return _difference(law, theta, x, memory, name, SPEED)[..., None] * eye
 
-        by_q, by_u = (
-            own(name) if read else None for name, read in (("q", reads.q), ("u", reads.u))
-        )
-        by_w = own("w") * moves
+        by_q = diagonal("q") @ A if reads.q else np.zeros((K, *A.shape))
+        by_u = diagonal("u") @ last if reads.u else np.zeros((K, *A.shape))
         if reads.others:
             columns = [_difference(law, theta, x, memory, "w", step) for step in SPEED * eye]
-            by_w = np.stack(columns, axis=-1) * moves
-        if plant.mechanism.coupled:
-            A = plant.mechanism.friction_map
-            by_q, by_w = None if by_q is None else by_q @ A, by_w @ A
-            by_u = None if by_u is None else by_u @ torque_map(plant.mechanism)
+            by_w = np.stack(columns, axis=-1) * moves @ A
+        else:
+            by_w = diagonal("w") * moves @ A
     gradient, of_memory = _own_slopes(law, theta, x, memory, len(free.place) > 0)
     of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
-    return Slopes(here, by_q, by_w, by_u, of_memory, of_theta)
+    entries = np.stack(of_memory, axis=-2) if memory else np.zeros((K, 0, w.shape[-1]))
+    return Slopes(here, by_q, by_w, by_u, entries, free.of_parts(of_theta, w.shape[-1]))
 
 
 def _difference(
@@ -138,25 +147,20 @@ def _own_slopes(
     alone = None if free else law.memory_slopes(theta, x, memory)
     if alone is not None:
         return None, alone
-    known = law.slopes(theta, x, memory)
-    return known or (None, by_memory(lambda m: law.torque(theta, x, m), memory))
+    return law.slopes(theta, x, memory) or (
+        None,
+        by_memory(lambda m: law.torque(theta, x, m), memory),
+    )
 
 
 def _through_load(
-    plant: Plant, friction: Friction, state: State, u: Array
+    torque: Callable[..., Array], values: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, Array]:
-    """Slopes of a law that sees the bearing load, which depends on the motion of all joints."""
-    n = state.q.shape[-1]
-
-    def torque(q: Array, w: Array, u: Array) -> Array:
-        at = State(q, w, state.memory)
-        return friction.torque(inputs(plant, friction, at, u), state.memory)
-
+    """Slopes (K, m, n) by q, w and u of a torque that depends on the motion of all joints."""
+    n = values[0].shape[-1]
     columns: list[list[Array]] = [[], [], []]
-    values = (state.q, state.w, u)
     for part in range(3):
-        for j in range(n):
-            step = SPEED * np.eye(n)[j]
+        for step in SPEED * np.eye(n):
             up, down = ([*values], [*values])
             up[part], down[part] = values[part] + step, values[part] - step
             columns[part].append((torque(*up) - torque(*down)) / (2 * SPEED))
@@ -181,12 +185,12 @@ def by_theta(
     gradient: Array | None,
     zero: Array,
 ) -> Array:
-    """Slopes (m, K) of a function of theta in its free entries, in those entries' joints.
+    """Slopes (..., K, F) of a function of theta in its free entries, in those entries' joints.
 
     gradient : (K, n, P), of a law that knows it; otherwise differences
     """
     if gradient is not None:
-        return gradient[..., free.joint, free.place].T
+        return gradient[..., free.joint, free.place]
     columns = {}
     for place in np.unique(free.place):
         step = np.zeros_like(theta)
@@ -195,4 +199,4 @@ def by_theta(
         columns[int(place)] = rise / (2 * step[..., place]) + zero
     chosen = zip(free.place, free.joint, strict=True)
     rows = [columns[int(place)][..., int(joint)] for place, joint in chosen]
-    return np.stack(rows) if rows else np.empty((0, len(zero)))
+    return np.stack(rows, axis=-1) if rows else np.empty((*zero.shape[:-1], 0))

@@ -45,8 +45,8 @@ def memory_after_sample(
         after += slope[..., None] * before[:, 2 * n + e * m : 2 * n + (e + 1) * m]
     if not law.reads_window:
         slopes = by_theta(theta, model.free, lambda t: advanced(t, x, end.memory), None, 0.0 * x.w)
-        for k, joint in enumerate(model.free.joint):
-            after[:, :, joint, size + k] += slopes[k]
+        free = model.free.of_parts(slopes, m)
+        after[..., size : size + free.shape[-1]] += free
     rows = np.moveaxis(after, 0, 1).reshape(K, count * m, -1)
     both = np.concatenate([before[:, : 2 * n], rows], axis=1)
     memory = tuple(advanced(theta, x, end.memory))

@@ -1,0 +1,298 @@
+"""The physics step and its derivatives, row by row: what machine code is run for, and when."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.dynamics.compiled.machine import Machine
+from frictionid.dynamics.compiled.tangent import TangentMachine
+from frictionid.dynamics.state import State
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.torque_balance import SWEEPS
+from frictionid.mechanics import Plant
+from frictionid.programs.loops import called, compiled, kept
+from frictionid.programs.machine_code import run_at
+
+
+@called
+def _settle(machine: Machine, row: Array) -> None:
+    """Sweep over the parts until the friction that holds them has settled."""
+    for _ in range(SWEEPS):
+        run_at(machine.code.settle, row)
+        if row[machine.at.moved] == 0.0:
+            break
+
+
+@kept
+def begin_substep(machine: Machine, row: Array) -> None:
+    """Set the stiction and the accelerations where a substep begins."""
+    code = machine.code
+    run_at(code.begin, row)
+    if row[machine.at.is_slow] == 0.0:
+        run_at(code.first, row)
+        return
+    run_at(code.near_rest, row)
+    _settle(machine, row)
+    if not machine.sharp:
+        run_at(code.brake, row)
+        _settle(machine, row)
+    run_at(code.stick, row)
+
+
+@kept
+def substep(machine: Machine, row: Array) -> None:
+    """Make one substep that has begun."""
+    code, at = machine.code, machine.at
+    run_at(code.smooth, row)
+    if row[at.crosses] != 0.0:
+        run_at(code.cross, row)
+        _settle(machine, row)
+        run_at(code.change_side, row)
+        if row[at.turns_back] != 0.0:
+            run_at(code.hold_again, row)
+            _settle(machine, row)
+        run_at(code.stop_more, row)
+        if row[at.at_stake] != 0.0:
+            run_at(code.hold_again, row)
+            _settle(machine, row)
+        run_at(code.end_crossing, row)
+    elif row[at.loosens] != 0.0:
+        run_at(code.loosen, row)
+        _settle(machine, row)
+        run_at(code.slide, row)
+
+
+@called
+def adaptive_step(machine: Machine, row: Array, dt: float, pieces: int, fine: int) -> None:
+    """Advance by dt in some pieces, those finely in which a joint comes near rest."""
+    at = machine.at
+    for _ in range(pieces):
+        row[at.dt] = dt / pieces
+        begin_substep(machine, row)
+        count = fine if row[at.is_near] != 0.0 else 1
+        row[at.dt] = dt / pieces / count
+        for k in range(count):
+            if k:
+                begin_substep(machine, row)
+            substep(machine, row)
+
+
+def rolled_out(
+    machine: Machine,
+    plant: Plant,
+    theta: Array,
+    start: State,
+    u: Array,
+    dt: Array,
+    sizes: Array,
+    runaway: float,
+) -> tuple[Array, Array]:
+    """Motion q, w (T + 1, ..., n) from start states (..., n); NaN after a divergence.
+
+    Parameters
+    ----------
+    plant, theta (..., n, P), u (T, ..., n), dt (T, ...)
+        Their batch axes broadcast against those of the start, which has all of them.
+    sizes : int array, shape (T, 2): pieces of each interval, and their substeps near rest
+    runaway : times as fast as slow joints, rows have diverged
+    """
+    batch, T, n = start.q.shape[:-1], len(u), plant.n
+    count = math.prod(batch)
+
+    def rows(x: Array, *shape: int) -> Array:
+        wide = np.array(np.broadcast_to(x, (*batch, *shape)), order="C")
+        return wide.reshape(count, math.prod(shape))
+
+    q, w = np.empty((2, T + 1, *start.q.shape))
+    q[0], w[0] = start.q, start.w
+    flat = [x.reshape(T + 1, count, n) for x in (q, w)]
+    driven = rows(np.moveaxis(u, 0, -2), T, n).reshape(count, T, n)
+    each = rows(np.moveaxis(dt, 0, -1), T)
+    numbers = rows_of_numbers(machine, plant, theta, start.memory, rows)
+    _rollout(machine, numbers, plant.slow_like(np.zeros(n)), *flat, driven, each, sizes, runaway)
+    return q, w
+
+
+def rows_of_numbers(
+    machine: Machine, plant: Plant, theta: Array, memory: tuple[Array, ...], rows: Any
+) -> Array:
+    """Parameters and memory of rows (K, head)."""
+    at, slow = machine.at, plant.slow_like(np.zeros(plant.parts))
+    columns = {at.slow: rows(slow, plant.parts), at.p: rows(plant.p, plant.p.shape[-1])}
+    columns[at.theta] = rows(theta, *theta.shape[-2:])
+    for k, z in enumerate(memory):
+        columns[at.memory + k * plant.parts] = rows(z, plant.parts)
+    physical = (
+        plant.parameters.values() if machine.head > at.physical else ()
+    )  # only loads need them
+    for k, x in enumerate(physical):
+        columns[at.physical + k] = rows(np.asarray(x)[..., None], 1)
+    out = np.zeros((len(columns[at.p]), machine.head))
+    for first, values in columns.items():
+        out[:, first : first + values.shape[1]] = values
+    return out
+
+
+@compiled
+def _rollout(
+    machine: Machine,
+    numbers: Array,
+    slow: Array,
+    q: Array,
+    w: Array,
+    u: Array,
+    dt: Array,
+    sizes: Array,
+    runaway: float,
+) -> None:
+    B, T, n = u.shape
+    at, row = machine.at, np.zeros(machine.size)
+    for b in range(B):
+        row[: machine.head] = numbers[b]
+        for j in range(n):
+            row[at.q + j], row[at.w + j] = q[0, b, j], w[0, b, j]
+        alive = True
+        for k in range(T):
+            if alive:
+                for j in range(n):
+                    row[at.u + j] = u[b, k, j]
+                adaptive_step(machine, row, dt[b, k], sizes[k, 0], sizes[k, 1])
+                total = 0.0
+                for j in range(n):
+                    total += abs(row[at.w + j]) / slow[j]
+                alive = total < runaway
+            for j in range(n):
+                q[k + 1, b, j] = row[at.q + j] if alive else np.nan
+                w[k + 1, b, j] = row[at.w + j] if alive else np.nan
+
+
+def end_states_of(
+    tangent: TangentMachine,
+    model: MotionModel,
+    start: State,
+    motor: MotorTorque,
+    dt: Array,
+    fine: int,
+) -> tuple[State, Array]:
+    """End states (K, n) and their derivatives (K, s, D), see `tangent.end_states`."""
+    plant, (K, n) = model.plant, start.q.shape
+
+    def rows(x: Array, *shape: int) -> Array:
+        return np.broadcast_to(x, (K, *shape)).reshape(K, -1)
+
+    numbers = rows_of_numbers(tangent.machine, plant, model.friction.theta, start.memory, rows)
+    size = 2 * n + len(start.memory) * plant.parts
+    numbers[:, : 2 * n] = np.concatenate([start.q, start.w], axis=-1)
+    T = np.zeros((K, size, size + model.directions + motor.by.shape[1]))
+    T[:, range(size), range(size)] = 1.0
+    part, every = dt / len(motor.u), np.arange(K)
+    for piece in range(len(motor.u)):
+        torques = _torques(motor.in_parts(every, piece, 1))
+        near = _advance(tangent, numbers, T, every, *torques, part, fine > 1)
+        slow = np.flatnonzero(near)
+        if len(slow):
+            torques = _torques(motor.in_parts(slow, piece, fine))
+            _advance(tangent, numbers, T, slow, *torques, part[slow] / fine, False)
+    q, w, memory = np.split(numbers[:, :size], [n, 2 * n], axis=-1)
+    entries = np.split(memory, len(start.memory), axis=-1) if start.memory else ()
+    return State(q, w, tuple(entries)), T
+
+
+def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, Array]:
+    """Torques u, by, moment, moment_by, and the substeps (S,) in which a moment counts."""
+    u, by = (np.ascontiguousarray(x) for x in (motor.u, motor.by))  # loops are for one kind
+    if motor.moment is None or motor.moment_by is None:
+        return u, by, u, by, np.zeros(len(u), dtype=bool)
+    varies: Array = motor.moment.any(axis=(1, 2))  # type: ignore[assignment]
+    return u, by, np.ascontiguousarray(motor.moment), np.ascontiguousarray(motor.moment_by), varies
+
+
+@compiled
+def _advance(
+    tangent: TangentMachine,
+    numbers: Array,
+    T: Array,
+    rows: Array,
+    u: Array,
+    by: Array,
+    moment: Array,
+    moment_by: Array,
+    varies: Array,
+    dt: Array,
+    coarse: bool,
+) -> Array:
+    """Advance some rows of states and derivatives T (K, s, D), in place.
+
+    Where steps are coarse, those with a joint that comes near rest stay as they are: (k,), true.
+
+    rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`, in S
+    substeps; varies (S,): whether a moment counts; dt (k,): of a substep [s]
+    """
+    machine, at, n = tangent.machine, tangent.machine.at, u.shape[2]
+    row, spare = np.zeros(tangent.size), np.zeros(T.shape[1:])
+    near = np.zeros(len(rows), np.bool_)
+    for i in range(len(rows)):
+        k = rows[i]
+        row[: machine.head] = numbers[k]
+        row[at.dt] = dt[i]
+        for s in range(len(u)):
+            for j in range(n):
+                row[at.u + j] = u[s, i, j]
+            begin_substep(machine, row)
+            if coarse and row[at.is_near] != 0.0:
+                near[i] = True
+                break
+            substep(machine, row)
+            crosses = row[at.crosses] != 0.0
+            run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
+            _change(row[tangent.change :], T[k], by[s, :, i], spare)
+            if varies[s]:
+                _displace(tangent, row, T[k], moment[s, i], moment_by[s, :, i])
+        numbers[k] = row[: machine.head]
+    return near
+
+
+@called
+def _change(change: Array, T: Array, by: Array, spare: Array) -> None:
+    """Put derivatives T (s, D) through a change (s, s + F + n); by (E, n) : of the motor torque."""
+    (size, D), (E, n) = T.shape, by.shape
+    free = D - size - E
+    width = size + free + n
+    for a in range(size):
+        first = a * width
+        for d in range(D):
+            spare[a, d] = 0.0
+        for b in range(size):
+            factor = change[first + b]
+            if factor != 0.0:
+                for d in range(D):
+                    spare[a, d] += factor * T[b, d]
+        for k in range(free):
+            spare[a, size + k] += change[first + size + k]
+        for j in range(n):
+            factor = change[first + size + free + j]
+            for e in range(E):
+                spare[a, size + free + e] += factor * by[e, j]
+    T[:] = spare
+
+
+@called
+def _displace(
+    tangent: TangentMachine, row: Array, T: Array, moment: Array, moment_by: Array
+) -> None:
+    """Displace a row by a moment (n,) of the torque, whose derivatives are moment_by (E, n)."""
+    E, n = moment_by.shape
+    for j in range(n):
+        row[tangent.moment + j] = moment[j]
+    run_at(tangent.displace, row)
+    last = T.shape[1] - E
+    for i in range(n):
+        for k in range(tangent.base):
+            T[i, last - tangent.base + k] += row[tangent.by_base + i * tangent.base + k]
+        for j in range(n):
+            for e in range(E):
+                T[i, last + e] += row[tangent.by_moment + i * n + j] * moment_by[e, j]
