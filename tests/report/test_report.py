@@ -82,13 +82,6 @@ def blank(monkeypatch):
     made.leave_blank(monkeypatch)
 
 
-def grid(text):
-    """Cells of the first table of a Markdown text, as a browser shows them."""
-    html = MarkdownIt().enable("table").render(text)
-    lines = re.findall(r"<tr>(.*?)</tr>", html.partition("</table>")[0], re.DOTALL)
-    return [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", line) for line in lines]
-
-
 # --- The same results, the same files ----------------------------------------------------------
 
 
@@ -152,7 +145,7 @@ def test_numbers_of_the_tables_are_those_of_the_scores(dataset, computed):
 
 
 def test_printed_numbers_are_those_of_the_table(typical):
-    head, *lines = grid((typical / "tables" / "summary--made.md").read_text())
+    head, *lines = made.grid((typical / "tables" / "summary--made.md").read_text())
     assert [line[:2] for line in lines] == [
         ["none", "–"],
         ["stribeck", "study"],
@@ -190,7 +183,9 @@ def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
     same = [made.task("a", {"made": made.rows(0.1, 0.1)}, seed=s, role="given") for s in (0, 1)]
     differ = [made.task("b", {"made": made.rows(0.1, 0.1)}, seed=s) for s in (0, 1)]
     made.built(made.write(tmp_path, same + differ))
-    names = [line[0] for line in grid((tmp_path / "tables" / "summary--made.md").read_text())[1:]]
+    names = [
+        line[0] for line in made.grid((tmp_path / "tables" / "summary--made.md").read_text())[1:]
+    ]
     assert names == ["b, seed 0", "b, seed 1", "a"]
 
 
@@ -215,7 +210,7 @@ def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
     tame = made.task("tame", {"made": made.rows(0.3, 0.2, curve=0.1)})
     also = made.task("also", {"made": made.rows(0.4, 0.3, curve=0.2)})
     made.built(made.write(tmp_path, [wild, tame, also]))
-    _, *lines = grid((tmp_path / "tables" / "summary--made.md").read_text())
+    _, *lines = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
     assert lines[0][0] == "wild"
     assert lines[0][2:8] == ["∞", "∞", *["∞ (∞, 100 %)"] * 3, "∞"]
     assert "<strong>" not in "".join(lines[0])
@@ -230,7 +225,7 @@ def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
     short = made.task("short", {"made": made.rows(0.3, 0.2, horizons=horizons, curve=0.1)})
     long = made.task("long", {"made": made.rows(0.3, 0.2, curve=0.1)})
     made.built(made.write(tmp_path, [short, long]))
-    head, first, second = grid((tmp_path / "tables" / "summary--made.md").read_text())
+    head, first, second = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
     last = head.index("rollout 1 s [rad]")
     assert (first[last], second[last] == "–") == ("–", False)
     show(load_results(tmp_path))
@@ -278,7 +273,7 @@ def odd(tmp_path_factory):
 
 
 def test_odd_names_stand_in_markdown_as_they_are(odd):
-    cells = grid((odd / "tables" / "summary--my-rig.md").read_text())
+    cells = made.grid((odd / "tables" / "summary--my-rig.md").read_text())
     assert {len(line) for line in cells} == {len(cells[0])}
     named = [re.sub("&(amp|lt|gt);", lambda m: {"amp": "&"}[m[1]], line[0]) for line in cells[1:]]
     assert named == list(ODD)

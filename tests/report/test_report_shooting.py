@@ -160,15 +160,6 @@ def test_numbers_of_given_models_stand_beside(computed):
     assert beside["viscous"] == beside["torque delay"] == "–"
 
 
-def test_numbers_of_given_models_of_a_mechanism_that_is_code_stand_beside(computed):
-    section, own = made.section(computed), {"joints": [{}], "parameters": HEAVIER}
-    model, data = section.models[0], section.description
-    given = replace(model, label="M1", document=own, base={"inertia": 0.123})
-    table = interval_table(model, "pendulum", data, [given, replace(given, label="old", base={})])
-    (beside,) = (line.cells[-1] for line in table.lines if line.cells[1].text == "inertia")
-    assert table.columns[-1].name == "M1" and float(beside.text) == 0.123
-
-
 def test_the_page_says_what_the_machine_is(computed):
     text = made.words(computed)
     late_by = re.search(r"Torque delay: ([\d.]+) ms \(([\d.]+) to ([\d.]+)\); the .* later", text)

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import result_folders as made
-from markdown_it import MarkdownIt
 
 from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
@@ -38,13 +37,6 @@ def undrawn():
 def typical(tmp_path_factory):
     """A report of a folder made by hand."""
     return made.built(made.typical(tmp_path_factory.mktemp("typical")))
-
-
-def grid(text):
-    """Cells of the first table of a Markdown text, as a browser shows them."""
-    html = MarkdownIt().enable("table").render(text)
-    lines = re.findall(r"<tr>(.*?)</tr>", html.partition("</table>")[0], re.DOTALL)
-    return [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", line) for line in lines]
 
 
 # --- Words -------------------------------------------------------------------------------------
@@ -195,7 +187,7 @@ def test_colours_belong_to_identifiers(typical, tmp_path):
 def test_tables_agree_in_every_form(typical):
     table = difference_table(made.section(typical).fitted)
     cells = [[cell.text for cell in line.cells] for line in table.lines]
-    shown = [[re.sub("</?strong>", "", c) for c in line] for line in grid(markdown(table))[1:]]
+    shown = [[re.sub("</?strong>", "", c) for c in line] for line in made.grid(markdown(table))[1:]]
     assert shown == cells
     assert all(escape_latex(text) in latex(table) for line in cells for text in line)
 
