@@ -9,8 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.fitting.one_step.linearised import Linearised
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding

@@ -19,8 +19,7 @@ from frictionid.fitting.gauss_newton import Conditions, minimum
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import huber_factors, normalised
+from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import check_temperature
 

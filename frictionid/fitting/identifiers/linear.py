@@ -14,8 +14,7 @@ from frictionid.fitting.identifiers.initial_guess import check_rows
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.grams import check_linear, columns, grams
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, Groups, Law
 
 _RIDGE = 1e-13

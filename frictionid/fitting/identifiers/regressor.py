@@ -22,8 +22,7 @@ from frictionid.arrays import Array, times
 from frictionid.config import check_settings, is_installed
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.curves import Table
 from frictionid.friction.laws.external import Predicted, features

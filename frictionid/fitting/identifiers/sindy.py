@@ -31,8 +31,7 @@ from frictionid.fitting.identifiers.active_sets import (
     unit_columns,
 )
 from frictionid.fitting.one_step.grams import clusters, columns, grams
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction
 from frictionid.friction.laws.library import Library
 

@@ -19,8 +19,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import ActiveSet, best_fits, selected, unit_columns
 from frictionid.fitting.identifiers.sindy import Fraction, proposed_coefficients
 from frictionid.fitting.one_step.grams import clusters, grams
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction
 from frictionid.friction.laws.state_laws import StateLibrary
 

@@ -26,8 +26,7 @@ from frictionid.fitting.networks.training import (
     held_out,
     member_seeds,
 )
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, Inputs, Law, at_rest
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.ensemble import together

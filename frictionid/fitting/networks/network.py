@@ -32,8 +32,7 @@ from frictionid.fitting.networks.training import (
     member_seeds,
     padded_items,
 )
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import normalised
+from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws.ensemble import together
 from frictionid.friction.laws.mlp import MLP

@@ -13,8 +13,7 @@ from frictionid.fitting.fit import Covariance, Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.linearised import Linearised
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.one_step.row_weights import huber_factors, normalised
+from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Friction
 

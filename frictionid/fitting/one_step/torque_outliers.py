@@ -24,6 +24,7 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
+from frictionid.fitting.gauss_newton import MAD
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import interval_stencil, momentum_balance, with_midpoints
 
@@ -32,7 +33,6 @@ _ALIKE = 0.8  # of what a neighbour is off: the same size
 _BLUR = 0.03  # [s], of the smoothed motion to either side
 _CLEAR = 4.0  # standard errors of a share that is no chance
 _SHARE = (0.6, 1.6)  # of a sample that did not act
-_NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 _CLIP = 3.0  # standard deviations beyond which the balances of an interval count less
 _SMALL = 2.0  # times the noise of the balances: no candidate
 _ROUNDS, _FITS = 4, 5  # of the search, and of Huber's weights
@@ -109,7 +109,7 @@ def _off(torque: Signal) -> Array:
     around = np.stack([padded[k : k + len(value)] for k in (0, 1, 3, 4)])
     off = value - np.median(around, axis=0)
     size = np.abs(off)
-    usual = _NORMAL * np.median(size, axis=0)
+    usual = MAD * np.median(size, axis=0)
     padded = np.pad(size, ((2, 2), (0, 0)))
     highest = np.max([padded[k : k + len(value)] for k in (0, 1, 3, 4)], axis=0)
     stands_off = (size > np.maximum(_OFF * usual, 1e-9)) & (size > _ALIKE * highest)
@@ -136,7 +136,7 @@ def _without_friction(balances: list[Array], speeds: list[Array]) -> tuple[float
     for _ in range(_FITS):
         root = np.sqrt(weight)
         left = p - A @ np.linalg.lstsq(A * root[:, None], p * root, rcond=1e-9)[0]
-        noise = max(_NORMAL * float(np.median(np.abs(left))), 1e-12)
+        noise = max(MAD * float(np.median(np.abs(left))), 1e-12)
         weight = np.minimum(1.0, _CLIP * noise / np.maximum(np.abs(left), 1e-300))
     return noise, np.split(left, np.cumsum([len(x) for x in balances])[:-1])
 

@@ -178,14 +178,20 @@ def all_parameters(blocks: Sequence[FreeBlock]) -> tuple[Parameter, ...]:
     return tuple(p for free in blocks for p in free.parameters)
 
 
-def prior_precision(parameters: Sequence[Parameter]) -> Array:
-    """Precision (D,) of the parameters' priors."""
-    return 1.0 / np.array([p.tolerance for p in parameters]) ** 2
+class Limits(NamedTuple):
+    """What holds D parameters, (D,) each: bounds, and mean and precision of their priors."""
+
+    low: Array
+    high: Array
+    mean: Array
+    precision: Array
 
 
-def prior_mean(parameters: Sequence[Parameter]) -> Array:
-    """Mean (D,) of the parameters' priors."""
-    return np.array([p.value if p.mean is None else p.mean for p in parameters])
+def limits_of(parameters: Sequence[Parameter]) -> Limits:
+    """Bounds and priors of parameters; precision zero for those without a prior."""
+    rows = [(p.low, p.high, p.value if p.mean is None else p.mean, p.tolerance) for p in parameters]
+    low, high, mean, tolerance = np.reshape(rows, (-1, 4)).T
+    return Limits(low, high, mean, 1.0 / tolerance**2)
 
 
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:

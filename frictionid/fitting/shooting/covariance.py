@@ -11,8 +11,7 @@ from frictionid.arrays import Array
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters.parameter_block import (
     Parameter,
-    prior_mean,
-    prior_precision,
+    limits_of,
     values_of,
 )
 from frictionid.fitting.shooting.gauss_newton import Solution
@@ -128,15 +127,15 @@ def grouped_covariance(
 
     See `covariance_of`; the groups of rows are those of windows, or of stretches of recordings.
     """
-    free, precision = groups.free, prior_precision(parameters)
-    H = groups.H.sum(axis=0) + np.diag(precision)
+    free, limits = groups.free, limits_of(parameters)
+    H = groups.H.sum(axis=0) + np.diag(limits.precision)
     singular, lost, words = _undetermined(H, free, parameters)
     once = free & shown_once(H, groups)
     keep = np.flatnonzero(free & ~once)
     D, count = len(parameters), len(np.unique(groups.cluster))
     matrix = np.zeros((D, D))
     matrix[np.ix_(keep, keep)] = sandwich(H, groups._replace(free=free & ~once))
-    pull = precision * (prior_mean(parameters) - (values - groups.move))
+    pull = limits.precision * (limits.mean - (values - groups.move))
     left = _left_over(H, groups.g.sum(axis=0) + pull, free)
     matrix += np.outer(left, left) + model_error
     unknown = ~free | lost | once

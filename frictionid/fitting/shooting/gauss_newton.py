@@ -257,7 +257,7 @@ def _next_step(
         sigma = _noise(residual, prediction.share, normal.leverage, sigma)
         weight = np.minimum(1.0, huber / np.maximum(np.abs(residual) / sigma, 1e-12))
     wanted = values_of(point.estimate, problem.blocks) + move
-    low, high = problem.bounds
+    low, high, _, precision = problem.limits
     free = (wanted > low + 1e-12) & (wanted < high - 1e-12)
     solution = Solution(
         estimate=with_values(point.estimate, problem.blocks, wanted),
@@ -273,7 +273,7 @@ def _next_step(
         counts=counts,
         kinked=point.kinked,
     )
-    error = _errors(solution, H, problem.prior_precision)
+    error = _errors(solution, H, precision)
     return _Step(point, solution, damping, share, error)
 
 
@@ -286,11 +286,11 @@ def _move(
 
     damping : Levenberg's; share : of the Gauss-Newton step
     """
-    precision, value = problem.prior_precision, values_of(point.estimate, problem.blocks)
-    H = normal.H.sum(axis=0) + np.diag(precision)
-    g = normal.g.sum(axis=0) + precision * (problem.prior_mean - value)
+    limits, value = problem.limits, values_of(point.estimate, problem.blocks)
+    H = normal.H.sum(axis=0) + np.diag(limits.precision)
+    g = normal.g.sum(axis=0) + limits.precision * (limits.mean - value)
     regular = H + _missing_information(H, problem.parameters)
-    low, high = (end - value for end in problem.bounds)
+    low, high = limits.low - value, limits.high - value
     return H, share * box_step(regular[None], g[None], low[None], high[None], damping)[0]
 
 

@@ -24,7 +24,7 @@ from frictionid.fitting.shooting.data_checks import check_blocks
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sandwich import groups_of, sandwich, shown_once, solve_scaled
-from frictionid.fitting.shooting.servo_checks import has_actuator, with_servo
+from frictionid.fitting.shooting.servo import has_actuator, with_servo
 from frictionid.fitting.shooting.window_steps import linearised_at
 from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
 
@@ -184,7 +184,7 @@ class _Step:
     @cached_property
     def _H(self) -> Array:
         H = self.normal.H[self.solution.closed].sum(axis=0)
-        return np.asarray(H + np.diag(self.wider.prior_precision))
+        return np.asarray(H + np.diag(self.wider.limits.precision))
 
     def _move(self, free: Array) -> Array:
         keep, move = np.flatnonzero(free), np.zeros(len(free))

@@ -21,17 +21,23 @@ from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
+    Limits,
     Logged,
     Parameter,
     ParameterBlock,
     all_parameters,
     free_blocks,
-    prior_mean,
-    prior_precision,
+    limits_of,
 )
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.servo import Drive, drive_of, inside
-from frictionid.fitting.shooting.servo_checks import check_servo, has_actuator, refuse_open
+from frictionid.fitting.shooting.servo import (
+    Drive,
+    check_servo,
+    drive_of,
+    has_actuator,
+    inside,
+    refuse_open,
+)
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places, of_last_joints
@@ -84,20 +90,9 @@ class ShootingProblem:
         return all_parameters(self.blocks)
 
     @property
-    def prior_precision(self) -> Array:
-        """Precision (D,) of the parameters' priors."""
-        return prior_precision(self.parameters)
-
-    @property
-    def prior_mean(self) -> Array:
-        """Mean (D,) of the parameters' priors."""
-        return prior_mean(self.parameters)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (D,) of the parameters."""
-        parameters = self.parameters
-        return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+    def limits(self) -> Limits:
+        """Bounds and priors of the parameters."""
+        return limits_of(self.parameters)
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""

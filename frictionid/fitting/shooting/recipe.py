@@ -16,7 +16,7 @@ from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting.known_calibration import KnownCalibration
 from frictionid.fitting.shooting.refine import fit_blocks
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.servo_checks import has_actuator
+from frictionid.fitting.shooting.servo import has_actuator
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings
 from frictionid.friction import Friction
 

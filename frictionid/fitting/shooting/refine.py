@@ -46,7 +46,7 @@ from frictionid.fitting.shooting.omitted_blocks import (
 )
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.servo_checks import with_servo
+from frictionid.fitting.shooting.servo import with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
 from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction, SpeedRange, constraints_of

@@ -17,12 +17,12 @@ from frictionid.fitting.one_step.linearised import torque_gradient
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     FreeBlock,
+    Limits,
     Logged,
     Parameter,
     all_parameters,
     free_blocks,
-    prior_mean,
-    prior_precision,
+    limits_of,
     values_of,
     with_values,
 )
@@ -65,14 +65,9 @@ class TorqueProblem:
         return all_parameters(self.blocks)
 
     @property
-    def prior_precision(self) -> Array:
-        """Precision (D,) of the parameters' priors."""
-        return prior_precision(self.parameters)
-
-    @property
-    def prior_mean(self) -> Array:
-        """Mean (D,) of the parameters' priors."""
-        return prior_mean(self.parameters)
+    def limits(self) -> Limits:
+        """Bounds and priors of the parameters."""
+        return limits_of(self.parameters)
 
     @property
     def x(self) -> Array:
@@ -81,10 +76,9 @@ class TorqueProblem:
 
     def conditions(self, sigma: Array, weight: Array) -> Conditions:
         """Those of one fit to torques with noise (n,) [N m], under weights (K, n)."""
-        parameters = self.parameters
-        low, high = (np.array([[getattr(p, end) for p in parameters]]) for end in ("low", "high"))
-        prior = self.prior_mean[None], self.prior_precision[None]
-        return Conditions((weight / sigma**2)[None], low, high, *prior, np.zeros(1))
+        low, high, mean, precision = (each[None] for each in self.limits)
+        weights = (weight / sigma**2)[None]
+        return Conditions(weights, low, high, mean, precision, np.zeros(1))
 
     def at(self, x: Array) -> Estimate:
         """The estimate with other values (1, D) of the free parameters."""
@@ -292,7 +286,7 @@ def _information(
 ) -> Array:
     """Information (nb, nb) on the base parameters, whatever else is free; fixed ones are held."""
     H = solution.normal_equations()[0]
-    H = H + np.diag(problem.prior_precision)
+    H = H + np.diag(problem.limits.precision)
     place = next(b for b in problem.blocks if b.block.enters == "base").columns
     rest = np.ones(len(H), dtype=bool)
     rest[place] = False

@@ -367,7 +367,7 @@ def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
     """
     covariance, solution = fit.covariance, fit.solution
     parameters, k = covariance.parameters, fit.place("delay")
-    H = solution.curvature + np.diag(fit.problem.prior_precision)
+    H = solution.curvature + np.diag(fit.problem.limits.precision)
     viscous = [p.block == "friction" and LAW.names[p.place[1]] == "viscous" for p in parameters]
     friction = np.array([p.block == "friction" for p in parameters])
     moves = solution.free & (covariance.identified | viscous | ~friction)
