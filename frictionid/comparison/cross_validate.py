@@ -57,8 +57,8 @@ def complexity_score(fit: Fit) -> Score | None:
     friction, network = fit.friction, fit.friction.law.is_network
     if fit.fitted is not None and not network:
         covariance, constraints = fit.covariance, fit.fitted.constraints
-        known = np.isfinite(covariance.error) & ~covariance.bound
-        count = float(sum(known[k] for k in _once(covariance.parameters, constraints)))
+        determined = np.isfinite(covariance.error) & ~covariance.bound
+        count = float(sum(determined[k] for k in _once(covariance.parameters, constraints)))
     elif fit.problem is not None and fit.weights is not None:
         count = effective_parameters(friction, fit.problem, fit.weights)
     elif network:

@@ -34,8 +34,8 @@ class Difference(NamedTuple):
 
 def equal_groups(identifier: Identifier) -> Groups:
     """Groups of joints that an identifier, or the one within it, holds equal."""
-    own: Groups = getattr(identifier, "equal", ())
-    return own or next((equal_groups(part) for part in _parts(identifier).values()), ())
+    groups: Groups = getattr(identifier, "equal", ())
+    return groups or next((equal_groups(part) for part in _parts(identifier).values()), ())
 
 
 def with_equal(identifier: Identifier, equal: Groups) -> Identifier:
@@ -121,18 +121,18 @@ def sentences(tests: list[Difference], equal: Groups) -> list[str]:
     """What the tests say of each group."""
     out = []
     for group in equal:
-        own = [d for d in tests if d.joints[0] == group[0]]
-        unlike = [d for d in own if d.p_value < LEVEL]
+        tested = [d for d in tests if d.joints[0] == group[0]]
+        unlike = [d for d in tested if d.p_value < LEVEL]
         out += [
             f"joints {d.joints[0]} and {d.joints[1]} are not equal: fitted apart, {d.parameter} is "
             f"{d.values[0]:.4g} and {d.values[1]:.4g} {d.unit} (p = {d.p_value:.2g})"
             for d in unlike
         ]
         named = " and ".join(map(str, group))
-        if not own:
+        if not tested:
             out.append(f"joints {named}: fitted apart, no parameter is known of both to compare")
         elif not unlike:
-            least = min(d.p_value for d in own)
+            least = min(d.p_value for d in tested)
             out.append(f"joints {named}: fitted apart, they do not differ (p = {least:.2g})")
     return out
 
@@ -140,13 +140,13 @@ def sentences(tests: list[Difference], equal: Groups) -> list[str]:
 def _covariance(fit: Fit) -> tuple[Array, int]:
     """Covariance (n P, n P) of the friction of all data, NaN where unknown, and its freedom."""
     covariance, shape = fit.covariance, np.shape(fit.friction.theta)
-    known = [
+    places = [
         (k, int(np.ravel_multi_index(p.place, shape)))
         for k, p in enumerate(covariance.parameters)
         if p.block == "friction" and np.isfinite(covariance.error[k])
     ]
     out = np.full(2 * [int(np.prod(shape))], np.nan)
-    at, to = (np.array([pair[i] for pair in known], dtype=int) for i in (0, 1))
+    at, to = (np.array([pair[i] for pair in places], dtype=int) for i in (0, 1))
     out[np.ix_(to, to)] = covariance.matrix[np.ix_(at, at)]
     return out, covariance.freedom
 

@@ -133,11 +133,11 @@ def _about(prepared: Prepared) -> dict[str, Any]:
 def _checked(dataset: Dataset) -> dict[str, Any] | None:
     """Verdict of `check` on a data set: level and findings; None where it cannot be checked."""
     try:
-        found = check(dataset)
+        verdict = check(dataset)
     except InputError:
         return None
-    findings = [{"level": f.level, "text": f.text, "remedy": f.remedy} for f in found.findings]
-    return {"level": found.level, "findings": findings, "next": list(found.next)}
+    findings = [{"level": f.level, "text": f.text, "remedy": f.remedy} for f in verdict.findings]
+    return {"level": verdict.level, "findings": findings, "next": list(verdict.next)}
 
 
 def _speeds(prepared: Prepared, w: Array) -> dict[str, Any]:
@@ -272,7 +272,7 @@ def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
     rows = task.get("rows")
     if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(datasets):
         return False
-    lengths = {len(row) if isinstance(row, list) else 0 for own in rows.values() for row in own}
+    lengths = {len(row) if isinstance(row, list) else 0 for table in rows.values() for row in table}
     return lengths <= {len(SCORE_COLUMNS)}
 
 
@@ -295,8 +295,8 @@ def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame
 
 def _long(frame: pd.DataFrame, names: Sequence[str], seed: int) -> pd.DataFrame:
     """A score frame in the columns of scores.csv; `names` of suite, data set, identifier, fit."""
-    known = dict(zip(COLUMNS[:4], names, strict=True))
-    return frame.assign(**known, seed=seed)[list(COLUMNS)]
+    labels = dict(zip(COLUMNS[:4], names, strict=True))
+    return frame.assign(**labels, seed=seed)[list(COLUMNS)]
 
 
 def reduction(results: Results) -> dict[str, bytes]:

@@ -84,18 +84,18 @@ def replayed(friction: Friction, dataset: Dataset) -> tuple[Dataset, list[Array]
     InputError
         Where more than half of the motion by this friction is nothing like the measured one.
     """
-    known = EstimatedStates(dataset).by(INTEGRAL.states)
-    each = zip(dataset.recordings, known, _noises(dataset), strict=True)
-    cut = [(*piece, noise) for r, own, noise in each for piece in _pieces(r, own)]
+    smoothed = EstimatedStates(dataset).by(INTEGRAL.states)
+    each = zip(dataset.recordings, smoothed, _noises(dataset), strict=True)
+    cut = [(*piece, noise) for r, states, noise in each for piece in _pieces(r, states)]
     cut = [cut[i] for i in np.unique(np.linspace(0, len(cut) - 1, MOST).round().astype(int))]
     pieces = replace(dataset, recordings=tuple(piece for piece, _, _ in cut), truth=None)
-    trajectory = make_trajectory(pieces, [own for _, own, _ in cut])
+    trajectory = make_trajectory(pieces, [states for _, states, _ in cut])
     q = free_run(plant_of(pieces), friction[None][np.zeros(len(cut), dtype=int)], trajectory)
-    fastest = np.max([np.abs(own.w).max(axis=0) for own in known], axis=0)
+    fastest = np.max([np.abs(states.w).max(axis=0) for states in smoothed], axis=0)
     kept = []
-    for k, (piece, own, noise) in enumerate(cut):
-        moved = q[: len(own.time), k]
-        speed = np.abs(np.diff(moved, axis=0)) / np.diff(own.time)[:, None]
+    for k, (piece, states, noise) in enumerate(cut):
+        moved = q[: len(states.time), k]
+        speed = np.abs(np.diff(moved, axis=0)) / np.diff(states.time)[:, None]
         if (speed <= WILD * fastest).all():
             kept.append((piece, moved, noise))
     if len(kept) < 0.5 * len(cut):
@@ -118,10 +118,10 @@ def _pieces(recording: Recording, states: States) -> list[tuple[Recording, State
     count = int(np.ceil(np.ptp(states.time) / LONGEST - 1e-9))
     out = []
     for k, at in enumerate(np.array_split(np.arange(len(states.time)), max(count, 1))):
-        own = States(states.time[at], states.q[at], states.w[at])
-        name, angle = f"{recording.name}_{k}", Signal(own.time, own.q)
+        part = States(states.time[at], states.q[at], states.w[at])
+        name, angle = f"{recording.name}_{k}", Signal(part.time, part.q)
         piece = replace(recording, name=name, angle=angle, velocity=None, truth=None)
-        out.append((piece, own))
+        out.append((piece, part))
     return out
 
 

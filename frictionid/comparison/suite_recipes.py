@@ -256,7 +256,7 @@ def _calibrated(
 def _held(name: str, step: Recipe, known: KnownCalibration | None) -> CalibratedRecipe:
     """A one-step recipe on data corrected by a known calibration."""
     nothing = IDENTIFIERS["none"].build({}, name)
-    return CalibratedRecipe(name, step, Shooting(blocks=(), known=known), nothing, PARTS)
+    return CalibratedRecipe(name, step, Shooting(blocks=(), held=known), nothing, PARTS)
 
 
 def _known(file: str | None) -> KnownCalibration | None:

@@ -165,10 +165,10 @@ def results_of(
     firsts = [group[0] for group in groups]
     calls = [(task, prepared_benchmarks[task.benchmark.dataset.name]) for task in firsts]
     if dask is None or not calls:
-        found = side_by_side(_run, calls, jobs or cpu_count())
+        results = side_by_side(_run, calls, jobs or cpu_count())
     else:
-        found = _on_cluster(calls, dask)
-    for i, result in found:
+        results = _on_cluster(calls, dask)
+    for i, result in results:
         for task in groups[i]:
             yield task, result
 

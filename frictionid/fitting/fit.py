@@ -107,14 +107,14 @@ class Covariance:
 
     def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
         """Parameters (count, D) drawn from their t distribution; those without an error stay."""
-        known = np.isfinite(self.error)
-        value, vector = np.linalg.eigh(self.matrix[np.ix_(known, known)])
+        finite = np.isfinite(self.error)
+        value, vector = np.linalg.eigh(self.matrix[np.ix_(finite, finite)])
         root = vector * np.sqrt(np.maximum(value, 0.0))
         generator = np.random.default_rng(seed)
-        normal = generator.standard_normal((count, int(known.sum())))
+        normal = generator.standard_normal((count, int(finite.sum())))
         chi = generator.chisquare(self.freedom, count) / self.freedom
         out = np.repeat(self.values[None], count, axis=0)
-        out[:, known] += (normal @ root.T) / np.sqrt(chi)[:, None]
+        out[:, finite] += (normal @ root.T) / np.sqrt(chi)[:, None]
         return out
 
 
@@ -162,11 +162,11 @@ class Fit:
         """
         slope = self._slopes(w)
         covariance = self.covariance
-        known = np.isfinite(covariance.error)
-        inner, slope = covariance.matrix[np.ix_(known, known)], slope[..., known]
+        finite = np.isfinite(covariance.error)
+        inner, slope = covariance.matrix[np.ix_(finite, finite)], slope[..., finite]
         error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
         point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
-        off = (covariance.draws(seed) - covariance.values)[:, known]
+        off = (covariance.draws(seed) - covariance.values)[:, finite]
         size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
         ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
         return point, np.quantile(ratio, level, axis=0) * error

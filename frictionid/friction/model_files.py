@@ -75,12 +75,12 @@ def _units_table(friction: Friction) -> dict[str, Any]:
 
 def _units_of_document(document: Mapping[str, Any], joints: int, where: str) -> tuple[str, ...]:
     """Units of the positions of each joint, () where all are "rad"."""
-    given = document.get("angle_unit", "rad")
-    units = tuple(given) if isinstance(given, list) else (given,) * joints
+    named = document.get("angle_unit", "rad")
+    units = tuple(named) if isinstance(named, list) else (named,) * joints
     if len(units) != joints or not set(units) <= {"rad", "m"}:
         raise InputError(
             f'{where}: "angle_unit" must be "rad" or "m", or one of these for each of {joints} '
-            f"joints, not {given!r}"
+            f"joints, not {named!r}"
         )
     return () if set(units) <= {"rad"} else units
 
@@ -95,7 +95,7 @@ def _load_unit(document: Mapping[str, Any], where: str) -> str:
 
 def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
     """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
-    names = [name for name, known in laws.items() if type(law) is known]
+    names = [name for name, kind_class in laws.items() if type(law) is kind_class]
     table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
     for field in fields(law):
         if field.name not in law.left_out_of_files:
@@ -166,10 +166,10 @@ def own_law(reference: str) -> type[Law]:
     InputError
         Where it cannot be imported, or does not subclass `Law`.
     """
-    found = imported(reference, Path(), "--law")
-    if not (isinstance(found, type) and issubclass(found, Law)):
+    law = imported(reference, Path(), "--law")
+    if not (isinstance(law, type) and issubclass(law, Law)):
         raise InputError(f"--law: {reference!r} does not subclass frictionid.friction.Law")
-    return found
+    return law
 
 
 def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
@@ -249,17 +249,17 @@ def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where
     return friction
 
 
-def _check_format(given: Any, where: str) -> None:
+def _check_format(stated: Any, where: str) -> None:
     """Refuse files of a newer version, and files that are something else."""
-    if given == FORMAT:
+    if stated == FORMAT:
         return
-    name, _, version = str(given).rpartition(" ")
+    name, _, version = str(stated).rpartition(" ")
     if f"{name} " == FORMAT.rstrip("1") and version.isdigit():
         raise InputError(
-            f'{where}: is of another version of frictionid, "format" is {given!r} and this one '
+            f'{where}: is of another version of frictionid, "format" is {stated!r} and this one '
             f"reads {FORMAT!r}: install the version that wrote it, or a newer one"
         )
-    raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}", not {given!r}')
+    raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}", not {stated!r}')
 
 
 def _calibration(table: Any, where: str) -> Calibration | None:
@@ -276,8 +276,8 @@ def _calibration(table: Any, where: str) -> Calibration | None:
         k: None if v is None else np.asarray(v, dtype=float) for k, v in table.items()
     }
     for name, value in numbers.items():
-        known = value is not None and np.isfinite(value).all()
-        if not known and not (value is None and name in ("base", *_OF_SERVOS)):
+        is_finite = value is not None and np.isfinite(value).all()
+        if not is_finite and not (value is None and name in ("base", *_OF_SERVOS)):
             raise InputError(f"{where}: calibration.{name} must be finite numbers")
     return Calibration(**numbers)
 
@@ -298,10 +298,10 @@ def _law(table: Any, laws: Mapping[str, type[Law]], where: str) -> Law:
         for k, v in table.items()
         if k != "kind"
     }
-    known = [setting.name for setting in fields(laws[kind])]
+    names = [setting.name for setting in fields(laws[kind])]
     for name in settings:
-        if name not in known:
-            raise InputError(f"{where}: law {kind!r}: {unknown(name, known)}")
+        if name not in names:
+            raise InputError(f"{where}: law {kind!r}: {unknown(name, names)}")
     try:
         return laws[kind](**settings)
     except (TypeError, ValueError) as error:
@@ -348,20 +348,20 @@ def _words(document: Mapping[str, Any], joints: Sequence[Any], law: Law, where: 
     each = _units_of_document(document, len(joints), where) or ("rad",) * len(joints)
     load = _load_unit(document, where)
     out = np.zeros(has.shape)
-    for j, (joint, own, unit) in enumerate(zip(joints, has, each, strict=True)):
+    for j, (joint, has_joint, unit) in enumerate(zip(joints, has, each, strict=True)):
         units = units_of(law, unit, load)
-        known = {name: units[i] for i, name in enumerate(law.names) if own[i]}
-        out[j, own] = _joint(joint, known, f"{where}: joint {j + 1}")
+        units_of_joint = {name: units[i] for i, name in enumerate(law.names) if has_joint[i]}
+        out[j, has_joint] = _joint(joint, units_of_joint, f"{where}: joint {j + 1}")
     return out
 
 
 def _joint(joint: Any, units: Mapping[str, str], where: str) -> list[float]:
     """Values of one joint's parameters, in the order of these names with their units."""
-    given = set(joint) if isinstance(joint, Mapping) else set()
-    if given != set(units):
+    names = set(joint) if isinstance(joint, Mapping) else set()
+    if names != set(units):
         raise InputError(
             f"{where} must have the parameters {', '.join(units) or 'none'}; "
-            f"it has {', '.join(sorted(given)) or 'none'}"
+            f"it has {', '.join(sorted(names)) or 'none'}"
         )
     values = []
     for name, unit in units.items():

@@ -164,7 +164,7 @@ def _chosen(tasks: Sequence[Task], settings: SensitivitySettings, where: str) ->
 
 def with_and_without_inertia(recipe: Method) -> list[Method]:
     """The recipe; if it shoots, with base parameters held and with them free."""
-    if not isinstance(recipe, Shooting) or recipe.known is not None:
+    if not isinstance(recipe, Shooting) or recipe.held is not None:
         return [recipe]
     held = tuple(b for b in recipe.blocks if not isinstance(b, InertiaBlock))
     free = recipe.blocks if len(held) < len(recipe.blocks) else (*held, InertiaBlock())

@@ -92,7 +92,7 @@ class Recipe:
         """The identifier's friction of all folds and of all data; InputError where that fails."""
         friction, problem = self.friction(identifier, data, seed)
         weights = data.weights[self.name][-1]
-        return one_step_fit(friction, problem, weights, known=not identifier.fixed)
+        return one_step_fit(friction, problem, weights, intervals=not identifier.fixed)
 
 
 class TrainingData(Protocol):

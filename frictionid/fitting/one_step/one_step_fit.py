@@ -62,14 +62,14 @@ def covariance_of_fit(
     See `half_widths`. NaN where the data do not determine a parameter; equal joints are correlated
     by one.
     """
-    theta, own = np.reshape(friction.theta, (1, -1)), friction.constraints
+    theta, limits = np.reshape(friction.theta, (1, -1)), friction.constraints
     # as it was fitted, see `Linearised.within`
     law = Linearised(friction.law.sharpened() if problem.masked else friction.law, problem)
     share = normalised(np.reshape(weights, (1, -1)), problem)[0]
     residual = law.residual(theta)
     if robust is not None:
         share = share * huber_factors(residual, share[None], robust)[0]
-    tie, D = None if own is None else own.tie, theta.size
+    tie, D = None if limits is None else limits.tie, theta.size
     H, scores = np.zeros((D, D)), np.empty((len(problem.r), D))
     for rows, part in law.stretches():
         J = part.jacobian(theta)[0].reshape(*part.problem.r.shape, D)
@@ -100,16 +100,16 @@ def covariance_of_fit(
 
 
 def one_step_fit(
-    friction: Friction, problem: Problem, weights: Array, *, known: bool = True
+    friction: Friction, problem: Problem, weights: Array, *, intervals: bool = True
 ) -> Fit:
     """A fit of friction (F, n, P), of all data with weights (K,) last, with its covariance.
 
-    known : whether intervals are wanted; equations of sparse laws need them always
+    intervals : whether they are wanted; equations of sparse laws need them always
     """
     last, law = friction[-1], friction.law
     fit = Fit(last, folds=friction, problem=problem, weights=weights)
     named = law.names and not (law.is_network or law.cannot_be_saved)
-    if not (law.is_sparse or (known and named)):
+    if not (law.is_sparse or (intervals and named)):
         return fit
     matrix, freedom = covariance_of_fit(last, problem, weights)
     parameters = tuple(

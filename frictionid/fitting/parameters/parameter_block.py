@@ -83,12 +83,12 @@ class ParameterBlock(ABC):
     enters : which input of the physics they are: "friction", "base", "torque", "angle" or
         "actuator"
     prior : standard deviation of their priors; relative to each value where `relative`
-    known : standard deviations of priors by the parameters' names
+    deviations : standard deviations of priors by the parameters' names
     """
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
-    known: tuple[tuple[str, float], ...] = ()
+    deviations: tuple[tuple[str, float], ...] = ()
     name: ClassVar[str]
     enters: ClassVar[str]
     relative: ClassVar[bool] = False
@@ -112,13 +112,13 @@ class ParameterBlock(ABC):
             raise InputError(
                 f"block {self.name!r}: prior = {self.prior} must be a positive standard deviation"
             )
-        listed, deviations = list(self.listed(estimate)), dict(self.known)
+        listed, informed = list(self.listed(estimate)), dict(self.deviations)
         sizes = self.sizes(listed) if self.relative else [1.0] * len(listed)
         tolerances = (
             min(
                 p.tolerance,
                 FREE if self.prior is None else self.prior * max(size, 1e-12),
-                deviations.get(p.name, FREE),
+                informed.get(p.name, FREE),
                 0.0 if _is_fixed(p, self.fixed) else FREE,
             )
             for p, size in zip(listed, sizes, strict=True)

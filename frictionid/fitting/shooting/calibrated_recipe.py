@@ -52,7 +52,7 @@ class CalibratedRecipe:
 
     step : what identifiers fit
     by : shooting that estimates the calibration, beside the friction of an identifier; without
-        blocks, its `known` calibration is held
+        blocks, its calibration is held
     friction : that identifier
     use : parts of the calibration that correct the data, some of those that `by` frees
     """
@@ -78,7 +78,7 @@ class CalibratedRecipe:
     def _free(self) -> tuple[str, ...]:
         """Parts of the calibration that `by` frees, or all where it is known."""
         free = [block.name for block in self.by.blocks]
-        return tuple(part for part in PARTS if part in free or self.by.known is not None)
+        return tuple(part for part in PARTS if part in free or self.by.held is not None)
 
     @property
     def first_step(self) -> Recipe:
@@ -126,8 +126,8 @@ class CalibratedRecipe:
         """
         rows = slice(-1, None) if whole else slice(None)
         problem, weights = data.problems[self.by.start.name], data.weights[self.by.start.name]
-        if self.by.known is not None and not self.by.blocks:
-            held = self.by.known.on(data.intervals.dataset)
+        if self.by.held is not None and not self.by.blocks:
+            held = self.by.held.on(data.intervals.dataset)
             return part_of_calibration(stack_calibrations([held] * len(weights)), self.use)
         friction = self.friction.fit(problem, weights[rows], 0)
         fitted = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows]).folds

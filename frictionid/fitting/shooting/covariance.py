@@ -41,17 +41,17 @@ def meaningless(
     count as weak where others hang on them.
     """
     doubtful = weak if doubtful is None else doubtful
-    own = [k for k, e in enumerate(parameters) if e.block == "friction"]
+    entries = [k for k, e in enumerate(parameters) if e.block == "friction"]
 
     def _is_velocity(i: int) -> bool:  # of which zero is no absence
         return parameters[i].unit in ("rad/s", "m/s")
 
     out = {}
-    for k in own:
+    for k in entries:
         joint = parameters[k].place[0]
         others = [
             i
-            for i in own
+            for i in entries
             if doubtful[i] and parameters[i].place[0] == joint and i != k and not _is_velocity(i)
         ]
         if (
@@ -157,7 +157,7 @@ def grouped_covariance(
     words += tuple(_ends(parameters[k], float(values[k])) for k in ends)
     for k in ends:
         _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
-    idle = {k for own in needs.items() for k in (own[0], *own[1])}
+    idle = {k for needed in needs.items() for k in (needed[0], *needed[1])}
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
 
 
@@ -192,8 +192,8 @@ def _ends(p: Parameter, value: float) -> str:
 
 
 def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -> str:
-    found = [parameters[i].name for i in others]
-    names = found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
+    named = [parameters[i].name for i in others]
+    names = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
     return f"{parameters[k].name} means nothing where {names} may be zero"
 
 
@@ -215,10 +215,10 @@ def _undetermined(
     lost = np.zeros(len(parameters), dtype=bool)
     if not len(keep):
         return np.zeros(0), lost, ()
-    own = H[np.ix_(keep, keep)]
-    blind = np.diag(own) <= 0.0
-    scale = np.where(blind, 1.0, np.sqrt(np.maximum(np.diag(own), 1e-300)))
-    value, vector = np.linalg.eigh(own / np.outer(scale, scale))
+    inner = H[np.ix_(keep, keep)]
+    blind = np.diag(inner) <= 0.0
+    scale = np.where(blind, 1.0, np.sqrt(np.maximum(np.diag(inner), 1e-300)))
+    value, vector = np.linalg.eigh(inner / np.outer(scale, scale))
     words = []
     for k in np.flatnonzero(value < SINGULAR * value.max()):
         share = vector[:, k] ** 2

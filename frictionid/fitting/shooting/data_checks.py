@@ -41,18 +41,18 @@ def check_blocks(
     parameters = {b.name: b.parameters(estimate) for b in blocks}
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
-    known = any(np.isfinite(p.tolerance) for own in parameters.values() for p in own)
+    informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
     torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
     remedy = (
         "fix one base parameter that you are sure of, such as "
         f"{estimate.mechanism.base_names[-1]!r}, or give a prior"
     )
-    if scale and not known and not torque:
+    if scale and not informed and not torque:
         raise InputError(
             "block 'inertia': without motor torque only the ratios of inertia, gravity and "
             f"friction show in the motion: {remedy}"
         )
-    if scale and not known and "gain" in parameters and torque:
+    if scale and not informed and "gain" in parameters and torque:
         raise InputError(
             "blocks 'gain' and 'inertia' with all base parameters free: a larger gain with larger "
             f"inertias and friction gives the same motion: {remedy}"
@@ -129,9 +129,9 @@ def _noise(intervals: Intervals) -> Array:
 def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     """Sentences on what makes the numbers of a fit doubtful as a whole."""
     about = (_coarse, _far, _early, _scaled)
-    found = [sentence for words in about for sentence in words(problem, solution)]
-    yield from found
-    if found:
+    said = [sentence for words in about for sentence in words(problem, solution)]
+    yield from said
+    if said:
         yield (
             "`frictionid check` looks for wrong signs, late clocks, wrapped angles and other "
             "mistakes in the data."
@@ -160,8 +160,8 @@ def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
 
 
 def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
-    for own in problem.blocks:
-        for parameter in own.block.parameters(solution.estimate):
+    for free in problem.blocks:
+        for parameter in free.block.parameters(solution.estimate):
             if parameter.block == "delay" and not parameter.low < parameter.value < parameter.high:
                 yield (
                     f"The torque delay ends at {parameter.value:+.2g} s, as far as it may go: the "
@@ -171,7 +171,7 @@ def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
 
 def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     delay = float(solution.estimate.calibration.delay)
-    free = any(own.block.name == "delay" and own.parameters for own in problem.blocks)
+    free = any(part.block.name == "delay" and part.parameters for part in problem.blocks)
     if free and delay < -_EARLY:
         yield (
             f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "

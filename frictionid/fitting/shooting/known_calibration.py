@@ -47,7 +47,7 @@ class KnownCalibration:
 
     def as_priors(self, blocks: Sequence[ParameterBlock]) -> tuple[ParameterBlock, ...]:
         """The blocks, with priors where the other fit determined their parameters."""
-        return tuple(replace(b, known=self.errors) if b.name in _BLOCKS else b for b in blocks)
+        return tuple(replace(b, deviations=self.errors) if b.name in _BLOCKS else b for b in blocks)
 
 
 def known_calibration(friction: Friction, name: str) -> KnownCalibration:

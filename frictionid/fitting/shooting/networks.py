@@ -194,7 +194,7 @@ def with_combinations(
         deviation=deviation,
         count=min(_MOST, int(free.sum())),
     )
-    return few.of(friction), tuple(few if b is block else b for b in blocks)
+    return few.combined(friction), tuple(few if b is block else b for b in blocks)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -215,7 +215,7 @@ class CombinationBlock(ParameterBlock):
     count: int
     name, enters = "friction", "friction"
 
-    def of(self, friction: Friction, before: Array | None = None) -> Friction:
+    def combined(self, friction: Friction, before: Array | None = None) -> Friction:
         """The friction as a law of the combinations that change its torques most, all zero.
 
         before : (n, P, r), directions that are to stay what they were, nearly
@@ -225,11 +225,11 @@ class CombinationBlock(ParameterBlock):
         directions = np.zeros((*theta.shape, self.count))
         for j in range(friction.n):
             _, _, right = np.linalg.svd(slopes[:, j], full_matrices=False)
-            own = self._scale[j] * right[: self.count].T
+            columns = self._scale[j] * right[: self.count].T
             if before is not None:
-                left, _, right = np.linalg.svd(own.T @ before[j])
-                own = own @ (left @ right)
-            directions[j] = own
+                left, _, right = np.linalg.svd(columns.T @ before[j])
+                columns = columns @ (left @ right)
+            directions[j] = columns
         few = CombinationLaw(law, law.width, law.shape, theta, directions)
         theta = np.zeros((friction.n, self.count))
         return replace(friction, law=few, theta=theta, constraints=None)
@@ -247,7 +247,7 @@ class CombinationBlock(ParameterBlock):
             yield Parameter(self.name, name, unit, float(value[j, k]), tolerance=1.0, place=(j, k))
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        law: Any = estimate.friction.law  # of `of`: a CombinationLaw
+        law: Any = estimate.friction.law  # a CombinationLaw, of `combined`
         step = -self._values(estimate.friction)
         for parameter, value in values:
             step[parameter.place] += value
@@ -255,7 +255,7 @@ class CombinationBlock(ParameterBlock):
         change = (law.directions @ step[..., None])[..., 0]
         turn = (self.samples.slopes(here) * change).sum(axis=-1)
         moved = self._moved(here, change, self.samples.torque(here) + turn)
-        return estimate._replace(friction=self.of(moved, law.directions))
+        return estimate._replace(friction=self.combined(moved, law.directions))
 
     def _values(self, friction: Friction) -> Array:
         """Combinations (n, r) of the weights' distance from where they began."""
@@ -268,7 +268,7 @@ class CombinationBlock(ParameterBlock):
 
         By damped Gauss-Newton steps, the first of them the given change (n, P).
         """
-        theta, (ridge, more) = friction.theta, _RIDGE
+        theta, (ridge, growth) = friction.theta, _RIDGE
         off = wanted - self.samples.torque(friction)
         damping = np.full(friction.n, ridge)
         for _ in range(_ITERATIONS):
@@ -277,7 +277,7 @@ class CombinationBlock(ParameterBlock):
             better = (left**2).sum(axis=0) < (off**2).sum(axis=0)
             theta = np.where(better[:, None], stepped, theta)
             off = np.where(better, left, off)
-            damping = np.where(better, damping / more, damping * more)
+            damping = np.where(better, damping / growth, damping * growth)
             slopes = self.samples.slopes(replace(friction, theta=theta)) * self.free
             parts = [_solved(slopes[:, j], off[:, j], damping[j]) for j in range(friction.n)]
             change = np.stack(parts)

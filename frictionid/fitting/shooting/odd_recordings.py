@@ -25,15 +25,15 @@ def odd_recordings(problem: ShootingProblem, solution: Solution) -> tuple[OddRec
 
     Without windows that are left out as their predictions jump.
     """
-    known = ~solution.kinked
-    owner = problem.intervals.recording[solution.windows[known, 0]]
+    smooth = ~solution.kinked
+    owner = problem.intervals.recording[solution.windows[smooth, 0]]
     rows = np.unique(owner)
-    residual = np.minimum(np.abs(solution.residual[known]) / solution.sigma, _WILD)
-    share = solution.share[known, :, None] * np.ones_like(residual)
+    residual = np.minimum(np.abs(solution.residual[smooth]) / solution.sigma, _WILD)
+    share = solution.share[smooth, :, None] * np.ones_like(residual)
     sizes = np.array(
         [
-            np.sqrt((residual[own] ** 2 * share[own]).sum() / share[own].sum())
-            for own in (owner == row for row in rows)
+            np.sqrt((residual[windows] ** 2 * share[windows]).sum() / share[windows].sum())
+            for windows in (owner == row for row in rows)
         ]
     )
     names = [problem.intervals.dataset.recordings[int(row)].name for row in rows]
@@ -60,8 +60,8 @@ def odd_among(sizes: Array, names: Sequence[str]) -> tuple[OddRecording, ...]:
         usual = float(np.exp(rest.mean()))
         if p[k - 1] < _CLEAR and sizes[order[k - 1]] > _WORTH * usual:
             return tuple(
-                OddRecording(names[i], float(sizes[i]), usual, float(own))
-                for i, own in zip(order[:k], p, strict=True)
+                OddRecording(names[i], float(sizes[i]), usual, float(p_value))
+                for i, p_value in zip(order[:k], p, strict=True)
             )
     return ()
 
@@ -78,9 +78,9 @@ def _log_choices(count: int, k: int) -> float:
 def odd_sentences(odd: Sequence[OddRecording]) -> tuple[str, ...]:
     """What is odd, for people."""
     return tuple(
-        f"Recording {own.recording!r} is not explained as the others are: its angles "
-        f"are off by {own.size:.2g} times the noise, theirs by {own.usual:.2g} (p = "
-        f"{own.p_value:.1g}). "
+        f"Recording {recording.recording!r} is not explained as the others are: its angles "
+        f"are off by {recording.size:.2g} times the noise, theirs by {recording.usual:.2g} (p = "
+        f"{recording.p_value:.1g}). "
         "Was it disturbed, or did it have another load? Leave it out, or give it that load."
-        for own in odd
+        for recording in odd
     )

@@ -59,21 +59,21 @@ def omitted_blocks(problem: ShootingProblem, solution: Solution) -> Omitted | No
     Gauss-Newton step from the normal equations of all of them, with p-values by the covariance
     between recordings, times the number of the block's parameters.
     """
-    given = tuple(own.block for own in problem.blocks)
+    fitted = tuple(free.block for free in problem.blocks)
     network = solution.estimate.friction.law.is_network
-    motors = {b.name for b in given if b.enters == "actuator"} == {"actuator"}
+    motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
         return None
-    more = _that_may_be_free(problem, solution, given)
-    if not more:
+    offered = _that_may_be_free(problem, solution, fitted)
+    if not offered:
         return None
-    blocks = (*given, *more)
+    blocks = (*fitted, *offered)
     wider, start = _wider(problem, solution.estimate, blocks)
     normal = _normal_equations(wider, solution._replace(estimate=start))
     if not np.isfinite(normal.H[solution.closed]).all():
         return None
     step = _Step(problem, wider, solution, normal)
-    names = tuple(b.name for b in more)
+    names = tuple(b.name for b in offered)
     while names:
         p = step.p_values(names)
         worst = int(np.argmax(p))
@@ -107,18 +107,18 @@ def sentences(omitted: Omitted | None) -> tuple[str, ...]:
 
 
 def _that_may_be_free(
-    problem: ShootingProblem, solution: Solution, given: tuple[ParameterBlock, ...]
+    problem: ShootingProblem, solution: Solution, fitted: tuple[ParameterBlock, ...]
 ) -> tuple[ParameterBlock, ...]:
     """Blocks that are not free and may be, all together."""
-    names = [b.name for b in given]
+    names = [b.name for b in fitted]
     out: tuple[ParameterBlock, ...] = ()
-    estimate, driven = solution.estimate, has_actuator(given)
+    estimate, driven = solution.estimate, has_actuator(fitted)
     if driven:
         estimate = with_servo(estimate, problem.intervals.dataset, OF_SERVOS)
     for block in OF_SERVOS if driven else OFFERED:
         try:
             if block.name not in names and block.parameters(estimate):
-                check_blocks((*given, *out, block), estimate, problem.intervals)
+                check_blocks((*fitted, *out, block), estimate, problem.intervals)
                 out = (*out, block)
         except InputError:  # these data do not tell it
             continue
@@ -153,10 +153,12 @@ class _Step:
         freedom = max(len(np.unique(groups.cluster)) - 1, 1)
         p = []
         for name in names:
-            own = self._block == name
-            size = float((np.abs(move[own]) / np.maximum(error[own], 1e-300)).max())
-            alone = _shared(self._H, free, own) <= 1.0 - _OWN
-            p.append(min(1.0, 2 * float(stdtr(freedom, -size)) * int(own.sum())) if alone else 1.0)
+            members = self._block == name
+            size = float((np.abs(move[members]) / np.maximum(error[members], 1e-300)).max())
+            alone = _shared(self._H, free, members) <= 1.0 - _OWN
+            p.append(
+                min(1.0, 2 * float(stdtr(freedom, -size)) * int(members.sum())) if alone else 1.0
+            )
         return tuple(p)
 
     def shift(self, names: tuple[str, ...]) -> Array:
@@ -193,9 +195,9 @@ class _Step:
         return move
 
 
-def _shared(H: Array, free: Array, own: Array) -> float:
+def _shared(H: Array, free: Array, members: Array) -> float:
     """Largest share of the information on a parameter of a block that others account for."""
-    rest, keep = np.flatnonzero(free & ~own), np.flatnonzero(own)
+    rest, keep = np.flatnonzero(free & ~members), np.flatnonzero(members)
     cross = H[np.ix_(rest, keep)]
     explained = np.diag(cross.T @ solve_scaled(H[np.ix_(rest, rest)], cross))
     return float((explained / np.maximum(np.diag(H)[keep], 1e-300)).max())

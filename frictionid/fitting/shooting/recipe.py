@@ -40,14 +40,14 @@ class Shooting:
 
     blocks : what is free: friction, and the delay where a motor's torque is sampled
     settings : windows, noise, iterations; start : the recipe it begins with
-    known : calibration of another fit, held but for the blocks that are free, which it informs
+    held : calibration of another fit, held but for the blocks that are free, which it informs
     """
 
     name: str = "shooting"
     blocks: tuple[ParameterBlock, ...] = DEFAULT_BLOCKS
     settings: Settings = Settings()
     start: Recipe = INTEGRAL
-    known: KnownCalibration | None = None
+    held: KnownCalibration | None = None
     needs_intervals: ClassVar[bool] = True
     scheme: ClassVar[str] = "shooting"
     calibrator: ClassVar[None] = None
@@ -114,9 +114,9 @@ def refine_folds(
     that it holds out: neither its optimum, nor the way there.
     """
     blocks, starts = recipe.blocks, [friction[f] for f in range(len(training))]
-    if recipe.known is not None:
-        blocks = recipe.known.as_priors(blocks)
-        held = recipe.known.on(intervals.dataset)
+    if recipe.held is not None:
+        blocks = recipe.held.as_priors(blocks)
+        held = recipe.held.on(intervals.dataset)
         starts = [replace(start, calibration=held) for start in starts]
         if not has_actuator(blocks):
             dataset = with_calibrated_servos(intervals.dataset, held)

@@ -151,8 +151,8 @@ def fit_blocks(
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
         if ended is not None:
-            known = values_of(ended.estimate, problem.blocks)
-            estimate = with_values(estimate, problem.blocks, known)
+            values = values_of(ended.estimate, problem.blocks)
+            estimate = with_values(estimate, problem.blocks, values)
         ended = solve(problem, estimate, use, ended)
         result = refined_by(problem, ended, friction, tuple(dropped))
         level = 1.0 if friction.law.is_network else settings.significance
@@ -182,8 +182,8 @@ def prepare_fit(
     network = friction.law.is_network
     friction = with_units_of(mechanism, on_arrays(friction))
     if friction.constraints is None and not network:
-        own = constraints_of(friction.law, _speed_range(intervals, use))
-        friction = replace(friction, constraints=own)
+        limits = constraints_of(friction.law, _speed_range(intervals, use))
+        friction = replace(friction, constraints=limits)
     if network:
         samples = torque_samples(friction, mechanism, calibration, intervals, use)
         friction, blocks = with_combinations(friction, samples, blocks)
@@ -197,9 +197,9 @@ def prepare_fit(
 
 def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
     """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
-    own = [intervals.states[i] for i in np.unique(intervals.recording[use])]
+    states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
     turns = turns_of(intervals.dataset.mechanism, intervals.w)
-    slowest = np.median([slowest_speeds(s) for s in own], axis=0)
+    slowest = np.median([slowest_speeds(s) for s in states], axis=0)
     slowest = of_parts(slowest, None if turns is None else np.abs(turns))
     return SpeedRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
 

@@ -23,19 +23,19 @@ def least_significant(
 
     A block that the data do not determine has p = 1. Blocks with a prior stay: somebody knows them.
     """
-    found = []
+    idle = []
     for name in (b.name for b in blocks if b.name in IDEAL):
-        own = [k for k, p in enumerate(covariance.parameters) if p.block == name]
-        if own and not any(np.isfinite(covariance.parameters[k].tolerance) for k in own):
-            found.append(Dropped(name, _p_value(covariance, own, IDEAL[name])))
-    worst = max(found, key=lambda dropped: dropped.p_value, default=None)
+        places = [k for k, p in enumerate(covariance.parameters) if p.block == name]
+        if places and not any(np.isfinite(covariance.parameters[k].tolerance) for k in places):
+            idle.append(Dropped(name, _p_value(covariance, places, IDEAL[name])))
+    worst = max(idle, key=lambda dropped: dropped.p_value, default=None)
     return worst if worst is not None and worst.p_value > level else None
 
 
-def _p_value(covariance: Covariance, own: list[int], ideal: float) -> float:
-    matrix = covariance.matrix[np.ix_(own, own)]
+def _p_value(covariance: Covariance, places: list[int], ideal: float) -> float:
+    matrix = covariance.matrix[np.ix_(places, places)]
     if not np.isfinite(matrix).all():
         return 1.0
-    off = covariance.values[own] - ideal
-    size = float(off @ np.linalg.pinv(matrix, hermitian=True) @ off) / len(own)
-    return float(fdtrc(len(own), covariance.freedom, size))
+    off = covariance.values[places] - ideal
+    size = float(off @ np.linalg.pinv(matrix, hermitian=True) @ off) / len(places)
+    return float(fdtrc(len(places), covariance.freedom, size))

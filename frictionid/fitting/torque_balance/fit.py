@@ -68,17 +68,17 @@ def fit_torques(
     use = np.ones(len(balance.start), dtype=bool) if use is None else use
     balance = balance.resolving(use)
     estimate = _nominal(balance)
-    given = _friction(identifier, balance, estimate, use, seed)
-    if given.law.is_network:
+    start = _friction(identifier, balance, estimate, use, seed)
+    if start.law.is_network:
         raise InputError(f"{identifier!r}: networks are fitted by one-step recipes and by shooting")
-    check_blocks(blocks, _with(estimate, given, balance, use), balance, use)
-    blocks = on_support(tuple(blocks), given)
+    check_blocks(blocks, _with(estimate, start, balance, use), balance, use)
+    blocks = on_support(tuple(blocks), start)
     dropped: list[Dropped] = []
     while True:
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
         if settings.consistent:
             solution = made_consistent(problem, solution, use, settings)
-        result = _result(problem, solution, given, use, tuple(dropped))
+        result = _result(problem, solution, start, use, tuple(dropped))
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -96,15 +96,15 @@ def _best(
     seed: int,
 ) -> tuple[TorqueSolution, TorqueProblem]:
     """The better solution of two starts: the nominal calibration, and that found from it."""
-    estimate, found = _nominal(balance), []
+    estimate, ended = _nominal(balance), []
     for _ in range(_STARTS):
         friction = _friction(identifier, balance, estimate, use, seed)
         estimate = _with(estimate, friction, balance, use)
         problem = TorqueProblem(balance, free_blocks(blocks, estimate), estimate)
         solution = solve(problem, use, settings)
         estimate = solution.estimate
-        found.append((solution, problem))
-    return min(found, key=lambda one: one[0].log_noise)
+        ended.append((solution, problem))
+    return min(ended, key=lambda pair: pair[0].log_noise)
 
 
 def _nominal(balance: TorqueBalance) -> Estimate:
@@ -126,16 +126,16 @@ def _friction(
 
 def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: Array) -> Estimate:
     """The estimate with another friction: sharp, and within what the data resolve."""
-    own = friction.constraints
-    if own is None:
+    limits = friction.constraints
+    if limits is None:
         speeds = speed_range(balance.problem, use[None] * 1.0)
-        own = constraints_of(friction.law, speeds).at(0)
-    if own.equal:
+        limits = constraints_of(friction.law, speeds).at(0)
+    if limits.equal:
         raise InputError(
             "equal joints: inverse dynamics gives each joint parameters of its own: fit by "
             "shooting, or in one step"
         )
-    sharp = replace(friction, law=friction.law.sharpened(), constraints=own, calibration=None)
+    sharp = replace(friction, law=friction.law.sharpened(), constraints=limits, calibration=None)
     return estimate._replace(friction=sharp)
 
 
@@ -209,13 +209,13 @@ def check_blocks(
     torque = any(np.any(r.torque.value) for r in balance.dataset.recordings)
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
-    known = any(np.isfinite(p.tolerance) for own in free.values() for p in own)
+    informed = any(np.isfinite(p.tolerance) for group in free.values() for p in group)
     # recordings that differ by known amounts, such as a payload, give the others their scale
     loaded = bool(np.ptp(balance.base[use], axis=0).any()) and torque
     if (
         not loaded
         and len(free.get("inertia", ())) == len(base)
-        and not known
+        and not informed
         and (not torque or "gain" in free)
     ):
         what = "without motor torque" if not torque else "beside a free gain"
@@ -225,13 +225,13 @@ def check_blocks(
             "a prior"
         )
     undriven = np.flatnonzero(estimate.mechanism.motors == 0)
-    if len(undriven) and free.get("inertia") and not known:
+    if len(undriven) and free.get("inertia") and not informed:
         raise InputError(
             f"data set {name!r}: joint {undriven[0] + 1} has no motor, and its row of the balance "
             "holds for inertia and friction of any size: leave inertia out, give it a prior, or "
             "free it by shooting"
         )
-    if free.get("inertia") and not known and _reads_torque(estimate.friction):
+    if free.get("inertia") and not informed and _reads_torque(estimate.friction):
         raise InputError(
             f"data set {name!r}: {estimate.friction.law} follows the motors' torque, and beside "
             "free inertias that explains any torque by itself: leave inertia out, give it a "
@@ -256,9 +256,9 @@ def check_gains(result: Fit, dataset: Dataset) -> None:
     """
     covariance = result.covariance
     low, high = covariance.interval().T
-    own = [k for k, p in enumerate(covariance.parameters) if p.block == "gain"]
-    wide = {k: (high[k] - low[k]) / 2 / max(abs(covariance.values[k]), 1e-300) for k in own}
-    wide |= {k: np.inf for k in own if covariance.bound[k] or not np.isfinite(wide[k])}
+    gains = [k for k, p in enumerate(covariance.parameters) if p.block == "gain"]
+    wide = {k: (high[k] - low[k]) / 2 / max(abs(covariance.values[k]), 1e-300) for k in gains}
+    wide |= {k: np.inf for k in gains if covariance.bound[k] or not np.isfinite(wide[k])}
     worst = max(wide, key=lambda k: wide[k], default=None)
     if worst is None or wide[worst] < _PINNED:
         return
@@ -275,12 +275,12 @@ def check_gains(result: Fit, dataset: Dataset) -> None:
 def _reads_torque(friction: Friction) -> bool:
     """Whether friction depends on the motors' torque."""
     law, theta = friction.law, np.asarray(friction.theta)
-    some = np.clip(np.full_like(theta, 0.5), *np.array(law.bounds).reshape(-1, 2).T)
+    values = np.clip(np.full_like(theta, 0.5), *np.array(law.bounds).reshape(-1, 2).T)
     without = Inputs(*(np.ones((1, len(theta))) for _ in range(4)))._replace(
         u=np.zeros((1, len(theta)))
     )
     both = (without, without._replace(u=without.w))
-    off, on = (law.torque(some, x, law.start(some, without)) for x in both)
+    off, on = (law.torque(values, x, law.start(values, without)) for x in both)
     return bool(np.any(off != on))
 
 

@@ -106,10 +106,10 @@ def window_weights(balance: TorqueBalance, data: ShootingData) -> Array:
     intervals, weights = data.intervals, data.interval_weights
     out = np.ones((len(weights), len(balance.start)))
     for i in np.unique(balance.recording):
-        own, rows = balance.recording == i, np.flatnonzero(intervals.recording == i)
+        windows, rows = balance.recording == i, np.flatnonzero(intervals.recording == i)
         middle = intervals.time[rows] + intervals.dt[rows] / 2
         held_out = np.cumsum(weights[:, rows] <= 0, axis=1)
         before = np.concatenate([np.zeros((len(weights), 1)), held_out], axis=1)
-        first, last = (np.searchsorted(middle, t[own]) for t in (balance.start, balance.stop))
-        out[:, own] = before[:, last] == before[:, first]
+        first, last = (np.searchsorted(middle, t[windows]) for t in (balance.start, balance.stop))
+        out[:, windows] = before[:, last] == before[:, first]
     return out

@@ -54,7 +54,7 @@ def parameters_of(friction):
 def test_what_is_known_is_held():
     known = known_calibration(first_fit(), "model")
     np.testing.assert_allclose(known.calibration.base, BASE, rtol=0.05)
-    held = fit_model(data(9, 12), FIT, Shooting(blocks=FRICTION, settings=SHORT, known=known))
+    held = fit_model(data(9, 12), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=known))
     np.testing.assert_array_equal(held.calibration.base, known.calibration.base)
     assert held.calibration.delay == known.calibration.delay
     assert set(parameters_of(held)) == {"coulomb of joint 1", "viscous of joint 1"}
@@ -67,7 +67,7 @@ def test_free_blocks_have_the_standard_errors_as_priors():
     known, before = known_calibration(first_fit(), "model"), parameters_of(first_fit())
     few = data(9, 11)
     alone = parameters_of(fit_model(few, FIT, BOTH))
-    near = parameters_of(fit_model(few, FIT, replace(BOTH, known=known)))
+    near = parameters_of(fit_model(few, FIT, replace(BOTH, held=known)))
     for name in ("inertia", "gravity", "torque delay"):
         prior, own, found = (p[name] for p in (before, alone, near))
         assert found.prior == pytest.approx(prior.error)
@@ -82,7 +82,7 @@ def test_a_one_step_fit_under_a_known_calibration_is_that_of_the_calibrated_reci
     estimated = CalibratedRecipe("own", INTEGRAL, by, FIT, use=("delay",))
     known = known_calibration(fit_model(some, FIT, by), "model")
     given = CalibratedRecipe(
-        "given", INTEGRAL, Shooting(blocks=(), known=known), FIT, use=("delay",)
+        "given", INTEGRAL, Shooting(blocks=(), held=known), FIT, use=("delay",)
     )
     thetas = [fit_model(some, FIT, recipe).theta for recipe in (estimated, given)]
     np.testing.assert_allclose(*thetas, rtol=1e-9)
@@ -94,7 +94,7 @@ def test_calibrations_of_no_machine_or_another_one_are_refused():
     known = known_calibration(first_fit(), "model")
     other = replace(known, calibration=replace(known.calibration, base=np.ones(3)))
     with pytest.raises(InputError, match="1 joints with 3 base parameters, pendulum has 1 and 2"):
-        fit_model(data(0, 4), FIT, Shooting(blocks=FRICTION, settings=SHORT, known=other))
+        fit_model(data(0, 4), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=other))
 
 
 def test_fit_takes_the_calibration_of_a_model_file(tmp_path, monkeypatch, capsys):
