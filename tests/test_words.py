@@ -148,9 +148,10 @@ def test_terms_of_the_field_are_no_retired_words(tmp_path):
 
 # Words that say nothing of a thing, as names of variables, arguments, fields and functions.
 PRONOUNS = {"own", "found", "known", "one", "given", "of", "some", "made", "more"}
+KEYS = {("suite_recipes.py", "known")}  # names that files of users have
 # Rooms that still have them. The list only gets shorter.
 UNCLEARED = {
-    *("api", "comparison", "data", "evaluation"),
+    *("api", "data"),
     *("fitting", "friction"),
     "rig",
 }
@@ -166,7 +167,11 @@ def pronouns(path):
             bound.append((node.lineno, node.arg))
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
             bound.append((node.lineno, node.name.strip("_")))
-    return [f"{path.name}:{line}: {name}" for line, name in bound if name in PRONOUNS]
+    return [
+        f"{path.name}:{line}: {name}"
+        for line, name in bound
+        if name in PRONOUNS and (path.name, name) not in KEYS
+    ]
 
 
 def test_pronouns_are_found(tmp_path):

@@ -143,13 +143,13 @@ def compare(
             done=lambda t: report(t.name),
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
-    found: dict[tuple[str, str], tuple[Task, Result]] = {}
+    by_model: dict[tuple[str, str], tuple[Task, Result]] = {}
     for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
-        found[task.name, task.recipe.name] = task, result
+        by_model[task.name, task.recipe.name] = task, result
         report(task.name)
-    ordered = [found[task.name, task.recipe.name] for task in tasks]
+    ordered = [by_model[task.name, task.recipe.name] for task in tasks]
     results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)
-    fitted = {key: result for key, (_, result) in found.items()}
+    fitted = {key: result for key, (_, result) in by_model.items()}
     return Comparison(results, dataset, fitted=fitted)
 
 

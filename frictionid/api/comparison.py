@@ -154,9 +154,9 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         """A model by its name and recipe, or by its name where it has one recipe."""
         hits = [key] if key in self._tasks else [k for k in self._tasks if k[0] == key]
         if len(hits) != 1:
-            known = ", ".join(repr(k if len(hits) else k[0]) for k in hits or self._tasks)
+            candidates = ", ".join(repr(k if len(hits) else k[0]) for k in hits or self._tasks)
             rule = "has several recipes; name one" if hits else "is no model of the comparison"
-            raise InputError(f"{key!r} {rule}: {known}")
+            raise InputError(f"{key!r} {rule}: {candidates}")
         return self._model(hits[0])
 
     def __contains__(self, key: object) -> bool:
@@ -188,8 +188,8 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         parts = []
         for section in self._sections:
             for data in section.data:
-                own = summary_of(data, verdict_of(section).failed)
-                parts.append(html(summary_table(own, caption_of(data, own), detail=MEDIANS)))
+                scores = summary_of(data, verdict_of(section).failed)
+                parts.append(html(summary_table(scores, caption_of(data, scores), detail=MEDIANS)))
             parts.append(f"<p>{escape(verdict(section))}</p>")
         return Shown(text, "".join(parts))
 
@@ -251,9 +251,9 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         out: dict[str, Any] = {}
 
         def draw() -> Any:
-            found = [picture for kind in PLOTS for picture in self._drawn(kind, section)]
-            out.update({picture.stem: picture.figure for picture in found})
-            return found[0].figure
+            pictures = [picture for kind in PLOTS for picture in self._drawn(kind, section)]
+            out.update({picture.stem: picture.figure for picture in pictures})
+            return pictures[0].figure
 
         drawn(draw)
         return out
@@ -262,10 +262,10 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         names = [k for k in PLOTS if k.rstrip("s") == kind.rstrip("s")]
         if not names:
             raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
-        found = list(self._drawn(names[0], self._section(dataset)))
-        if not found:
+        pictures = list(self._drawn(names[0], self._section(dataset)))
+        if not pictures:
             raise InputError(f"plot: these models have no picture of kind {kind!r}")
-        return found
+        return pictures
 
     def _drawn(self, kind: str, section: Section) -> Iterator[Picture]:
         names = names_of(self._sections)
@@ -306,17 +306,17 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
             source = task_provenance(task)
             friction, folds = replace(result.overall, provenance=source), result.friction
         else:
-            known = {**LAWS, **{law.__name__: law for law in self.laws}}
-            friction = read_model(document, known, str(self.results.folder))
+            laws = {**LAWS, **{law.__name__: law for law in self.laws}}
+            friction = read_model(document, laws, str(self.results.folder))
             theta = np.asarray(task["folds"]["theta"], float).reshape(task["folds"]["shape"])
             folds = replace(friction, theta=theta, provenance=Provenance(), calibration=None)
-        own = self.results.scores.loc[[place]]
-        own = own[own["dataset"] == task["dataset"]].reset_index(drop=True)
+        scores = self.results.scores.loc[[place]]
+        scores = scores[scores["dataset"] == task["dataset"]].reset_index(drop=True)
         return ComparedModel(
             *key,
             friction=friction,
             folds=folds,
-            scores=own.drop(columns=["suite", "dataset", "identifier", "fit", "seed"]),
+            scores=scores.drop(columns=["suite", "dataset", "identifier", "fit", "seed"]),
             velocity=np.asarray(self.results.datasets[task["dataset"]]["velocity"], dtype=float),
             curves=np.asarray(task["curves"], dtype=float),
             data=self.dataset,

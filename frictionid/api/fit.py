@@ -69,7 +69,7 @@ def method_of(
         raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
     if method in RECIPES:
         method, recipe = "one_step", method
-    calibrated = None if calibration is None else _known(calibration)
+    calibrated = None if calibration is None else _calibration_of(calibration)
     shots: dict[str, Any] = {
         "free": free if free is None else _names(free),
         "fixed": _names(fixed) or None,
@@ -86,12 +86,12 @@ def method_of(
         if calibrated is None:
             return recipe_named(recipe)
         entry = {"name": f"{recipe} calibrated", "like": recipe, "known": ""}
-        return recipe_of(checked(RecipeEntry, entry, "fit"), known=calibrated)
+        return recipe_of(checked(RecipeEntry, entry, "fit"), held=calibrated)
     entry = {"name": method, "by": method, **options}
     entry["start"] = "integral" if recipe == method else recipe
     if calibrated is not None and method != "shooting":
         raise InputError(f"method = {method!r} takes no calibration: use method = 'shooting'")
-    return recipe_of(checked(RecipeEntry, entry, "fit"), known=calibrated)
+    return recipe_of(checked(RecipeEntry, entry, "fit"), held=calibrated)
 
 
 def _names(names: str | Sequence[str]) -> list[str]:
@@ -99,7 +99,7 @@ def _names(names: str | Sequence[str]) -> list[str]:
     return [str(part).strip() for part in parts]
 
 
-def _known(calibration: Any) -> KnownCalibration:
+def _calibration_of(calibration: Any) -> KnownCalibration:
     name = str(calibration) if isinstance(calibration, str | Path) else "the model"
     return known_calibration(friction_of(calibration), name)
 

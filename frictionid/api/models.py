@@ -71,7 +71,7 @@ def identifier_of(law: Any, settings: Mapping[str, Any] | None = None) -> Identi
     if settings:
         raise InputError(f"settings {', '.join(settings)} go with a name, not with {law!r}")
     if isinstance(law, type) and issubclass(law, Law | Identifier):
-        law = _made(law)
+        law = _instance(law)
     if isinstance(law, Identifier):
         return law
     if isinstance(law, Law):
@@ -98,7 +98,7 @@ def _part_name(law: Any) -> str:
     return names[0]
 
 
-def _made(kind: type[Law] | type[Identifier]) -> Law | Identifier:
+def _instance(kind: type[Law] | type[Identifier]) -> Law | Identifier:
     """An object of a class with its defaults."""
     settings: Any = fields(kind) if is_dataclass(kind) else ()
     needed = [f.name for f in settings if f.init and f.default is f.default_factory]
@@ -113,10 +113,10 @@ def _fitting(law: Law) -> Identifier:
         return Frictionless()
     for _, parts in _forms():
         if parts[-1] is type(law):
-            made: Any = law
+            identifier: Any = law
             for part in reversed(parts[:-1]):
-                made = part(made)
-            return made if isinstance(made, Identifier) else LeastSquares(law)
+                identifier = part(identifier)
+            return identifier if isinstance(identifier, Identifier) else LeastSquares(law)
     return LeastSquares(law)
 
 
@@ -139,14 +139,14 @@ def name_of(law: Any) -> str:
     if isinstance(law, str):
         return law.rpartition(":")[2]
     if isinstance(law, type):
-        law = _made(law) if issubclass(law, Law | Identifier) else law
+        law = _instance(law) if issubclass(law, Law | Identifier) else law
     if isinstance(getattr(law, "friction", law), Friction):
         return "published"
-    own = _chain(law if isinstance(law, Identifier) else identifier_of(law))
+    chain = _chain(law if isinstance(law, Identifier) else identifier_of(law))
     for name, parts in _forms():
-        if tuple(part for part in parts if isinstance(part, type)) == own[: len(parts)]:
+        if tuple(part for part in parts if isinstance(part, type)) == chain[: len(parts)]:
             return name
-    return own[-1].__name__
+    return chain[-1].__name__
 
 
 def _chain(part: Any) -> tuple[type, ...]:

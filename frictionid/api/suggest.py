@@ -64,8 +64,8 @@ class Suggestion:
         """Expected standard errors: name, unit, prior, friction_alone, inertia_free."""
         rows = []
         for entry in design_document(self.design)["parameters"]:
-            known = [entry[key] for key in ("friction_alone", "inertia_free")]
-            errors = [np.nan if entry is None else float(entry["error"]) for entry in known]
+            entries = [entry[key] for key in ("friction_alone", "inertia_free")]
+            errors = [np.nan if entry is None else float(entry["error"]) for entry in entries]
             rows.append((entry["name"], entry["unit"], entry["prior"], *errors))
         columns = ["name", "unit", "prior", "friction_alone", "inertia_free"]
         return pd.DataFrame(rows, columns=columns)

@@ -104,14 +104,14 @@ def _check_workers(client: Client, address: str) -> None:
             "--nthreads 1`"
         ) from None
     try:
-        scheduler, found = client.run_on_scheduler(_wanted), client.run(_environment)
+        scheduler, environments = client.run_on_scheduler(_wanted), client.run(_environment)
     except ModuleNotFoundError as error:
         raise InputError(
             f"{address}: scheduler or workers lack {error.name}: install the same frictionid there "
             "as here"
         ) from None
     check_equal({**scheduler, "threads": "1"}, _wanted(), f"scheduler {address}")
-    for worker, environment in found.items():
+    for worker, environment in environments.items():
         check_equal(environment, _wanted(), f"worker {worker}")
 
 
@@ -125,7 +125,7 @@ def _environment(dask_worker: Worker) -> dict[str, str]:
     return {**_wanted(), "threads": str(dask_worker.state.nthreads)}
 
 
-def check_equal(found: Mapping[str, str], wanted: Mapping[str, str], process: str) -> None:
+def check_equal(environment: Mapping[str, str], wanted: Mapping[str, str], process: str) -> None:
     """Check that a process has the versions that are wanted, and one thread.
 
     Raises
@@ -134,14 +134,14 @@ def check_equal(found: Mapping[str, str], wanted: Mapping[str, str], process: st
         At the first difference.
     """
     for name, version in wanted.items():
-        if found[name] != version:
+        if environment[name] != version:
             raise InputError(
-                f"{process}: {name} is {found[name]} there and {version} here: install the "
+                f"{process}: {name} is {environment[name]} there and {version} here: install the "
                 "same there"
             )
-    if found["threads"] != "1":
+    if environment["threads"] != "1":
         raise InputError(
-            f"{process}: has {found['threads']} threads, which share their settings: start "
+            f"{process}: has {environment['threads']} threads, which share their settings: start "
             "it with --nthreads 1, and --nworkers as many as it has cores"
         )
 
@@ -192,13 +192,13 @@ def _loaded(content: bytes) -> Any:
 @contextmanager
 def _own_modules_by_value() -> Iterator[None]:
     """Let classes of modules that are no part of a package travel with their code."""
-    own = [module for name, module in list(sys.modules.items()) if _is_own(name, module)]
-    for module in own:
+    modules = [module for name, module in list(sys.modules.items()) if _is_own(name, module)]
+    for module in modules:
         cloudpickle.register_pickle_by_value(module)
     try:
         yield
     finally:
-        for module in own:
+        for module in modules:
             cloudpickle.unregister_pickle_by_value(module)
 
 

@@ -77,6 +77,6 @@ def foreign_source(part: Any) -> bytes:
     name = type(part).__module__
     place = getattr(sys.modules.get(name), "__file__", None)
     foreign = place is not None and name.partition(".")[0] not in ("frictionid", "builtins")
-    own = Path(place).read_bytes() if foreign and place else b""
+    source = Path(place).read_bytes() if foreign and place else b""
     inner = (getattr(part, f.name) for f in fields(part)) if is_dataclass(part) else ()
-    return own + b"".join(foreign_source(value) for value in inner if is_dataclass(value))
+    return source + b"".join(foreign_source(value) for value in inner if is_dataclass(value))

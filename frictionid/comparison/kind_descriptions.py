@@ -144,7 +144,7 @@ def identifiers() -> list[KindDescription]:
     return [_identifier(name, kind) for name, kind in IDENTIFIERS.items()]
 
 
-def described(known: Iterable[KindDescription], name: str) -> KindDescription:
+def described(kinds: Iterable[KindDescription], name: str) -> KindDescription:
     """The description of a name among others.
 
     Raises
@@ -152,7 +152,7 @@ def described(known: Iterable[KindDescription], name: str) -> KindDescription:
     InputError
         Where there is none of this name, with the nearest.
     """
-    by_name = {kind.name: kind for kind in known}
+    by_name = {kind.name: kind for kind in kinds}
     if name not in by_name:
         raise InputError(f"{name!r} is unknown; {nearest(name, by_name)}")
     return by_name[name]
@@ -239,9 +239,9 @@ def _first_default(kind: Kind, setting: str) -> Any:
     """Default of a setting in the first form of the kind that has it."""
     forms = [kind.parts, *(choice.parts for choice in kind.choices)]
     for part in (part for parts in forms for part in parts if is_dataclass(part)):
-        own = next((f for f in fields(part) if f.name == setting), None)
-        if own is not None and _default(own) is not MISSING:
-            return _default(own)
+        matching = next((f for f in fields(part) if f.name == setting), None)
+        if matching is not None and _default(matching) is not MISSING:
+            return _default(matching)
     tables: list[Mapping[str, Any]] = [{}, *({c.key: c.value} for c in kind.choices)]
     return next((kind.defaults(t)[setting] for t in tables if setting in kind.defaults(t)), MISSING)
 

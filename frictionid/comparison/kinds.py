@@ -73,11 +73,11 @@ class Kind:
         """
         try:
             values = self.values(table)
-            made: tuple[Any, ...] = ()
+            inner: tuple[Any, ...] = ()
             for part in reversed(self._chosen(values)):
-                names = list(inspect.signature(part).parameters)[len(made) :]
-                made = (part(*made, **{key: values[key] for key in values if key in names}),)
-            return made[0]
+                names = list(inspect.signature(part).parameters)[len(inner) :]
+                inner = (part(*inner, **{key: values[key] for key in values if key in names}),)
+            return inner[0]
         except InputError as error:  # of a part that does not know what it is in
             text = str(error)
             raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
@@ -91,16 +91,17 @@ class Kind:
             As from `build`.
         """
         parts = self._chosen(table)
-        own = self._arguments(parts)
+        arguments = self._arguments(parts)
         # settings of parts that other choices lead to, by the first such choice
         other = {key: c for c in reversed(self.choices) for key in self._arguments(c.parts)}
         fields: dict[str, Any] = {
-            name: (a.annotation, ... if a.default is a.empty else None) for name, a in own.items()
+            name: (a.annotation, ... if a.default is a.empty else None)
+            for name, a in arguments.items()
         }
-        for key in {choice.key for choice in self.choices} - {*own, *other}:
+        for key in {choice.key for choice in self.choices} - {*arguments, *other}:
             fields[key] = self._type_of_choice(key), None
         for key in table:
-            if key in other and key not in own:
+            if key in other and key not in arguments:
                 _check_default(key, table[key], other[key], self._arguments(other[key].parts))
             elif key not in fields:
                 raise InputError(unknown(key, self.settings))
@@ -147,17 +148,17 @@ def _validated(fields: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str,
     model = create_model("Settings", __config__=STRICT, **fields)
     try:
         # strict JSON: arrays become tuples, and nothing else is converted
-        made = model.model_validate_json(json.dumps(table, default=str))
+        settings = model.model_validate_json(json.dumps(table, default=str))
     except ValidationError as invalid:
         raise InputError(mistake(invalid)) from None
-    return {name: getattr(made, name) for name in made.model_fields_set}
+    return {name: getattr(settings, name) for name in settings.model_fields_set}
 
 
-def _same(given: Any, value: bool | str) -> bool:
-    return type(given) is type(value) and bool(given == value)
+def _same(setting: Any, value: bool | str) -> bool:
+    return type(setting) is type(value) and bool(setting == value)
 
 
-def built(table: Mapping[str, Any], known: Mapping[str, Kind], where: str) -> Any:
+def built(table: Mapping[str, Any], kinds: Mapping[str, Kind], where: str) -> Any:
     """What the kind that the key `kind` names makes of the other keys of a table.
 
     Raises
@@ -166,8 +167,8 @@ def built(table: Mapping[str, Any], known: Mapping[str, Kind], where: str) -> An
         For a kind or setting that is unknown, or a value that does not fit.
     """
     if not isinstance(table.get("kind"), str):
-        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', known)}")
+        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', kinds)}")
     kind = table["kind"]
-    if kind not in known:
-        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, known)}")
-    return known[kind].build({k: v for k, v in table.items() if k != "kind"}, where)
+    if kind not in kinds:
+        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, kinds)}")
+    return kinds[kind].build({k: v for k, v in table.items() if k != "kind"}, where)

@@ -65,8 +65,8 @@ LAWS: Mapping[str, type[Law]] = dict(sorted((law.kind, law) for law in _built_in
 
 def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
     """Friction of a model file, whose law is built in or one of `module:Class`."""
-    own = {law.__name__: law for law in map(own_law, own_laws)}
-    return load_model(path, {**LAWS, **own})
+    user_laws = {law.__name__: law for law in map(own_law, own_laws)}
+    return load_model(path, {**LAWS, **user_laws})
 
 
 def _published(file: str) -> Friction:

@@ -40,19 +40,19 @@ class Space(Strict):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Space:
-        low, high, given = self.low, self.high, self.model_fields_set
+        low, high, keys = self.low, self.high, self.model_fields_set
         if self.choices is not None:
-            if given != {"choices"}:
+            if keys != {"choices"}:
                 raise ValueError("choices stand alone: no low, high, log, step beside them")
             texts = [text_of(choice) for choice in self.choices]
             if len(set(texts)) < len(texts):
                 raise ValueError(f"choices must differ, they are {self.choices}")
             return self
-        if not given >= {"low", "high"}:
+        if not keys >= {"low", "high"}:
             raise ValueError("needs low and high, or choices")
         if not low < high:
             raise ValueError(f"low = {low} must be below high = {high}")
-        if self.step < 0 or ("step" in given and self.step == 0):
+        if self.step < 0 or ("step" in keys and self.step == 0):
             raise ValueError(f"step = {self.step} must be positive")
         if self.log and (low <= 0 or self.step):
             raise ValueError("log needs a positive low, and no step")

@@ -61,7 +61,7 @@ class IdentifierEntry(Strict):
     search: Search | None = None
 
     @property
-    def given(self) -> dict[str, Any]:
+    def table(self) -> dict[str, Any]:
         """Settings of the identifier."""
         return dict(self.model_extra or {})
 
@@ -73,8 +73,8 @@ class IdentifierEntry(Strict):
     def with_settings(self, settings: Mapping[str, Any]) -> IdentifierEntry:
         """The entry with more or other settings, and nothing to search."""
         keys = {key: getattr(self, key) for key in ("kind", "name", "recipes")}
-        own = {key: value for key, value in keys.items() if value is not None}
-        return IdentifierEntry(**{**self.given, **settings, **own})
+        keys_given = {key: value for key, value in keys.items() if value is not None}
+        return IdentifierEntry(**{**self.table, **settings, **keys_given})
 
 
 class Suite(Strict):

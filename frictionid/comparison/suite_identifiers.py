@@ -41,7 +41,7 @@ def identifier_of(
     """
     where = f"identifier {entry.label!r}"
     check_recipes(entry.recipes or (), recipes, where)
-    settings = entry.given
+    settings = entry.table
     if entry.kind == "published" and isinstance(settings.get("file"), str):
         settings["file"] = str(folder / settings["file"])
     if ":" in entry.kind:
@@ -59,10 +59,12 @@ def check_recipes(names: Sequence[str], recipes: Sequence[Method], where: str) -
     InputError
         With the nearest known name.
     """
-    known = [recipe.name for recipe in recipes]
+    suite_recipes = [recipe.name for recipe in recipes]
     for name in names:
-        if name not in known:
-            raise InputError(f"{where}: the suite has no recipe {name!r}; {nearest(name, known)}")
+        if name not in suite_recipes:
+            raise InputError(
+                f"{where}: the suite has no recipe {name!r}; {nearest(name, suite_recipes)}"
+            )
 
 
 def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
@@ -82,24 +84,24 @@ def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
 def _imported(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
     """Identifier of a class "package.module:Class", or what a function beside the suite makes."""
     part = imported_for_suite(kind, folder, where)
-    own = isinstance(part, type) and issubclass(part, Identifier)
-    if is_installed(kind.partition(":")[0]) and not own:
+    is_identifier = isinstance(part, type) and issubclass(part, Identifier)
+    if is_installed(kind.partition(":")[0]) and not is_identifier:
         raise InputError(
             f"{where}: {kind!r} is no class derived from frictionid.Identifier, and "
             "installed packages are asked for nothing else"
         )
     try:
-        made = part(**settings)
+        identifier = part(**settings)
     except (TypeError, ValueError) as error:
         raise InputError(
             str(error) if isinstance(error, InputError) else f"{where}: {error}"
         ) from None
-    if not isinstance(made, Identifier):
+    if not isinstance(identifier, Identifier):
         raise InputError(
             f"{where}: {kind!r} is no identifier: derive it from "
             "frictionid.Identifier, with a method fit(problem, weights, seed)"
         )
-    return made
+    return identifier
 
 
 def on_device(part: Any, device: Any) -> Any:

@@ -132,10 +132,10 @@ def benchmarks_of(
         (path, entry.mechanism) for entry in suite.datasets for path in (entry.path, *entry.tests)
     )
     loaded = {
-        (path, own): load_dataset(
-            folder / path, data, trust=trust, mechanism=_own_mechanism(own, folder)
+        (path, mechanism): load_dataset(
+            folder / path, data, trust=trust, mechanism=_own_mechanism(mechanism, folder)
         )
-        for path, own in places
+        for path, mechanism in places
     }
     benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
     distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")

@@ -95,14 +95,14 @@ def training_set(
 def _calibrated(data: TrainingSet, recipes: Sequence[Method], folds: Folds | None) -> TrainingSet:
     """The training set with the calibrations of the recipes; equal ones are estimated once."""
     whole = folds is not None and not folds.contiguous
-    known: dict[str, Calibration] = {}
+    by_recipe: dict[str, Calibration] = {}
     calibrations = {}
     for recipe in recipes:
         if recipe.calibrator is not None:
             key = repr(recipe.calibrator)
-            if key not in known:
-                known[key] = recipe.calibrator.calibrate(data, whole)
-            calibrations[recipe.name] = part_of_calibration(known[key], recipe.corrects)
+            if key not in by_recipe:
+                by_recipe[key] = recipe.calibrator.calibrate(data, whole)
+            calibrations[recipe.name] = part_of_calibration(by_recipe[key], recipe.corrects)
     views = {
         name: calibrated_views(data.prepared, calibration, len(data.interval_weights))
         for name, calibration in calibrations.items()

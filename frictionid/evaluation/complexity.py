@@ -42,21 +42,25 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     free = np.broadcast_to(friction.law.has_parameters(len(theta)), theta.shape)
     if friction.law.is_sparse:
         free = free & (theta != 0)
-    own = friction.constraints
-    if own is not None:
-        free = free & (theta > own.low) & (theta < own.high)
+    constraints = friction.constraints
+    if constraints is not None:
+        free = free & (theta > constraints.low) & (theta < constraints.high)
     law, flat = Linearised(friction.law, problem), theta.reshape(1, -1)
     share = normalised(np.reshape(weights, (1, -1)), problem)
     residual = law.residual(flat)
     hessian = law.normal_equations(flat, residual, share)[1][0]
     precision, free = np.zeros(len(hessian)), free.ravel()
-    if own is not None:
+    if constraints is not None:
         freedom = max(int((share > 0).sum()) * len(theta) - free.size, 1)
         variance = float(np.einsum("fk,fki->", share, residual**2)) / freedom
-        precision = own.deviation.ravel() ** -2.0 * variance
-        if own.tie is not None:  # equal joints have their parameters together
-            once = own.tie.argmax(axis=0)
-            hessian, precision, free = own.tie.T @ hessian @ own.tie, precision[once], free[once]
+        precision = constraints.deviation.ravel() ** -2.0 * variance
+        if constraints.tie is not None:  # equal joints have their parameters together
+            once = constraints.tie.argmax(axis=0)
+            hessian, precision, free = (
+                constraints.tie.T @ hessian @ constraints.tie,
+                precision[once],
+                free[once],
+            )
     hessian, precision = hessian[np.ix_(free, free)], precision[free]
     return trace_of_hat(hessian, precision)
 

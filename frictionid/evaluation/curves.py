@@ -134,9 +134,9 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
     """
     if truth.get("kind") not in MODELS:
         return None
-    law, own = MODELS[truth["kind"]]
+    law, names = MODELS[truth["kind"]]
     curve = steady_state(truth, law.width)
-    columns = _columns(truth, own, curve.n)
+    columns = _columns(truth, names, curve.n)
     if isinstance(law, LuGre):
         if not (columns > 0)[:, [0, 2]].all():
             raise InputError("[truth] bristle_stiffness and damping_velocity must be positive")

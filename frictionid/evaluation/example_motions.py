@@ -59,9 +59,9 @@ def ranked_examples(
     widths = None if band is None else band(rows)
     for i, (place, s) in enumerate(zip(PLACES, rows, strict=True)):
         example = _example(q, initial, prepared, int(s))
-        own = {"place": place, "error": norm[full == s][0], "error_unit": unit}
+        place_facts = {"place": place, "error": norm[full == s][0], "error_unit": unit}
         width = None if widths is None else widths[: last[s] + 1, i]
-        yield {**example, **own, "band": width, **_drawing(prepared, example)}
+        yield {**example, **place_facts, "band": width, **_drawing(prepared, example)}
 
 
 def _moving(full: Array, initial: InitialStates, prepared: Prepared) -> Array:
@@ -108,12 +108,12 @@ def _example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> di
 def _drawing(prepared: Prepared, example: dict[str, Any]) -> dict[str, Any]:
     """Lines of the mechanism (f, k, 2 or 3) at some of an example's times; nothing without them."""
     time = example["time"]
-    some = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
+    frames = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
     mechanism = prepared.dataset.mechanism
     measured, predicted = (
-        mechanism.points(example[name][some]) for name in ("measured", "predicted")
+        mechanism.points(example[name][frames]) for name in ("measured", "predicted")
     )
     if measured is None or predicted is None:
         return {}
     lines = {"measured": measured.round(5), "predicted": predicted.round(5)}
-    return {"drawing": {"time": time[some], **lines}}
+    return {"drawing": {"time": time[frames], **lines}}

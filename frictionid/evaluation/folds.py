@@ -114,8 +114,8 @@ class Folds:
         for i, (clock, label) in enumerate(zip(self.times, self.labels, strict=True)):
             rows = np.flatnonzero(recording == i)
             for fold in np.unique(label):
-                own = np.flatnonzero(label == fold)
-                near = _distance(clock, own, time[rows], stop[rows]) < self.gap - 1e-9
+                intervals = np.flatnonzero(label == fold)
+                near = _distance(clock, intervals, time[rows], stop[rows]) < self.gap - 1e-9
                 weights[fold, rows[near]] = 0.0
         return weights
 
@@ -133,10 +133,10 @@ class Folds:
         return fold
 
 
-def _distance(clock: Array, own: Array, start: Array, stop: Array) -> Array:
+def _distance(clock: Array, places: Array, start: Array, stop: Array) -> Array:
     """Time (K,) [s] between rows [start, stop] and intervals `own` of a clock; 0 if they touch."""
-    begins = np.concatenate([clock[own], [np.inf]])
-    ends = np.concatenate([[-np.inf], clock[np.minimum(own + 1, len(clock) - 1)]])
+    begins = np.concatenate([clock[places], [np.inf]])
+    ends = np.concatenate([[-np.inf], clock[np.minimum(places + 1, len(clock) - 1)]])
     place = np.searchsorted(begins[:-1], start + 1e-9, side="right")
     return np.maximum(np.minimum(begins[place] - stop, start - ends[place]), 0.0)
 

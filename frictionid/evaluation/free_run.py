@@ -130,16 +130,16 @@ def _temperature(dataset: Dataset, times: Sequence[Array], length: int) -> Array
         temperature_at(recording, _lengthened(time, length), mechanism.joints)
         for recording, time in zip(dataset.recordings, times, strict=True)
     ]
-    known = [T for T in each if T is not None]
-    if len(known) < len(each):
+    measured = [T for T in each if T is not None]
+    if len(measured) < len(each):
         return None
-    return of_last_joints(mechanism, np.stack(known, axis=1))
+    return of_last_joints(mechanism, np.stack(measured, axis=1))
 
 
 def _lengthened(time: Array, length: int) -> Array:
     """A clock that ticks on behind its end at its usual interval."""
-    more = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
-    return np.concatenate([time, time[-1] + more])
+    after = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
+    return np.concatenate([time, time[-1] + after])
 
 
 def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
@@ -172,9 +172,9 @@ def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
     q, state = [trajectory.q[None]], State(trajectory.q, trajectory.w)
     T = trajectory.temperature
     for begin in range(0, len(trajectory.u), _AT_ONE_TEMPERATURE):
-        own = slice(begin, begin + _AT_ONE_TEMPERATURE)
+        rows = slice(begin, begin + _AT_ONE_TEMPERATURE)
         there = friction.at_temperature(None if T is None else T[begin])
-        motion = rollout(plant, there, state, trajectory.u[own], trajectory.dt[own])
+        motion = rollout(plant, there, state, trajectory.u[rows], trajectory.dt[rows])
         state = State(motion.q[-1], motion.w[-1])
         q.append(motion.q[1:])
     return np.concatenate(q)
@@ -273,24 +273,24 @@ def free_run_scores(
     a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
     """
     error = q - trajectory.measured
-    known = np.asarray(np.isfinite(trajectory.measured).all(-1))
-    error = np.where(known[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
+    measured = np.asarray(np.isfinite(trajectory.measured).all(-1))
+    error = np.where(measured[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
     units = tuple(position_units) or ("rad",) * error.shape[-1]
     norm, unit = norm_of(error, units, joint_sizes(units, trajectory.measured))
-    of, use = Score("all", "free_run", unit=unit), fold >= 0
+    score, use = Score("all", "free_run", unit=unit), fold >= 0
     for f in np.unique(fold[use]):
-        yield from _pooled(norm[:, fold == f], known[:, fold == f], of._replace(fold=str(f)))
-    yield from _pooled(norm[:, use], known[:, use], of)
-    for j, own in enumerate(units):
-        joint = of._replace(joint=str(j + 1), unit=own)
-        yield from _pooled(np.abs(error[:, use, j]), known[:, use], joint)
+        yield from _pooled(norm[:, fold == f], measured[:, fold == f], score._replace(fold=str(f)))
+    yield from _pooled(norm[:, use], measured[:, use], score)
+    for j, joint_unit in enumerate(units):
+        joint = score._replace(joint=str(j + 1), unit=joint_unit)
+        yield from _pooled(np.abs(error[:, use, j]), measured[:, use], joint)
     for r in np.flatnonzero(use):
-        yield from _pooled(norm[:, [r]], known[:, [r]], of, f" {trajectory.names[r]}")
+        yield from _pooled(norm[:, [r]], measured[:, [r]], score, f" {trajectory.names[r]}")
 
 
-def _pooled(error: Array, known: Array, of: Score, name: str = "") -> Iterator[Score]:
-    count = known.sum(axis=0)
+def _pooled(error: Array, measured: Array, score: Score, name: str = "") -> Iterator[Score]:
+    count = measured.sum(axis=0)
     mean, square = error.sum(axis=0) / count, (error**2).sum(axis=0) / count
     values = {"mean": float(mean.mean()), "rms": float(np.sqrt(square.mean()))}
     for statistic, value in values.items():
-        yield of._replace(statistic=f"{statistic}{name}", value=value)
+        yield score._replace(statistic=f"{statistic}{name}", value=value)

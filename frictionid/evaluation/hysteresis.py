@@ -144,9 +144,13 @@ def _loops_along(friction: Friction, plant: Plant, motion: _Sinusoids) -> list[H
     out = []
     for j, size in enumerate(motion.steps):
         last = (count // size - 1) * size + np.arange(size)
-        own, period = torque[:, last, j], size * motion.dt
-        measured = loop_width(w[last, j], own), loop_lag(own, period)
-        out.append(HysteresisLoop(j, motion.kind, float(1.0 / period), w[last, j], own, *measured))
+        friction_torque, period = torque[:, last, j], size * motion.dt
+        measured = loop_width(w[last, j], friction_torque), loop_lag(friction_torque, period)
+        out.append(
+            HysteresisLoop(
+                j, motion.kind, float(1.0 / period), w[last, j], friction_torque, *measured
+            )
+        )
     return out
 
 

@@ -52,8 +52,8 @@ class InitialStates(NamedTuple):
         first = {name: getattr(self, name)[rows] for name in ("recording", "index", "q", "w")}
         second = {name: getattr(self, name)[:, rows] for name in ("u", "dt", "measured", "last")}
         truth = None if self.truth is None else self.truth[:, rows]
-        own = None if self.temperature is None else self.temperature[rows]
-        return self._replace(**first, **second, truth=truth, temperature=own)
+        temperature = None if self.temperature is None else self.temperature[rows]
+        return self._replace(**first, **second, truth=truth, temperature=temperature)
 
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
@@ -88,7 +88,7 @@ def make_initial_states(
     T = int(last.max())
     torques = [averages(r.torque, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
     measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
-    known = all(r.truth is not None for r in dataset.recordings)
+    true = all(r.truth is not None for r in dataset.recordings)
     steps = [np.diff(s.time)[:, None] for s in states]
     return InitialStates(
         recording=owner,
@@ -98,7 +98,7 @@ def make_initial_states(
         u=_windows(torques, pairs, T, 0.0),
         dt=_windows(steps, pairs, T, 1e-3)[..., 0],
         measured=_windows(measured, pairs, T + 1, np.nan),
-        truth=_windows(_truths(dataset, states), pairs, T + 1, np.nan) if known else None,
+        truth=_windows(_truths(dataset, states), pairs, T + 1, np.nan) if true else None,
         horizons=horizons_,
         last=last,
         nodes=_nodes(dataset, states, plant),
@@ -190,10 +190,10 @@ def _temperatures(
         temperature_at(recording, s.time, mechanism.joints)
         for recording, s in zip(dataset.recordings, states, strict=True)
     ]
-    known = [T for T in each if T is not None]
-    if len(known) < len(each):
+    measured = [T for T in each if T is not None]
+    if len(measured) < len(each):
         return None
-    return of_last_joints(mechanism, np.stack([known[r][k] for r, k in pairs]))
+    return of_last_joints(mechanism, np.stack([measured[r][k] for r, k in pairs]))
 
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
@@ -247,12 +247,14 @@ def preceding_samples(
     rows, windows = [], np.full((len(initial.index), SAMPLES), -1)
     count = 0
     for s, (r, k) in enumerate(zip(initial.recording, initial.index, strict=True)):
-        own = place[first[r] + max(0, k - SAMPLES) : first[r] + k]
-        whole = own >= 0
-        own = own[(np.flatnonzero(~whole)[-1] + 1 if (~whole).any() else 0) :]  # behind a gap
-        windows[s, : len(own)] = count + np.arange(len(own))
-        rows.append(own)
-        count += len(own)
+        samples = place[first[r] + max(0, k - SAMPLES) : first[r] + k]
+        whole = samples >= 0
+        samples = samples[
+            (np.flatnonzero(~whole)[-1] + 1 if (~whole).any() else 0) :
+        ]  # behind a gap
+        windows[s, : len(samples)] = count + np.arange(len(samples))
+        rows.append(samples)
+        count += len(samples)
     index = np.concatenate(rows).astype(int)
     part = intervals.take(index)
     pieces = int(np.ceil(float(np.median(part.dt)) / _PIECE - 1e-6))
@@ -272,14 +274,14 @@ def estimate_initial_states(
     """
     intervals = preceding.intervals
     end, gap = solve_states(preceding, plant, friction)
-    known = preceding.windows[:, 0] >= 0
-    last = preceding.windows[known].max(axis=1)
+    preceded = preceding.windows[:, 0] >= 0
+    last = preceding.windows[preceded].max(axis=1)
     near = np.abs(end.q - intervals.after[last]).max(axis=-1) < _LOST
     near &= gap < 10.0 * preceding.sigma.max()
     for entry in (end.q, end.w, *end.memory):
         near &= np.isfinite(entry).all(-1)
     state = State(initial.q.copy(), initial.w.copy(), _memory(plant, friction, initial))
-    good = np.flatnonzero(known)[near]
+    good = np.flatnonzero(preceded)[near]
     pairs = zip((state.q, state.w, *state.memory), (end.q, end.w, *end.memory), strict=True)
     for whole, entry in pairs:
         whole[good] = entry[near]

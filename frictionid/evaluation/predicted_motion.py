@@ -87,21 +87,21 @@ def rollout_scores(
             if reference is not None and use.any():
                 at = initial.last[h, use], np.flatnonzero(use)
                 error = motion.q[at] - reference[at]
-                of = Score("all", score, horizon_s=float(horizon))
-                yield from _horizon_scores(error, fold[h, use], of, units, limit)
+                template = Score("all", score, horizon_s=float(horizon))
+                yield from _horizon_scores(error, fold[h, use], template, units, limit)
 
 
 def _horizon_scores(
-    error: Array, fold: Array, of: Score, units: Sequence[str], limit: Array
+    error: Array, fold: Array, template: Score, units: Sequence[str], limit: Array
 ) -> Iterator[Score]:
     norm, unit = norm_of(error, units, limit)
-    of, most = of._replace(unit=unit), TURN if unit == "1" else float(limit.max())
+    template, most = template._replace(unit=unit), TURN if unit == "1" else float(limit.max())
     for f in np.unique(fold):
-        yield from summarise_rollouts(norm[fold == f], of._replace(fold=str(f)), most)
-    yield from summarise_rollouts(norm, of, most)
-    for j, (unit, own) in enumerate(zip(units, limit, strict=True)):
-        joint = of._replace(joint=str(j + 1), unit=unit)
-        yield from summarise_rollouts(np.abs(error[:, j]), joint, float(own))
+        yield from summarise_rollouts(norm[fold == f], template._replace(fold=str(f)), most)
+    yield from summarise_rollouts(norm, template, most)
+    for j, (unit, joint_limit) in enumerate(zip(units, limit, strict=True)):
+        joint = template._replace(joint=str(j + 1), unit=unit)
+        yield from summarise_rollouts(np.abs(error[:, j]), joint, float(joint_limit))
 
 
 _NEVER = 1e9  # [s] to the next start

@@ -86,8 +86,8 @@ class Protocol:
         _check("every", self.every, math.isfinite(self.every) and self.every > 0, "positive [s]")
         fine = math.isfinite(self.history) and self.history >= 0
         _check("history", self.history, fine, "0 s or more, and finite")
-        known = self.initial_states in ("filter", "model")
-        _check("initial_states", self.initial_states, known, '"filter" or "model"')
+        is_estimator = self.initial_states in ("filter", "model")
+        _check("initial_states", self.initial_states, is_estimator, '"filter" or "model"')
         apart = self.sample_time
         if apart is not None:
             _check("sample_time", apart, math.isfinite(apart) and apart > 0, "positive [s]")
@@ -107,15 +107,17 @@ class EstimatedStates:
 
     dataset: Dataset
     sample_time: float | None = None
-    known: dict[Estimator, tuple[States, ...]] = field(default_factory=dict)
+    computed: dict[Estimator, tuple[States, ...]] = field(default_factory=dict)
 
     def by(self, estimator: Estimator) -> tuple[States, ...]:
         """States by an estimator."""
-        if estimator not in self.known:
-            self.known[estimator] = states_of(self._known(estimator), estimator, self.sample_time)
-        return self.known[estimator]
+        if estimator not in self.computed:
+            self.computed[estimator] = states_of(
+                self._input(estimator), estimator, self.sample_time
+            )
+        return self.computed[estimator]
 
-    def _known(self, estimator: Estimator) -> Dataset:
+    def _input(self, estimator: Estimator) -> Dataset:
         """The data set, for the causal filter without the outliers that the smoother found."""
         recordings = self.dataset.recordings
         if estimator != KalmanFilter() or self.sample_time is not None:
@@ -303,7 +305,8 @@ def calibrated_views(
         return (CalibratedView(np.arange(folds), prepared),)
     groups = _same_calibration(calibration, folds)
     return tuple(
-        CalibratedView(own, with_calibration(prepared, calibration[int(own[0])])) for own in groups
+        CalibratedView(folds_alike, with_calibration(prepared, calibration[int(folds_alike[0])]))
+        for folds_alike in groups
     )
 
 
@@ -319,7 +322,7 @@ def _same_calibration(calibration: Calibration, folds: int) -> list[Array]:
     groups: dict[bytes, list[int]] = {}
     for fold in range(folds):
         groups.setdefault(b"".join(x[fold].tobytes() for x in fields), []).append(fold)
-    return [np.array(own) for own in sorted(groups.values(), key=lambda own: own[-1])]
+    return [np.array(group) for group in sorted(groups.values(), key=lambda group: group[-1])]
 
 
 def training_of(prepared: Prepared, recipe: Recipe) -> Problem:

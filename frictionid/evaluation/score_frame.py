@@ -84,7 +84,7 @@ def score_value(
     return float(frame.value[at].iloc[0])
 
 
-def summarise(errors: Array, of: Score) -> Iterator[Score]:
+def summarise(errors: Array, score: Score) -> Iterator[Score]:
     """Mean, rms, median and 90 % quantile of absolute errors (N,), all finite."""
     statistics = {
         "mean": np.mean(errors),
@@ -93,10 +93,10 @@ def summarise(errors: Array, of: Score) -> Iterator[Score]:
         "q90": np.quantile(errors, 0.9),
     }
     for name, value in statistics.items():
-        yield of._replace(statistic=name, value=float(value))
+        yield score._replace(statistic=name, value=float(value))
 
 
-def summarise_rollouts(errors: Array, of: Score, limit: float = TURN) -> Iterator[Score]:
+def summarise_rollouts(errors: Array, score: Score, limit: float = TURN) -> Iterator[Score]:
     """Median, 90 % quantile and diverged share of rollout errors (N,), in the unit of the score.
 
     Diverged predictions stay in the quantiles, at infinity when they are not finite; errors beyond
@@ -108,8 +108,8 @@ def summarise_rollouts(errors: Array, of: Score, limit: float = TURN) -> Iterato
     """
     errors = np.where(np.isfinite(errors), errors, np.inf)
     for name, level in (("median", 0.5), ("q90", 0.9)):
-        yield of._replace(statistic=name, value=_quantile(errors, level))
-    yield of._replace(statistic="diverged", value=float(np.mean(errors > limit)), unit="1")
+        yield score._replace(statistic=name, value=_quantile(errors, level))
+    yield score._replace(statistic="diverged", value=float(np.mean(errors > limit)), unit="1")
 
 
 def _quantile(values: Array, level: float) -> float:

@@ -51,8 +51,8 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
         return whole.residual(along_own(friction[owner], whole.nodes))
     out = np.empty((len(rows), problem.r.shape[-1]))
     for f in np.unique(fold):
-        own = problem.of_rows(rows[fold == f])
-        out[fold == f] = own.residual(along(friction[int(f)], own.nodes))
+        held = problem.of_rows(rows[fold == f])
+        out[fold == f] = held.residual(along(friction[int(f)], held.nodes))
     return out
 
 
@@ -71,12 +71,14 @@ def one_step_scores(
     n = residual.shape[-1]
     units = tuple(velocity_units) or ("rad/s",) * n
     norm, unit = norm_of(residual, units, np.ones(n) if sizes is None else sizes)
-    of = Score("all", score, unit=unit)
+    template = Score("all", score, unit=unit)
     for f in np.unique(fold):
-        yield from summarise(norm[fold == f], of._replace(fold=str(f)))
-    yield from summarise(norm, of)
-    for j, own in enumerate(units):
-        yield from summarise(np.abs(residual[:, j]), of._replace(joint=str(j + 1), unit=own))
+        yield from summarise(norm[fold == f], template._replace(fold=str(f)))
+    yield from summarise(norm, template)
+    for j, joint_unit in enumerate(units):
+        yield from summarise(
+            np.abs(residual[:, j]), template._replace(joint=str(j + 1), unit=joint_unit)
+        )
 
 
 class Evaluation(NamedTuple):
@@ -144,9 +146,9 @@ def score_folds(
     )
     if views is None:
         views = calibrated_views(prepared, friction.calibration, len(friction.theta))
-    known = [view.of_folds(len(friction.theta)) for view in views]
-    own = [view for view in known if len(view.folds)]
-    rows, motions = _scored(_Model(friction, own), overall, prepared, held_out, lines)
+    views_fitted = [view.of_folds(len(friction.theta)) for view in views]
+    views_used = [view for view in views_fitted if len(view.folds)]
+    rows, motions = _scored(_Model(friction, views_used), overall, prepared, held_out, lines)
     return Evaluation(score_frame(rows), [{**m, "friction_of": "fold"} for m in motions])
 
 
@@ -220,8 +222,8 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
             use = np.isin(held, folds)
             place = np.searchsorted(folds, held[use])
             problem: Problem = getattr(data, name)
-            own = held_out_residual(model.friction[folds], problem, use, place)
-            residual[use] = own[:, : data.plant.n]  # coupled parts add no rows
+            unexplained = held_out_residual(model.friction[folds], problem, use, place)
+            residual[use] = unexplained[:, : data.plant.n]  # coupled parts add no rows
             energy[:, use] = dissipated(problem, residual[use], use)
         yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
     if not model.friction.mechanism:  # of the momentum balance, the last one
@@ -232,9 +234,9 @@ def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
     """Energy that the model's friction takes, in units of what the motion implies (2, K)."""
     parts = [(str(f), fold == f) for f in np.unique(fold)]
     for name, rows in (*parts, ("all", np.ones(len(fold), dtype=bool))):
-        implied, own = energy[:, rows].sum(axis=1)
+        implied, taken = energy[:, rows].sum(axis=1)
         if implied > 0:
-            yield Score(name, "dissipated_energy", "ratio", value=float(own / implied))
+            yield Score(name, "dissipated_energy", "ratio", value=float(taken / implied))
 
 
 def _rollouts(
@@ -249,14 +251,14 @@ def _rollouts(
     preceding = None if true else _preceding(first, rows)
     plant = first.plant[initial.recording]
     p = np.array(plant.p)
-    for data, own in model.owned(owner):
+    for data, starts in model.owned(owner):
         if data is first:
             continue
-        initial = initial.with_rows(_initial_states(data, rows, true), own)
-        p[own] = data.plant.p[initial.recording[own]]
+        initial = initial.with_rows(_initial_states(data, rows, true), starts)
+        p[starts] = data.plant.p[initial.recording[starts]]
         other = _preceding(data, rows)
         if preceding is not None and other is not None:
-            preceding = preceding.with_rows(other, np.isin(preceding.owner, own))
+            preceding = preceding.with_rows(other, np.isin(preceding.owner, starts))
     plant = replace(plant, p=p)
     return initial, predict(plant, model.friction[owner], initial, preceding)
 
@@ -281,8 +283,8 @@ def _initial_states(data: Prepared, rows: Array | None, true: bool) -> InitialSt
 
 
 def _preceding(data: Prepared, rows: Array | None) -> SampleWindows | None:
-    known = data.preceding
-    return known if known is None or rows is None else known.take(rows)
+    preceding = data.preceding
+    return preceding if preceding is None or rows is None else preceding.take(rows)
 
 
 def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
@@ -293,9 +295,9 @@ def _free_run_scores(model: _Model, held: Array) -> Iterator[Score]:
     measured, q = np.empty_like(trajectory.measured), np.empty_like(trajectory.measured)
     for data, rows in model.owned(owner):
         if len(rows) and data.trajectory is not None:
-            own = data.trajectory.take(rows)
-            measured[:, rows] = own.measured
-            q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], own)
+            trajectories = data.trajectory.take(rows)
+            measured[:, rows] = trajectories.measured
+            q[:, rows] = free_run(data.plant[rows], model.friction[owner[rows]], trajectories)
     units = model.views[0].data.position_units
     yield from free_run_scores(q, trajectory._replace(measured=measured), held, units)
 

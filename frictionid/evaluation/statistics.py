@@ -121,8 +121,8 @@ def paired(mine: Array, other: Array) -> Pair:
     """
     if len(mine) != len(other) or len(mine) < 2:
         return Pair(float("nan"), float("nan"), 0)
-    known = np.isfinite(mine) & np.isfinite(other)
-    if not known.all():
+    finite = np.isfinite(mine) & np.isfinite(other)
+    if not finite.all():
         return Pair(float("nan"), float("nan"), len(mine))
     test = correlated_test(mine - other, 0.0)
     return Pair(test.mean, test.error, test.folds, test.p_value)
@@ -208,8 +208,8 @@ def choose(
     best = int(np.argmin(means))
     region = float(np.log(1.0 + REGION)) if relative else REGION * float(means[best])
     standings = []
-    for place, own in enumerate(errors):
-        test = correlated_test(own - errors[best], region) if finite[place] else None
+    for place, model_errors in enumerate(errors):
+        test = correlated_test(model_errors - errors[best], region) if finite[place] else None
         standings.append(Standing(_standing(test, place == best), test))
     last = np.zeros(len(errors)) if implausible is None else implausible
     order = np.lexsort((means, complexity, last))

@@ -66,11 +66,11 @@ def _parts(recording: Recording) -> tuple[Recording, Recording]:
     moment = begin + TRAINING * (end - begin)
 
     def part(late: bool) -> Recording:
-        def own(signal: Signal) -> Signal:
+        def part_of(signal: Signal) -> Signal:
             return taken(signal, (signal.time >= moment) == late)
 
-        velocity = recording.velocity and own(recording.velocity)
-        return replace(recording, angle=own(recording.angle), velocity=velocity)
+        velocity = recording.velocity and part_of(recording.velocity)
+        return replace(recording, angle=part_of(recording.angle), velocity=velocity)
 
     return part(False), part(True)
 
@@ -126,14 +126,14 @@ def cases_of(tasks: Sequence[Task], settings: SensitivitySettings) -> list[Case]
         protocol = replace(task.benchmark.protocol, horizons=(settings.horizon,), loops=None)
         benchmark = Benchmark(task.benchmark.dataset, task.benchmark.folds, protocol)
         for recipe in with_and_without_inertia(task.recipe):
-            own = task._replace(benchmark=benchmark, recipe=recipe)
-            cases += [Case(own, v) for v in variations_of(benchmark.dataset, settings)]
+            varied = task._replace(benchmark=benchmark, recipe=recipe)
+            cases += [Case(varied, v) for v in variations_of(benchmark.dataset, settings)]
     return cases
 
 
 def _chosen(tasks: Sequence[Task], settings: SensitivitySettings, where: str) -> list[Task]:
     """Tasks of the identifiers and recipes that are asked for, with the first seed."""
-    known = dict.fromkeys(task.name for task in tasks)
+    names = dict.fromkeys(task.name for task in tasks)
     usual = [
         task.name
         for task in tasks
@@ -147,14 +147,14 @@ def _chosen(tasks: Sequence[Task], settings: SensitivitySettings, where: str) ->
         )
     identifiers = settings.identifiers or usual[:1]
     for name in identifiers:
-        if name not in known:
-            raise InputError(f"{where}: identifier {name!r} is unknown; {nearest(name, known)}")
-    own = [task for task in tasks if task.name in identifiers]
-    recipes = dict.fromkeys(task.recipe.name for task in own)
+        if name not in names:
+            raise InputError(f"{where}: identifier {name!r} is unknown; {nearest(name, names)}")
+    chosen = [task for task in tasks if task.name in identifiers]
+    recipes = dict.fromkeys(task.recipe.name for task in chosen)
     for name in settings.recipes or ():
         if name not in recipes:
             raise InputError(f"{where}: recipe {name!r} is unknown; {nearest(name, recipes)}")
-    first = {(t.benchmark.dataset.name, t.name, t.recipe.name): t for t in reversed(own)}
+    first = {(t.benchmark.dataset.name, t.name, t.recipe.name): t for t in reversed(chosen)}
     return [
         task
         for task in reversed(first.values())

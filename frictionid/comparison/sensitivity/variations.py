@@ -178,20 +178,20 @@ def _at_lower_rate(dataset: Dataset, variation: Variation) -> Dataset:
     """One of so many samples of the angles; the torque's clock stays."""
     keep = int(variation.amount)
 
-    def thinned(signal: Signal) -> Signal:
+    def thinned_signal(signal: Signal) -> Signal:
         return taken(signal, np.arange(0, len(signal.time), keep))
 
-    def of(recording: Recording) -> Recording:
+    def thinned(recording: Recording) -> Recording:
         if len(recording.angle.time) < keep * FEWEST:
             raise InputError(
                 f"data set {dataset.name!r}: recording {recording.name!r} has "
                 f"{len(recording.angle.time)} samples, one of {keep} leaves fewer than {FEWEST}: "
                 "leave this rate out"
             )
-        velocity = recording.velocity and thinned(recording.velocity)
-        return replace(recording, angle=thinned(recording.angle), velocity=velocity)
+        velocity = recording.velocity and thinned_signal(recording.velocity)
+        return replace(recording, angle=thinned_signal(recording.angle), velocity=velocity)
 
-    return replace(dataset, recordings=tuple(map(of, dataset.recordings)))
+    return replace(dataset, recordings=tuple(map(thinned, dataset.recordings)))
 
 
 def _with_fewer(dataset: Dataset, variation: Variation) -> Dataset:

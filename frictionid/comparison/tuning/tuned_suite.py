@@ -16,7 +16,7 @@ from frictionid.files import read_bytes
 
 def by_task(results: Sequence[StudyResult]) -> list[list[StudyResult]]:
     """Results grouped by what they tune."""
-    return [list(own) for _, own in groupby(results, key=lambda r: r.task.title)]
+    return [list(group) for _, group in groupby(results, key=lambda r: r.task.title)]
 
 
 def best_of(results: Sequence[StudyResult]) -> StudyResult:
@@ -40,7 +40,7 @@ def chosen_suite(
     document["datasets"] = [
         _moved(entry, file, place) for entry in document["datasets"] if _is(entry, file, name)
     ]
-    best = [best_of(own) for own in by_task(results)]
+    best = [best_of(task_results) for task_results in by_task(results)]
     document["identifiers"] = [
         entry for table in document["identifiers"] for entry in _chosen(table, best, file, place)
     ]
@@ -68,14 +68,14 @@ def _chosen(
     if entry["kind"] == "published" and "file" in entry:
         entry["file"] = _from(file.parent / entry["file"], place)
     name = entry.get("name", str(entry["kind"]).rpartition(":")[2])
-    own = [result for result in best if result.task.name == name]
-    if "search" not in table or not own:
+    chosen = [result for result in best if result.task.name == name]
+    if "search" not in table or not chosen:
         return [entry]
-    if len(own) == 1:
-        return [{**entry, **own[0].best.settings}]
+    if len(chosen) == 1:
+        return [{**entry, **chosen[0].best.settings}]
     return [
         {**entry, **r.best.settings, "name": f"{name}-{recipe}", "recipes": [recipe]}
-        for r in own
+        for r in chosen
         for recipe in [r.task.recipe.name]
     ]
 

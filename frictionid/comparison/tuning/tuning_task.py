@@ -51,8 +51,8 @@ class TuningTask:
     @property
     def suite_settings(self) -> dict[str, Any]:
         """Settings to search as the suite, or else the identifier's defaults, have them."""
-        given, kind = self.entry.given, IDENTIFIERS.get(self.entry.kind)
-        both = {**(kind.defaults(given) if kind else {}), **given}
+        settings, kind = self.entry.table, IDENTIFIERS.get(self.entry.kind)
+        both = {**(kind.defaults(settings) if kind else {}), **settings}
         plain = {k: list(v) if isinstance(v, tuple) else v for k, v in both.items()}
         return {key: plain[key] for key in self.search if plain.get(key) is not None}
 
@@ -107,7 +107,7 @@ def _complete(entry: IdentifierEntry) -> IdentifierEntry:
     A setting without a default may be left to the search.
     """
     first = {key: space.ends[0] for key, space in (entry.search or {}).items()}
-    return entry.with_settings({**first, **entry.given})
+    return entry.with_settings({**first, **entry.table})
 
 
 def _check_space(entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]) -> None:
