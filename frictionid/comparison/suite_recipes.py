@@ -33,7 +33,9 @@ Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
 SHOOTING = Kind((Settings,))
 TORQUES = Kind((TorqueSettings,))
-_REFINING: Mapping[str, Method] = {own.name: own for own in (Shooting(), InverseDynamics())}
+_REFINING: Mapping[str, Method] = {
+    method.name: method for method in (Shooting(), InverseDynamics())
+}
 _NAMES = (*RECIPES, *_REFINING)
 _BLOCK_KEYS = ("free", "fixed", "priors", "start")  # what these have beside their settings
 
@@ -112,8 +114,8 @@ class RecipeEntry(Strict):
     def keys(self, kind: Kind, *others: str) -> dict[str, Any]:
         """The keys that the table has of the settings of a kind, and of others."""
         table = {key: getattr(self, key) for key in others} | (self.model_extra or {})
-        known = (*kind.settings, *others)
-        return {k: v for k, v in table.items() if k in known and v is not None}
+        names = (*kind.settings, *others)
+        return {k: v for k, v in table.items() if k in names and v is not None}
 
 
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
@@ -125,7 +127,7 @@ def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
 def recipe_of(
     entry: RecipeEntry,
     one_step: Mapping[str, Recipe] | None = None,
-    known: KnownCalibration | None = None,
+    held: KnownCalibration | None = None,
 ) -> Method:
     """Recipe of its table; `one_step` has those that it may name.
 
@@ -146,36 +148,36 @@ def recipe_of(
                 f"{entry.where}: {[*steps, *shots][0]} does not go with calibration: "
                 "name a recipe by like"
             )
-        return _calibrated(entry, one_step, known)
+        return _calibrated(entry, one_step, held)
     if steps:
         raise InputError(
             f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
         )
     if (entry.by or entry.name) == "inverse_dynamics":
         return inverse_dynamics_of(entry, one_step)
-    return shooting_of(entry, one_step, known)
+    return shooting_of(entry, one_step, held)
 
 
 def one_step_of(entry: RecipeEntry) -> Recipe:
     """One-step recipe of its table: "study" and "integral" by name, others by their keys."""
-    given = entry.keys(ONE_STEP, "states")
+    keys = entry.keys(ONE_STEP, "states")
     if shots := list(entry.keys(SHOOTING, *_BLOCK_KEYS)):
         raise InputError(f'{entry.where}: {shots[0]} needs by = "shooting"')
     if shots := list(entry.keys(TORQUES)):
         raise InputError(f'{entry.where}: {shots[0]} needs by = "inverse_dynamics"')
     if entry.name in RECIPES:
-        if given:
-            first = next(iter(given))
+        if keys:
+            first = next(iter(keys))
             raise InputError(f"{entry.where} has its own {first}: give yours another name")
         return RECIPES[entry.name]
-    if "states" not in given or "scheme" not in given:
+    if "states" not in keys or "scheme" not in keys:
         raise InputError(
             f"{entry.where} is unknown; {nearest(entry.name, _NAMES)}; "
             "one's own needs states and scheme"
         )
-    states = built(given.pop("states"), ESTIMATORS, f"{entry.where}, states")
+    states = built(keys.pop("states"), ESTIMATORS, f"{entry.where}, states")
     try:
-        return Recipe(entry.name, states, **ONE_STEP.values(given))
+        return Recipe(entry.name, states, **ONE_STEP.values(keys))
     except InputError as error:
         text = str(error).removeprefix(f"{entry.where}: ")
         raise InputError(f"{entry.where}: {text}") from None
@@ -184,19 +186,19 @@ def one_step_of(entry: RecipeEntry) -> Recipe:
 def shooting_of(
     entry: RecipeEntry,
     one_step: Mapping[str, Recipe] | None = None,
-    known: KnownCalibration | None = None,
+    held: KnownCalibration | None = None,
 ) -> Shooting:
     """Shooting with the blocks and settings of its table."""
     start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    known = known or _known(entry.known)
+    held = held or _calibration_in(entry.known)
     free = entry.free or [
-        block.name for block in DEFAULT_BLOCKS if not known or block.enters == "friction"
+        block.name for block in DEFAULT_BLOCKS if not held or block.enters == "friction"
     ]
     blocks = blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where)
     if entry.free is None:
         blocks = _sampled(blocks)
     settings = SHOOTING.build(_only(SHOOTING, entry), entry.where)
-    return Shooting(entry.name, blocks, settings, start, known)
+    return Shooting(entry.name, blocks, settings, start, held)
 
 
 def inverse_dynamics_of(
@@ -208,8 +210,8 @@ def inverse_dynamics_of(
     start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
     settings = TORQUES.build(_only(TORQUES, entry), entry.where)
     if entry.free is None:
-        own = InverseDynamics()
-        free = [block.name for block in own.blocks]
+        default = InverseDynamics()
+        free = [block.name for block in default.blocks]
         blocks = _sampled(blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where))
     else:
         blocks = blocks_of(entry.free, entry.fixed or [], entry.priors or {}, entry.where)
@@ -234,13 +236,13 @@ def _only(kind: Kind, entry: RecipeEntry) -> dict[str, Any]:
 def _calibrated(
     entry: RecipeEntry,
     one_step: Mapping[str, Recipe] | None,
-    known: KnownCalibration | None = None,
+    held: KnownCalibration | None = None,
 ) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by the calibration of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
     if calibration is None and like is not None and entry.known is not None:
         step = one_step_named(like, one_step, f"{entry.where}: like")
-        return _held(entry.name, step, known or _known(entry.known))
+        return _held(entry.name, step, held or _calibration_in(entry.known))
     if calibration is None or like is None:
         lost = "calibration" if calibration is None else "like"
         raise InputError(
@@ -253,13 +255,13 @@ def _calibrated(
     return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
 
 
-def _held(name: str, step: Recipe, known: KnownCalibration | None) -> CalibratedRecipe:
+def _held(name: str, step: Recipe, held: KnownCalibration | None) -> CalibratedRecipe:
     """A one-step recipe on data corrected by a known calibration."""
     nothing = IDENTIFIERS["none"].build({}, name)
-    return CalibratedRecipe(name, step, Shooting(blocks=(), held=known), nothing, PARTS)
+    return CalibratedRecipe(name, step, Shooting(blocks=(), held=held), nothing, PARTS)
 
 
-def _known(file: str | None) -> KnownCalibration | None:
+def _calibration_in(file: str | None) -> KnownCalibration | None:
     """The calibration of a model file."""
     return None if file is None else known_calibration(friction_of(Path(file)), file)
 
@@ -306,12 +308,12 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
 
 def one_step_named(name: str, one_step: Mapping[str, Recipe] | None, where: str) -> Recipe:
     """One-step recipe of a name: "study", "integral", or one of a suite."""
-    known = {**RECIPES, **(one_step or {})}
+    recipes = {**RECIPES, **(one_step or {})}
     if name in _REFINING:
         raise InputError(f"{where} = {name!r} must be a one-step recipe")
-    if name not in known:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, known)}")
-    return known[name]
+    if name not in recipes:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, recipes)}")
+    return recipes[name]
 
 
 def recipe_named(name: str) -> Method:
