@@ -9,7 +9,8 @@ DOCS := .venv/frictionid.docs
 
 # Each worker computes on one thread: two workers with two threads each are slower on two cores.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NUM_THREADS=1
-# Tests start commands more than a hundred times: bytecode is kept wherever the shell says otherwise.
+# Tests start commands more than a hundred times: bytecode is kept wherever the shell says otherwise,
+# and loops that have changed are compiled before, not by each worker.
 COMPILED := PYTHONDONTWRITEBYTECODE=
 
 .PHONY: help compare compare-all test damage mutants check format bench docs clean ALWAYS
@@ -27,6 +28,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
+	@$(ONE_THREAD) $(COMPILED) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes); of readers: ARGS="--readers --count 1000"

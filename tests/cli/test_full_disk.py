@@ -11,6 +11,7 @@ from contextlib import suppress
 import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
 from fixtures.paths import ROOT
+from fixtures.result_folders import leave_blank
 from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
 from fixtures.tiny_pendulums import compare_into
 
@@ -73,7 +74,10 @@ CASES = {
 
 
 @pytest.mark.parametrize(("name", "words"), CASES.values(), ids=CASES)
-def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(places, tmp_path, name, words):
+def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
+    places, tmp_path, monkeypatch, name, words
+):
+    leave_blank(monkeypatch)
     folder = places.get(name, places["result"].parent / name)
     before = contents(folder)
     status, said = on_a_full_disk(folder, words, tmp_path / "said")
