@@ -28,12 +28,12 @@ from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.rig.camera.angles import Angles
+from frictionid.rig.camera.film import Film, write_film
 from frictionid.rig.camera.marker_setup import Links, Marker, MarkerSetup
 from frictionid.rig.camera.propose import propose
+from frictionid.rig.camera.scene import Look, View
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.rig.film.film import Film, write_film
-from frictionid.rig.film.scene import Look, View
 
 ROOT = Path(__file__).parents[1]
 LENGTHS = (0.153, 0.175)

@@ -18,7 +18,7 @@ import numpy as np
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 from frictionid.mechanics import acrobot
-from frictionid.rig.align import align
+from frictionid.rig.align.clock import align
 from frictionid.simulate import (
     Camera,
     Curve,

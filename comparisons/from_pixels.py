@@ -24,12 +24,12 @@ from scipy.interpolate import CubicHermiteSpline
 from frictionid import load_dataset
 from frictionid.data.recordings import Recording
 from frictionid.rig.camera.angles import Angles
+from frictionid.rig.camera.film import Film, write_film
 from frictionid.rig.camera.marker_setup import Links, MarkerSetup
 from frictionid.rig.camera.propose import propose
+from frictionid.rig.camera.scene import Look, View
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.rig.film.film import Film, write_film
-from frictionid.rig.film.scene import Look, View
 
 ROOT = Path(__file__).parents[1]
 CLEAN = ROOT / "data" / "acrobot_clean"

@@ -23,7 +23,7 @@ from fixtures.drive_ports import flood, logger, setup, until
 
 from frictionid.rig.logfile import read_log
 from frictionid.rig.protocol import parsed, written
-from frictionid.rig.virtual_drive.serve import Terminal
+from frictionid.rig.virtual_port import Terminal
 
 LINES, DAMAGED, UNPLUGGED = 600_000, 0.01, 3
 KILLED, RATE = 50, 1000
@@ -65,7 +65,7 @@ def killed(folder: Path, seed: int) -> tuple[int, int]:
         log = logger(terminal.link, out, made)
         while True:
             log.pump(1.0)
-    until(lambda: bool(terminal.heard(0.1)))
+    until(lambda: bool(terminal.received(0.1)))
     start, end, sent = time.monotonic(), float(generator.uniform(1.2, 3.0)), 0
     moments = []
     while (now := time.monotonic() - start) < end:

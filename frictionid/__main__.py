@@ -22,9 +22,7 @@ from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
 from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
 from frictionid.errors import InputError
-from frictionid.rig.cli.align import align
-from frictionid.rig.cli.log import excite, log, simulate_drive
-from frictionid.rig.cli.track import render, track
+from frictionid.rig.cli import align, excite, log, render, simulate_drive, track
 
 app = typer.Typer(
     name="frictionid",

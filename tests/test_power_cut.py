@@ -144,7 +144,7 @@ def test_a_log_keeps_its_synced_rows_and_shows_none_that_never_was(tmp_path, mon
         time_ = read_log(path).columns["time"]
         assert time_[:safe].tolist() == list(range(safe))
         assert np.all(np.diff(time_) > 0) and set(time_) <= set(range(900))
-        again = Appender(path, layout.header, more=True)
+        again = Appender(path, layout.header, append=True)
         again.append([row(layout, 1000)])
         again.close()
         assert read_log(path).columns["time"].tolist() == [*time_, 1000]

@@ -153,7 +153,6 @@ KEYS = {("suite_recipes.py", "known")}  # names that files of users have
 UNCLEARED = {
     *("api", "data"),
     *("fitting", "friction"),
-    "rig",
 }
 
 

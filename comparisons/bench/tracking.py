@@ -11,9 +11,9 @@ import numpy as np
 from camera import PLAIN, decoded, errors, fast, marker_setup_of
 from case import Case, Part, Side
 
+from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.rig.film.film import write_film
 
 SECONDS = 5
 

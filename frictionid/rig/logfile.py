@@ -94,9 +94,9 @@ def unified_time(runs: ClockRuns, host: Array) -> tuple[Array, float]:
     time, uncertainty = runs.time.copy(), 0.0
     first, delays = 0.0, []
     for run in range(int(runs.number.max(initial=0)) + 1):
-        own = (runs.number == run) & runs.kept
-        if own.any():
-            late = host[own] - runs.time[own]
+        rows = (runs.number == run) & runs.kept
+        if rows.any():
+            late = host[rows] - runs.time[rows]
             soonest = float(late.min())
             first = soonest if run == 0 else first
             time[runs.number == run] += soonest - first
@@ -182,10 +182,10 @@ class Appender:
         be written: those before are safe.
     """
 
-    def __init__(self, path: Path, header: str, *, more: bool = False) -> None:
+    def __init__(self, path: Path, header: str, *, append: bool = False) -> None:
         self.path, self.rows = path, 0
         existed = path.exists()
-        if existed and not more:
+        if existed and not append:
             raise InputError(
                 f"{path} exists and is not overwritten: choose another name, or --append to it"
             )

@@ -73,12 +73,12 @@ class Format:
                 raise InputError(f"columns: {name!r} is no name of letters, digits and _, or taken")
             if self.columns.count(name) > 1:
                 raise InputError(f"columns: {name!r} is named twice; each value has its own name")
-        for label, value, known in (
+        for label, value, values in (
             ("unit", self.unit, SECOND),
             ("checksum", self.checksum, CHECKSUMS),
         ):
-            if value not in known:
-                raise InputError(f"{label} = {value!r} is unknown; known: {', '.join(known)}")
+            if value not in values:
+                raise InputError(f"{label} = {value!r} is unknown; known: {', '.join(values)}")
         for label, text in (("mark", self.mark), ("separator", self.separator)):
             fine = text.isascii() and text.isprintable() and text not in tuple("*+-.eE")
             if not fine or len(text) > 1 or text.isalnum() or (label == "separator" and not text):
@@ -129,8 +129,8 @@ def parsed(form: Format, remainder: bytes, new: bytes) -> Parsed:
 def read(form: Format, line: bytes) -> Cells | None:
     """Values of a line as they were written, or None where it is damaged."""
     line = _candidate(form, line)
-    found = _pattern(form).fullmatch(line) if len(line) <= MAX_LINE else None
-    if found is None:
+    match = _pattern(form).fullmatch(line) if len(line) <= MAX_LINE else None
+    if match is None:
         return None
     if form.checksum == "none":
         return tuple(line.split(form.separator.encode()))

@@ -170,8 +170,8 @@ def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
     _check_tables(document, file)
     if "motor" not in document:
         raise InputError(f"{file}: the table [motor] is missing; add it with kt [N m/A] and gear")
-    given = document["motor"]
-    tables = given if isinstance(given, list) else [given]
+    motor = document["motor"]
+    tables = motor if isinstance(motor, list) else [motor]
     motors = tuple(checked(Motor, table, f"{file}: [motor]") for table in tables)
     protocol = checked(ProtocolSettings, document.get("protocol", {}), f"{file}: [protocol]")
     for motor in motors:

@@ -10,7 +10,7 @@ from fixtures.tiny_pendulums import dataset, recordings, write_dataset
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
-from frictionid.rig.film.scene import View
+from frictionid.rig.camera.scene import View
 from frictionid.simulate import Steps
 from frictionid.simulate.torques import Multisine, Noise
 

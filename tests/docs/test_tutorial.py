@@ -20,7 +20,7 @@ from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.reader_names import READERS
 from frictionid.data.readers.ros import RosSettings
 from frictionid.data.signals import sample
-from frictionid.rig.align.recording_folder import AngleColumns
+from frictionid.rig.align.align_files import AngleColumns
 from frictionid.rig.protocol import written
 from frictionid.rig.rig_settings import rig_settings_of
 

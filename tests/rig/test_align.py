@@ -13,15 +13,11 @@ import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
-from frictionid.rig.align import Clock, align
+from frictionid.rig.align.align_files import load_rig, read_angles
+from frictionid.rig.align.clock import Clock, align
 from frictionid.rig.align.cross_correlation import check_spans
 from frictionid.rig.align.drive_response import drive_response
-from frictionid.rig.align.recording_folder import (
-    add_recording,
-    check_place,
-    head_of,
-    read_angles,
-)
+from frictionid.rig.align.recording_folder import add_recording, check_place
 from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
 
@@ -113,7 +109,7 @@ def test_a_motion_that_repeats_itself_needs_a_marker(motion):
     part = cut(angle, 5.0, 15.0)
     with pytest.raises(InputError, match="does not repeat itself, or a marker"):
         align(TABLE, part, twice)
-    known = align(TABLE, part, twice, known=Clock(0.2, 0.0, 10.0))
+    known = align(TABLE, part, twice, start=Clock(0.2, 0.0, 10.0))
     assert known.clock.offset == pytest.approx(0.0, abs=2e-3)
 
 
@@ -256,7 +252,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     # a second recording joins; the same name only when it may replace
     again = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
     assert "has a recording 'day'" in call(*again)[2]
-    head = head_of(TABLE, (True,), "previous")
+    head = load_rig(tmp_path / "rig.toml").head("previous")
     check_place(tmp_path / "data", "night", head, False)
     add_recording(tmp_path / "data", "night", head, recording.angle, recording.torque)
     first, second = load_dataset(tmp_path / "data").recordings
@@ -311,9 +307,9 @@ def test_angles_may_be_named_and_in_degrees(tmp_path):
     rows = [f"{k / 60:.4f},{k},{k % 2}" for k in range(20)]
     path.write_text("\n".join(["t,theta,led", *rows]) + "\n")
     own = {"time": "t", "columns": ["theta"], "unit": "deg"}
-    found = read_angles(path, own, 1, "led")
-    np.testing.assert_allclose(found.angle.value[:, 0], np.radians(np.arange(20.0)))
-    assert found.marker.value.sum() == 10
+    angle, marker = read_angles(path, own, 1, "led")
+    np.testing.assert_allclose(angle.value[:, 0], np.radians(np.arange(20.0)))
+    assert marker.value.sum() == 10
     with pytest.raises(InputError, match="must name one column for each of 1 joints"):
         read_angles(path, {**own, "columns": ["theta", "led"]}, 1)
 

@@ -24,13 +24,13 @@ from fixtures.simulated_films import (
 from frictionid.data.marker_geometry import flattened
 from frictionid.data.recordings import TrueMotion
 from frictionid.rig.camera.angles import angles_csv, calibrate_view
+from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.follow import follow, gather
 from frictionid.rig.camera.marker_setup import Camera, Links, Marker, MarkerSetup
 from frictionid.rig.camera.propose import propose
+from frictionid.rig.camera.scene import chain
 from frictionid.rig.camera.source import Source, open_source
 from frictionid.rig.camera.track import follow_by_thresholds, track
-from frictionid.rig.film.film import write_film
-from frictionid.rig.film.scene import chain
 
 EASY = Film(LENGTHS, view=SMALL)
 

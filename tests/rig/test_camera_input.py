@@ -24,16 +24,16 @@ from fixtures.simulated_films import (
 import frictionid as fid
 from frictionid import load_dataset
 from frictionid.errors import InputError
+from frictionid.rig.camera.film import shots, write_film
 from frictionid.rig.camera.marker_setup import (
     Links,
     Marker,
     load_marker_setup,
     marker_setup_text,
 )
-from frictionid.rig.camera.overlay import contact_sheet
 from frictionid.rig.camera.source import Source, open_source
 from frictionid.rig.camera.track import track
-from frictionid.rig.film.film import shots, write_film
+from frictionid.rig.camera.tracked import contact_sheet
 
 FILM = Film(LENGTHS, view=SMALL)
 MOTION = motion(60)
@@ -287,7 +287,7 @@ def test_a_film_that_broke_off_is_none(tmp_path, monkeypatch):
         yield from itertools.islice(shots(FILM, MOTION), 3)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(import_module("frictionid.rig.film.film"), "shots", broken)
+    monkeypatch.setattr(import_module("frictionid.rig.camera.film"), "shots", broken)
     with pytest.raises(KeyboardInterrupt):
         write_film(FILM, MOTION, tmp_path / "half")
     assert not list(tmp_path.iterdir())

@@ -23,7 +23,7 @@ from frictionid.rig.logfile import read_log
 from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
 from frictionid.rig.protocol import framed, read
 from frictionid.rig.rig_settings import rig_settings_of
-from frictionid.rig.virtual_drive.controller import (
+from frictionid.rig.virtual_drive import (
     RAMP,
     SILENCE,
     Controller,
@@ -32,7 +32,7 @@ from frictionid.rig.virtual_drive.controller import (
     broken_line,
     torque_of,
 )
-from frictionid.rig.virtual_drive.serve import Terminal, play
+from frictionid.rig.virtual_port import Terminal, play
 
 QUIET = ["-c", "import sys; from frictionid.__main__ import main; sys.exit(main())"]
 

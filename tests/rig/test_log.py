@@ -17,11 +17,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
-from frictionid.rig.log import Port
+from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
 from frictionid.rig.logfile import Appender, Layout, Log, read_log
-from frictionid.rig.monitor import ProgressLine, log_until, progress, stop_requests
 from frictionid.rig.protocol import parsed, read, written
-from frictionid.rig.virtual_drive.serve import Terminal
+from frictionid.rig.virtual_port import Terminal
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
 
@@ -115,9 +114,9 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
         assert read_log(path).columns["time"].tolist() == list(range(whole))
     if torn and "\n" not in torn and torn != layout.header:
         with pytest.raises(InputError, match="has other columns"):
-            Appender(path, layout.header, more=True)
+            Appender(path, layout.header, append=True)
         return
-    file = Appender(path, layout.header, more=True)
+    file = Appender(path, layout.header, append=True)
     file.append([layout.row("99.000000", (b"99000000", b"0.1", b"0.25"))])
     file.close()
     assert read_log(path).columns["time"].tolist() == [*range(whole), 99.0]
@@ -141,13 +140,13 @@ def test_a_log_is_never_overwritten(tmp_path):
     with pytest.raises(InputError, match="exists and is not overwritten"):
         Appender(path, "host,time")
     with pytest.raises(InputError, match="has other columns"):
-        Appender(path, "host,time", more=True)
+        Appender(path, "host,time", append=True)
     assert path.read_text() == "mine"
 
 
 def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
     with pytest.raises(InputError, match=r"No space left.*0 rows before are safe"):
-        Appender(Path("/dev/full"), "host,time", more=True)
+        Appender(Path("/dev/full"), "host,time", append=True)
 
 
 def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):

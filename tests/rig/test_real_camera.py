@@ -18,5 +18,5 @@ def test_the_marker_of_a_real_frame_is_found(real_data):
     step = Follower(MarkerSetup(markers=[Marker(name="pivot", at=[189.0, 105.0]), bob])).step(
         Frame(0.0, frame)
     )
-    assert step.found.all()
+    assert step.seen.all()
     assert np.hypot(*(step.at[1] - there)) < 4.0

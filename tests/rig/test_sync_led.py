@@ -26,16 +26,16 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of
-from frictionid.rig.align import align
+from frictionid.rig.align.clock import align
 from frictionid.rig.align.cross_correlation import coarse_offset
 from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.rig.camera.angles import angles_csv
+from frictionid.rig.camera.film import load_film, write_film
 from frictionid.rig.camera.marker_setup import SyncLed as TrackedLed
 from frictionid.rig.camera.marker_setup import load_marker_setup, marker_setup_text
+from frictionid.rig.camera.scene import SyncLed
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.rig.film.film import load_film, write_film
-from frictionid.rig.film.scene import SyncLed
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
 
 TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}

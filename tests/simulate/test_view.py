@@ -3,7 +3,7 @@
 import pytest
 
 from frictionid.errors import InputError
-from frictionid.rig.film.scene import View
+from frictionid.rig.camera.scene import View
 
 
 @pytest.mark.parametrize("pivot", [(9e39, 100.0), (100.0, -1e5), (float("inf"), 0.0)])

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
+from frictionid.config import Strict, checked
+from frictionid.data.readers.dataset_toml import UNITS
+from frictionid.data.readers.table import Table, read_table
+from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal, cut
+from frictionid.data.two_clock_table import joint_columns
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
+from frictionid.rig.align.alignment_text import alignment_document, alignment_text
 from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
 from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
-from frictionid.rig.align.recording_folder import MeasuredAngles, head_of, read_angles
 from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
 from frictionid.rig.logfile import ClockRuns, Log, read_log
 from frictionid.rig.protocol import SECOND
@@ -46,49 +54,38 @@ class Rig:
     def exposure(self) -> float:
         """Exposure [s] of the camera, 0 where it is not given."""
         camera = self.tables.get("camera")
-        given = camera.get("exposure") if isinstance(camera, dict) else None
-        return float(given) if isinstance(given, int | float) and given > 0 else 0.0
+        exposure = camera.get("exposure") if isinstance(camera, dict) else None
+        return float(exposure) if isinstance(exposure, int | float) and exposure > 0 else 0.0
 
     def head(self, hold: str) -> dict[str, Any]:
         """Tables that all recordings of a data set of this rig share."""
-        driven = self.mechanism.driven
-        return head_of(self.tables["mechanism"], driven, hold)
+        return {
+            "mechanism": dict(self.tables["mechanism"]),
+            "columns": joint_columns(self.mechanism.driven),
+            "hold": {"torque": hold},
+        }
 
 
-@dataclass(frozen=True)
-class AlignmentOptions:
-    """Options of an alignment.
-
-    Attributes
-    ----------
-    marker : column of both files with state or brightness of a sync LED, or ""
-    offset : [s], to within 0.5 s, where it is known
-    hold : the logged torque between two rows, "linear" or "previous"
-    """
-
-    marker: str = ""
-    offset: float | None = None
-    hold: str = TORQUE_HOLD
-
-
-@dataclass(frozen=True, eq=False)
-class AlignedRecording:
-    """A recording from two files.
+@dataclass(frozen=True, eq=False, repr=False)
+class Aligned:
+    """A recording whose two files count from one instant.
 
     Attributes
     ----------
-    rig : Rig
+    name : of the recording
+    mechanism : Mechanism
     angle : Signal, n columns
     torque : Signal, n columns, by the angles' clock
     command : Signal as it was logged, one column per motor, by the same clock, or None
-    alignment : Alignment
+    alignment : Alignment, offset and drift with their standard errors
     marker : MarkerClock, or None
     responses : of each motor, None where its command does not change
     sources : SHA-256 of the files
     warnings : sentences
     """
 
-    rig: Rig
+    name: str
+    mechanism: Mechanism
     angle: Signal
     torque: Signal
     command: Signal | None
@@ -98,10 +95,20 @@ class AlignedRecording:
     sources: dict[str, str]
     warnings: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        text = alignment_text(self.alignment, self.mechanism, self.marker, self.responses)
+        return "\n".join([text, *(f"warning  {warning}" for warning in self.warnings)])
+
     @property
-    def mechanism(self) -> Mechanism:
-        """Mechanism of the rig."""
-        return self.rig.mechanism
+    def document(self) -> dict[str, Any]:
+        """All numbers: offset, drift, responses of the motors, and hashes of the files."""
+        return alignment_document(self.alignment, self.marker, self.responses, self.sources)
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        """The recording as a data set."""
+        recording = Recording(self.name, self.angle, self.torque)
+        return Dataset(self.name, self.mechanism, (recording,))
 
 
 def load_rig(path: Path) -> Rig:
@@ -126,62 +133,78 @@ def load_rig(path: Path) -> Rig:
     return Rig(mechanism, settings, tables)
 
 
-def align_files(angles: Path, log: Path, rig: Rig, options: AlignmentOptions) -> AlignedRecording:
+def align_files(
+    angles: Path,
+    log: Path,
+    rig: Rig,
+    *,
+    name: str = "",
+    marker: str = "",
+    offset: float | None = None,
+    hold: str = TORQUE_HOLD,
+) -> Aligned:
     """Recording of a table of angles and a torque log, on the angles' clock.
+
+    Parameters
+    ----------
+    name : of the recording
+    marker : column of both files with state or brightness of a sync LED, or ""
+    offset : [s], to within 0.5 s, where it is known
+    hold : the logged torque between two rows, "linear" or "previous"
 
     Raises
     ------
     InputError
         For damaged files, and where the clocks cannot be aligned.
     """
-    seen = read_angles(angles, rig.tables.get("angles", {}), rig.mechanism.n, options.marker)
-    columns = [*rig.measured, *([options.marker] if options.marker else [])]
-    raw = read_log(log, columns)
-    _check_spans(seen.angle, raw)
+    seen, led = read_angles(angles, rig.tables.get("angles", {}), rig.mechanism.n, marker)
+    raw = read_log(log, [*rig.measured, *([marker] if marker else [])])
+    _check_spans(seen, raw)
     protocol = rig.settings.protocol
     rows, runs, uncertainty = raw.unified(protocol.wrap * SECOND[protocol.unit])
-    torque = _torque(rows, rig, options.hold)
-    marker = _marker(seen, rows, rig, options, str(angles)) if options.marker else None
-    alignment = _aligned(seen.angle, torque, rig, marker, options)
+    torque = _torque(rows, rig, hold)
+    edges = None
+    if led is not None:
+        camera = edges_of(led.time, led.value[:, 0], str(angles), rig.exposure)
+        drive = edges_of(rows.columns["time"], rows.columns[marker], rows.file)
+        edges = clock_from_edges(camera, drive, offset)
+    alignment = _aligned(seen, torque, rig.mechanism, edges, offset)
     moved = torque._replace(time=alignment.clock.to_angles(torque.time))
-    angle = cut(seen.angle, moved.time[0], moved.time[-1])
-    return AlignedRecording(
-        rig=rig,
+    angle = cut(seen, moved.time[0], moved.time[-1])
+    return Aligned(
+        name=name,
+        mechanism=rig.mechanism,
         angle=angle,
         torque=around(moved, angle.time[0], angle.time[-1]),
         command=_command(rows, rig, alignment.clock),
         alignment=alignment,
-        marker=marker,
+        marker=edges,
         responses=_responses(rows, rig, alignment.span),
-        sources={
-            angles.name: seen.sha256,
-            log.name: hashlib.sha256(read_bytes(log)).hexdigest(),
-        },
-        warnings=tuple(_warnings(seen.angle, angle, runs, uncertainty)),
+        sources={p.name: hashlib.sha256(read_bytes(p)).hexdigest() for p in (angles, log)},
+        warnings=tuple(_warnings(seen, angle, runs, uncertainty)),
     )
 
 
 def _aligned(
     angle: Signal,
     torque: Signal,
-    rig: Rig,
+    mechanism: Mechanism,
     marker: MarkerClock | None,
-    options: AlignmentOptions,
+    offset: float | None,
 ) -> Alignment:
-    """By the motion, from the marker or the given offset; by the marker alone where that fails."""
-    known = None
+    """By the motion, from the marker or a rough offset; by the marker alone where that fails."""
+    clock = None
     if marker is not None:
-        known = Clock(marker.offset, marker.drift, marker.at)
-    elif options.offset is not None:
-        middle = float(angle.time[0] + angle.time[-1]) / 2 - options.offset
-        known = Clock(options.offset, 0.0, middle)
+        clock = Clock(marker.offset, marker.drift, marker.at)
+    elif offset is not None:
+        clock = Clock(offset, 0.0, float(angle.time[0] + angle.time[-1]) / 2 - offset)
     try:
-        return align(rig.mechanism, angle, torque, known=known)
+        return align(mechanism, angle, torque, start=clock)
     except InputError as error:
-        if marker is None or known is None:
+        if marker is None or clock is None:
             raise
         errors = marker.error, marker.drift_error
-        return by_marker(known, errors, angle, torque, str(error))
+        return by_marker(clock, errors, angle, torque, str(error))
 
 
 def _torque(rows: Log, rig: Rig, hold: str) -> Signal:
@@ -226,15 +249,6 @@ def _check_spans(angle: Signal, log: Log) -> None:
         )
 
 
-def _marker(
-    seen: MeasuredAngles, rows: Log, rig: Rig, options: AlignmentOptions, file: str
-) -> MarkerClock:
-    assert seen.marker is not None
-    camera = edges_of(seen.marker.time, seen.marker.value[:, 0], file, rig.exposure)
-    log = edges_of(rows.columns["time"], rows.columns[options.marker], rows.file)
-    return clock_from_edges(camera, log, options.offset)
-
-
 def _warnings(seen: Signal, angle: Signal, runs: ClockRuns, uncertainty: float) -> Iterator[str]:
     lost = len(seen.time) - len(angle.time)
     if lost:
@@ -249,3 +263,76 @@ def _warnings(seen: Signal, angle: Signal, runs: ClockRuns, uncertainty: float) 
     dropped = int((~runs.kept).sum())
     if dropped:
         yield f"{dropped} rows with damaged or repeated times are left out"
+
+
+_TIMES = ("time", "time_camera", "time_angle")
+_MIN_ROWS = 10
+
+Names = Annotated[list[str], Field(min_length=1)]
+
+
+class AngleColumns(Strict):
+    """The [angles] table of rig.toml: columns of a table of angles.
+
+    time : [s]; columns : one per joint; sigma : standard deviation of each; unit : of both
+    """
+
+    time: str = ""
+    columns: Names | None = None
+    sigma: Names | None = None
+    unit: Literal["rad", "mrad", "deg", "rev", "m", "mm"] = "rad"
+
+
+def read_angles(
+    path: Path, settings: Mapping[str, Any], joints: int, marker: str = ""
+) -> tuple[Signal, Signal | None]:
+    """Angles (n columns) of a file by the camera's clock, and its sync LED where a marker is named.
+
+    Rows without all angles (a lost dot, another clock) are left out of the angles, not of the LED.
+
+    settings : the [angles] table; marker : column of a sync LED, or ""
+
+    Raises
+    ------
+    InputError
+        Where columns are missing, or times do not increase.
+    """
+    columns = checked(AngleColumns, settings, "[angles]")
+    content, file = read_bytes(path), str(path)
+    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    time = columns.time or next((t for t in _TIMES if t in header), _TIMES[0])
+    usual = [f"sigma{j + 1}" for j in range(joints)]
+    names = columns.columns or [f"q{j + 1}" for j in range(joints)]
+    sigma = columns.sigma or (usual if set(usual) <= set(header) else [])
+    for key, listed in (("columns", names), ("sigma", sigma)):
+        if len(listed) != joints and (listed or key == "columns"):
+            raise InputError(
+                f"[angles] {key} = {listed} must name one column for each of {joints} joints"
+            )
+    table = read_table(content, file, [time, *names, *sigma, *([marker] if marker else [])])
+    complete = _rows(table, [time, *names])
+    if len(complete.rows) < _MIN_ROWS:
+        raise InputError(
+            f"{file} has {len(complete.rows)} rows with all of {', '.join((time, *names))}; "
+            "an alignment needs some seconds of motion"
+        )
+    unit = UNITS["angle"][columns.unit]
+    angle = signal_of(complete, time, names, unit=unit)
+    if sigma:
+        angle = angle._replace(sigma=signal_of(complete, time, sigma, unit=unit).value)
+    return angle, _column(table, time, marker) if marker else None
+
+
+def _rows(table: Table, names: list[str]) -> Table:
+    """The rows that have numbers in all of some columns."""
+    complete = np.isfinite(np.stack([table.columns[name] for name in names])).all(axis=0)
+    columns = {name: column[complete] for name, column in table.columns.items()}
+    return table._replace(rows=table.rows[complete], columns=columns)
+
+
+def _column(table: Table, time: str, name: str) -> Signal:
+    """A column as a signal, in all rows that have it and a time."""
+    complete = _rows(table, [time, name])
+    if len(complete.rows) < 2:
+        raise InputError(f"{table.file}: the column {name!r} is empty; name another --marker")
+    return signal_of(complete, time, [name])

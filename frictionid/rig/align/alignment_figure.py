@@ -23,28 +23,28 @@ from frictionid.report.figures.style import (
     rendered,
 )
 from frictionid.report.numbers import either
-from frictionid.rig.align.align_files import AlignedRecording
+from frictionid.rig.align.align_files import Aligned
 from frictionid.rig.align.drive_response import DriveResponse
 
 _SHOWN = 8.0  # [s] of torque
 _CROWD = 4000  # points
 
 
-def alignment_pictures(one: AlignedRecording) -> dict[str, bytes]:
+def alignment_pictures(aligned: Aligned) -> dict[str, bytes]:
     """PNGs of an aligned recording by the endings of their names."""
-    pictures = {"clock": clock_picture(one), "command": command_picture(one)}
+    pictures = {"clock": clock_picture(aligned), "command": command_picture(aligned)}
     return {kind: picture for kind, picture in pictures.items() if picture is not None}
 
 
-def clock_picture(one: AlignedRecording) -> bytes:
+def clock_picture(aligned: Aligned) -> bytes:
     """PNG: what every offset explains, and the torque that motion and friction ask for."""
     with drawing():
-        coarse = len(one.alignment.coarse.offsets) > 0
+        coarse = len(aligned.alignment.coarse.offsets) > 0
         picture = figure(2.4 * (1 + coarse))
         axes = picture.subplots(1 + coarse, 1, squeeze=False)[:, 0]
         if coarse:
-            _correlation(axes[0], one)
-        _torques(axes[-1], one)
+            _correlation(axes[0], aligned)
+        _torques(axes[-1], aligned)
         key_above(picture, _key(axes[-1]))
         return rendered(picture, ("png",))["png"]
 
@@ -54,14 +54,14 @@ def _key(ax: Any) -> dict[str, Any]:
     return dict(zip(labels, handles, strict=True))
 
 
-def _correlation(ax: Any, one: AlignedRecording) -> None:
-    coarse = one.alignment.coarse
+def _correlation(ax: Any, aligned: Aligned) -> None:
+    coarse = aligned.alignment.coarse
     tried = np.isfinite(coarse.explained)
     share = np.maximum(coarse.explained[tried], -1.0)
     ax.plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
     ax.axvline(coarse.offset, color=COLOURS[1], lw=1.0)
     ax.annotate(
-        f"{one.alignment.clock.offset:.3f} s",
+        f"{aligned.alignment.clock.offset:.3f} s",
         (coarse.offset, 1.0),
         xycoords=("data", "axes fraction"),
         xytext=(4, -9),
@@ -72,9 +72,9 @@ def _correlation(ax: Any, one: AlignedRecording) -> None:
     ax.set_ylabel("torque explained")
 
 
-def _torques(ax: Any, one: AlignedRecording) -> None:
-    recording = Recording("motion", one.angle, one.torque)
-    plant = plant_of(Dataset("picture", one.mechanism, (recording,)))
+def _torques(ax: Any, aligned: Aligned) -> None:
+    recording = Recording("motion", aligned.angle, aligned.torque)
+    plant = plant_of(Dataset("picture", aligned.mechanism, (recording,)))
     rows = unit_rows(plant.mechanism, motions_of([recording]))
     asked = rows.required(np.asarray(plant.p))
     logged = rows.means(integrals_of([recording.torque]))
@@ -82,7 +82,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
     middle = (rows.start + rows.stop) / 2
     begin, end = _liveliest(middle, logged)
     shown = (middle >= begin) & (middle <= end)
-    for j in np.flatnonzero(one.mechanism.driven):
+    for j in np.flatnonzero(aligned.mechanism.driven):
         ax.plot(middle[shown], logged[shown, j], color=COLOURS[0], label="logged, aligned")
         ax.plot(
             middle[shown],
@@ -92,7 +92,7 @@ def _torques(ax: Any, one: AlignedRecording) -> None:
             label="asked for by motion and friction",
         )
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{either(one.mechanism.torque_units)}]")
+    ax.set_ylabel(f"torque [{either(aligned.mechanism.torque_units)}]")
 
 
 def least_squares_friction(rows: Rows, torque: Array) -> Array:
@@ -115,44 +115,40 @@ def _liveliest(time: Array, torque: Array) -> tuple[float, float]:
     return float(time[k]), float(time[min(k + width, len(time) - 1)])
 
 
-def command_picture(one: AlignedRecording) -> bytes | None:
+def command_picture(aligned: Aligned) -> bytes | None:
     """PNG: measured against commanded torque of each motor, and both over time."""
-    drives = [(k, r) for k, r in enumerate(one.responses) if r is not None]
-    if not drives or one.command is None:
+    drives = [(k, r) for k, r in enumerate(aligned.responses) if r is not None]
+    if not drives or aligned.command is None:
         return None
-    driven = np.flatnonzero(one.mechanism.driven)
+    driven = np.flatnonzero(aligned.mechanism.driven)
     with drawing():
         picture = figure(2.6 * len(drives), WIDTH)
         axes = picture.subplots(len(drives), 2, squeeze=False, width_ratios=(1, 1.6))
         for row, (k, r) in zip(axes, drives, strict=True):
-            time, measured = one.torque.time, one.torque.value[:, driven[k]]
-            command = np.interp(time, one.command.time, one.command.value[:, k])
-            late = np.interp(time - r.delay, one.command.time, one.command.value[:, k])
-            _scatter(row[0], late, measured, r, one)
-            _over_time(row[1], time, command, measured, one)
+            time, measured = aligned.torque.time, aligned.torque.value[:, driven[k]]
+            command = np.interp(time, aligned.command.time, aligned.command.value[:, k])
+            late = np.interp(time - r.delay, aligned.command.time, aligned.command.value[:, k])
+            _scatter(row[0], late, measured, r, aligned)
+            _over_time(row[1], time, command, measured, aligned)
         key_above(picture, _key(axes[0, 1]))
         return rendered(picture, ("png",))["png"]
 
 
-def _scatter(
-    ax: Any, command: Array, measured: Array, r: DriveResponse, one: AlignedRecording
-) -> None:
-    some = slice(None, None, max(1, len(command) // _CROWD))
-    ax.plot(command[some], measured[some], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
+def _scatter(ax: Any, command: Array, measured: Array, r: DriveResponse, aligned: Aligned) -> None:
+    shown = slice(None, None, max(1, len(command) // _CROWD))
+    ax.plot(command[shown], measured[shown], ".", ms=1.5, color=COLOURS[0], alpha=0.4)
     line = np.linspace(command.min(), command.max(), 200)
     ax.plot(line, line, color=GREY, lw=0.7, ls=(0, (4, 2)))
     ax.plot(line, np.clip(r.gain * line + r.bias, r.low, r.high), color=DARK, lw=1.0)
-    unit = either(one.mechanism.torque_units)
+    unit = either(aligned.mechanism.torque_units)
     ax.set_xlabel(f"command, {1e3 * r.delay:.1f} ms before [{unit}]")
     ax.set_ylabel(f"measured [{unit}]")
 
 
-def _over_time(
-    ax: Any, time: Array, command: Array, measured: Array, one: AlignedRecording
-) -> None:
+def _over_time(ax: Any, time: Array, command: Array, measured: Array, aligned: Aligned) -> None:
     begin, end = _liveliest(time, measured[:, None])
     shown = (time >= begin) & (time <= min(end, begin + _SHOWN / 4))
     ax.plot(time[shown], command[shown], color=GREY, drawstyle="steps-post", label="command")
     ax.plot(time[shown], measured[shown], color=COLOURS[0], lw=0.9, label="measured")
     ax.set_xlabel("time of the angles [s]")
-    ax.set_ylabel(f"torque [{either(one.mechanism.torque_units)}]")
+    ax.set_ylabel(f"torque [{either(aligned.mechanism.torque_units)}]")

@@ -142,7 +142,7 @@ def align(
     angle: Signal,
     torque: Signal,
     settings: Settings | None = None,
-    known: Clock | None = None,
+    start: Clock | None = None,
 ) -> Alignment:
     """Offset and drift of a torque log against angles of the same motion.
 
@@ -154,7 +154,7 @@ def align(
     mechanism : with its nominal values
     angle : n columns, by the camera's clock; torque : n columns, by the log's
     settings : of the shooting; by default short windows, then long ones where these converge
-    known : Clock, optional, such as a marker's, in place of the cross-correlation
+    start : Clock, optional, such as a marker's, in place of the cross-correlation
 
     Raises
     ------
@@ -165,11 +165,11 @@ def align(
     plant = plant_of(dataset)
     nominal = np.asarray(plant.p)[0]
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
-    if known is None:
+    if start is None:
         coarse = coarse_offset(plant.mechanism, nominal, rows, angle, torque)
         clock = _constant(angle, torque, coarse.offset)
     else:
-        coarse, clock = _given(known), known
+        coarse, clock = _unsearched(start), start
     for _ in range(_ROUNDS):
         data = _together(dataset, angle, torque, clock)
         delays = _delays(rows, data.recordings[0], nominal)
@@ -202,7 +202,7 @@ def by_marker(
         span=(float(span[0]), float(span[1])),
         viscous=unknown,
         viscous_slope=unknown,
-        coarse=_given(clock),
+        coarse=_unsearched(clock),
         noise=unknown,
         converged=True,
         marker_only=reason,
@@ -213,7 +213,7 @@ def _silent(angle: Signal) -> Signal:
     return Signal(angle.time, np.zeros_like(angle.value))
 
 
-def _given(clock: Clock) -> CoarseOffset:
+def _unsearched(clock: Clock) -> CoarseOffset:
     """A given clock as a coarse offset, without a search."""
     nan, none = float("nan"), np.zeros(0)
     return CoarseOffset(clock.offset, nan, (nan, nan), 0.0, none, none)
@@ -251,8 +251,8 @@ def _delays(rows: Rows, recording: Recording, nominal: Array) -> list[tuple[floa
     edges = np.linspace(time[0], time[-1], count + 1)
     out = []
     for a, b in zip(edges[:-1], edges[1:], strict=True):
-        own = (rows.start >= a) & (rows.stop <= b)
-        delay = delay_of(rows.where(own), logged, nominal[None])
+        inside = (rows.start >= a) & (rows.stop <= b)
+        delay = delay_of(rows.where(inside), logged, nominal[None])
         if delay is not None and np.isfinite(delay.seconds):
             out.append((float(a + b) / 2, delay.seconds))
     return out or [(float(time[0] + time[-1]) / 2, 0.0)]

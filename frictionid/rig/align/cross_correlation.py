@@ -125,22 +125,22 @@ def _uncovered(motion: float, log: float) -> str:
     )
 
 
-def _check(found: CoarseOffset) -> None:
-    if found.unexplained > _EXPLAINS:
+def _check(offset: CoarseOffset) -> None:
+    if offset.unexplained > _EXPLAINS:
         hint = (
             "the torque fits best with its sign reversed: check the signs of kt and gear, and the "
             "direction of the angles"
-            if found.reversed > 1.0 - 0.5 * found.unexplained
+            if offset.reversed > 1.0 - 0.5 * offset.unexplained
             else "were both recorded at the same time, by this mechanism?"
         )
         raise InputError(
             f"no stretch of the log explains the motion (the best one leaves "
-            f"{100 * found.unexplained:.0f} % of the torque): {hint}"
+            f"{100 * offset.unexplained:.0f} % of the torque): {hint}"
         )
-    if found.runner_up[1] < _CLEAR * found.unexplained:
+    if offset.runner_up[1] < _CLEAR * offset.unexplained:
         raise InputError(
-            f"the log explains the motion as well with an offset of {found.runner_up[0]:.3f} s as "
-            f"with {found.offset:.3f} s: use a torque that does not repeat itself, or a marker"
+            f"the log explains the motion as well with an offset of {offset.runner_up[0]:.3f} s as "
+            f"with {offset.offset:.3f} s: use a torque that does not repeat itself, or a marker"
         )
 
 
@@ -230,9 +230,9 @@ def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int)
     middle = (rows.start + rows.stop) / 2
     # the motion in a gap is unknown
     after = np.clip(np.searchsorted(middle, grids.motion), 1, len(middle) - 1)
-    known = (middle[after] - middle[after - 1] < WIDTH).astype(float)
+    dense = (middle[after] - middle[after - 1] < WIDTH).astype(float)
     free = np.interp(grids.motion, middle, rows.moving[:, j].astype(float))
-    moves = (free > 0.999) * known
+    moves = (free > 0.999) * dense
 
     def on_grid(values: Array) -> Array:
         return moves * np.interp(grids.motion, middle, values)
@@ -297,10 +297,10 @@ class _Refined(NamedTuple):
 def _refined(rows: Rows, base: Array, angle: Signal, torque: Signal, offset: float) -> _Refined:
     """Best offset near a candidate, by the exact torque integrals and a parabola through three."""
     moved = torque._replace(time=torque.time + offset)
-    known = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
-    if int(known.sum()) < MIN_WINDOWS:
+    covered = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
+    if int(covered.sum()) < MIN_WINDOWS:
         return _Refined(offset, 1.0)
-    kept = rows.where(known)
+    kept = rows.where(covered)
     near = cut(angle, moved.time[0], moved.time[-1])
     late = kept.means(integrals_of([around(moved, near.time[0], near.time[-1])]), _NEAR)
     fit = partial_regression(kept, late[len(_NEAR) // 2], base[None])

@@ -46,8 +46,12 @@ class DriftBlock(ParameterBlock):
         yield Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        own = {f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__}
-        return estimate._replace(calibration=ClockCalibration(**own, drift=float(values[0][1])))
+        values_by_field = {
+            f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__
+        }
+        return estimate._replace(
+            calibration=ClockCalibration(**values_by_field, drift=float(values[0][1]))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +64,18 @@ class Drifting(ShootingProblem):
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         drift = _drift_of(estimate)
-        own = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
-        found = own.linearise(estimate, nodes, rows)
+        drifting = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
+        linear = drifting.linearise(estimate, nodes, rows)
         places = {e: k for k, e in enumerate(_names(self.inner))}
-        by = np.zeros((*found.by.shape[:-1], self.count))
+        by = np.zeros((*linear.by.shape[:-1], self.count))
         angle = np.zeros((self.count, self.intervals.n))
         since = (self.intervals.time + self.intervals.dt / 2 - self.middle)[:, None]
         for k, name in enumerate(_names(self)):
             if name[0] == "drift":
-                by[..., k] = since * found.by[..., places["delay", "torque delay"]]
+                by[..., k] = since * linear.by[..., places["delay", "torque delay"]]
             else:
-                by[..., k], angle[k] = found.by[..., places[name]], found.angle[places[name]]
-        return Linearisation(found.end, found.by_start, by, angle)
+                by[..., k], angle[k] = linear.by[..., places[name]], linear.angle[places[name]]
+        return Linearisation(linear.end, linear.by_start, by, angle)
 
 
 def drifting(

@@ -71,8 +71,8 @@ def drive_response(time: Array, command: Array, measured: Array) -> DriveRespons
     spread = float(np.ptp(command))
     if len(time) < 4 * _BLOCKS or spread <= 1e-9 * max(float(np.abs(command).max()), 1e-300):
         return None
-    some = slice(0, min(len(time), _MAX_SAMPLES))
-    record = _Record(time[some], command[some], measured[some])
+    used = slice(0, min(len(time), _MAX_SAMPLES))
+    record = _Record(time[used], command[used], measured[used])
     theta = _without_idle_levels(_fitted(record), record)
     gain, bias, delay, low, high = (float(v) for v in theta)
     return DriveResponse(

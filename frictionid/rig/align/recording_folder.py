@@ -1,46 +1,96 @@
-"""Tables of angles as `frictionid align` reads them, and aligned recordings as a data set."""
+"""frictionid.align: angles and a torque log on one clock, as a recording of a data set."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any
 
-import numpy as np
 import tomli_w
-from pydantic import Field
 
-from frictionid.config import Strict, checked, read_toml
-from frictionid.data.readers.dataset_toml import UNITS
-from frictionid.data.readers.table import Table, read_table, table_name
-from frictionid.data.readers.table_signals import signal_of
-from frictionid.data.signals import Signal
-from frictionid.data.two_clock_table import (
-    CAMERA,
-    DRIVE,
-    decimal_cells,
-    joint_columns,
-    two_clock_csv,
-)
+from frictionid.config import read_toml
+from frictionid.data.readers.table import table_name
+from frictionid.data.signals import TORQUE_HOLD, Signal
+from frictionid.data.two_clock_table import CAMERA, DRIVE, decimal_cells, two_clock_csv
 from frictionid.errors import InputError
-from frictionid.files import read_bytes, write_text
+from frictionid.files import read_bytes, write_bytes, write_text
 from frictionid.outputs import check_outputs
+from frictionid.rig.align.align_files import Aligned, align_files, load_rig
+from frictionid.rig.align.alignment_figure import alignment_pictures
 
 ORIGIN = "aligned by frictionid align"
 _DECIMALS = 9
 
 
-def head_of(
-    mechanism_table: Mapping[str, Any], driven: Sequence[bool], hold: str
-) -> dict[str, Any]:
-    """Tables of dataset.toml that all recordings of a data set share."""
-    return {
-        "mechanism": dict(mechanism_table),
-        "columns": joint_columns(driven),
-        "hold": {"torque": hold},
-    }
+def align(
+    angles: str | Path,
+    torque: str | Path,
+    rig: str | Path = "rig.toml",
+    *,
+    name: str = "",
+    marker: str = "",
+    offset: float | None = None,
+    hold: str = TORQUE_HOLD,
+    folder: str | Path | None = None,
+    replace: bool = False,
+) -> Aligned:
+    """Estimate offset and drift between two clocks from the motion itself.
+
+    Parameters
+    ----------
+    angles : path of a table of angles, by the camera's clock
+    torque : path of the drive's log
+    rig : path of settings with the tables [mechanism] and [motor]
+    name : str
+        Of the recording; by default that of the angles' file.
+    marker : str
+        Column of both files with state or brightness of a sync LED.
+    offset : float, optional
+        [s], to within 0.5 s, where it is known.
+    hold : "previous" or "linear", the logged torque between two rows
+    folder : path, optional
+        Data set that the recording is added to, with its pictures.
+    replace : bool
+        Whether a recording of that name may be replaced there.
+
+    Raises
+    ------
+    InputError
+        Where a file cannot be read, or nothing in it tells the offset.
+
+    Examples
+    --------
+    A film and a log of one motion::
+
+        aligned = frictionid.align("angles.csv", "drive.csv", "rig.toml")
+        frictionid.check(aligned.dataset)
+    """
+    if hold not in ("linear", "previous"):
+        raise InputError(f"hold = {hold!r} is unknown; known: linear, previous")
+    if offset is not None and not math.isfinite(offset):
+        raise InputError(f"offset = {offset} must be a finite number of seconds")
+    name, loaded = name or recording_name(Path(angles)), load_rig(Path(rig))
+    head = loaded.head(hold)
+    if folder is not None:
+        check_place(Path(folder), name, head, replace)
+    aligned = align_files(
+        *(Path(angles), Path(torque), loaded), name=name, marker=marker, offset=offset, hold=hold
+    )
+    if folder is not None:
+        _write(aligned, head, Path(folder))
+    return aligned
+
+
+def _write(aligned: Aligned, head: Mapping[str, Any], folder: Path) -> None:
+    """Add the recording to a data set, its numbers and pictures beside it."""
+    name, pictures = aligned.name, alignment_pictures(aligned)
+    add_recording(folder, name, head, aligned.angle, aligned.torque)
+    write_text(folder / f"{name}.align.toml", tomli_w.dumps(aligned.document))
+    for kind, picture in pictures.items():
+        write_bytes(folder / f"{name}.{kind}.png", picture)
 
 
 def check_place(folder: Path, name: str, head: Mapping[str, Any], replace: bool) -> None:
@@ -150,90 +200,3 @@ def _table(head: Mapping[str, Any], angle: Signal, torque: Signal) -> str:
 def _deviations(head: Mapping[str, Any]) -> list[str]:
     """Columns of the standard deviations of the angles."""
     return [f"sigma{j + 1}" for j in range(len(head["columns"]["angle"]))]
-
-
-_TIMES = ("time", "time_camera", "time_angle")
-_MIN_ROWS = 10
-
-Names = Annotated[list[str], Field(min_length=1)]
-
-
-class AngleColumns(Strict):
-    """The [angles] table of rig.toml: columns of a table of angles.
-
-    time : [s]; columns : one per joint; sigma : standard deviation of each; unit : of both
-    """
-
-    time: str = ""
-    columns: Names | None = None
-    sigma: Names | None = None
-    unit: Literal["rad", "mrad", "deg", "rev", "m", "mm"] = "rad"
-
-
-class MeasuredAngles(NamedTuple):
-    """Angles of a file, by the camera's clock.
-
-    Attributes
-    ----------
-    angle : Signal, n columns
-    marker : Signal of a sync LED in all rows, those without angles too, or None
-    sha256 : of the file
-    """
-
-    angle: Signal
-    marker: Signal | None
-    sha256: str
-
-
-def read_angles(
-    path: Path, settings: Mapping[str, Any], joints: int, marker: str = ""
-) -> MeasuredAngles:
-    """Angles of all joints; rows without all of them (a lost dot, another clock) are left out.
-
-    settings : the [angles] table; marker : column of a sync LED, or ""
-
-    Raises
-    ------
-    InputError
-        Where columns are missing, or times do not increase.
-    """
-    own = checked(AngleColumns, settings, "[angles]")
-    content, file = read_bytes(path), str(path)
-    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
-    time = own.time or next((t for t in _TIMES if t in header), _TIMES[0])
-    usual = [f"sigma{j + 1}" for j in range(joints)]
-    names = own.columns or [f"q{j + 1}" for j in range(joints)]
-    sigma = own.sigma or (usual if set(usual) <= set(header) else [])
-    for key, columns in (("columns", names), ("sigma", sigma)):
-        if len(columns) != joints and (columns or key == "columns"):
-            raise InputError(
-                f"[angles] {key} = {columns} must name one column for each of {joints} joints"
-            )
-    table = read_table(content, file, [time, *names, *sigma, *([marker] if marker else [])])
-    known = _rows(table, [time, *names])
-    if len(known.rows) < _MIN_ROWS:
-        raise InputError(
-            f"{file} has {len(known.rows)} rows with all of {', '.join((time, *names))}; "
-            "an alignment needs some seconds of motion"
-        )
-    unit = UNITS["angle"][own.unit]
-    angle = signal_of(known, time, names, unit=unit)
-    if sigma:
-        angle = angle._replace(sigma=signal_of(known, time, sigma, unit=unit).value)
-    led = _column(table, time, marker) if marker else None
-    return MeasuredAngles(angle, led, hashlib.sha256(content).hexdigest())
-
-
-def _rows(table: Table, names: list[str]) -> Table:
-    """The rows that have numbers in all of some columns."""
-    known = np.isfinite(np.stack([table.columns[name] for name in names])).all(axis=0)
-    columns = {name: column[known] for name, column in table.columns.items()}
-    return table._replace(rows=table.rows[known], columns=columns)
-
-
-def _column(table: Table, time: str, name: str) -> Signal:
-    """A column as a signal, in all rows that have it and a time."""
-    known = _rows(table, [time, name])
-    if len(known.rows) < 2:
-        raise InputError(f"{table.file}: the column {name!r} is empty; name another --marker")
-    return signal_of(known, time, [name])

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from frictionid.arrays import Array
 from frictionid.data.marker_geometry import Plane, flattened, link_lengths, mirror
 from frictionid.errors import InputError
-from frictionid.rig.camera.follow import MarkerTracks
+from frictionid.rig.camera.follow import Markers
 from frictionid.rig.camera.marker_setup import Camera, MarkerSetup
 
 _MAX_FRAMES = 600
@@ -44,7 +44,7 @@ class ViewCalibration(NamedTuple):
 def calibrate_view(
     markers: Array,
     sigma: Array,
-    found: Array,
+    seen: Array,
     size: tuple[int, int],
     *,
     fixed: bool,
@@ -59,7 +59,7 @@ def calibrate_view(
     ----------
     markers : array, shape (T, n + 1, 2) [px]
     sigma : array, shape (T, n + 1) [px]
-    found : array of bool, shape (T, n + 1)
+    seen : array of bool, shape (T, n + 1)
     size : width and height of the picture [px]
     fixed : bool
         Whether the first marker is one given place, which is then corrected.
@@ -69,7 +69,7 @@ def calibrate_view(
         Of the links, in any unit: only their ratio counts.
     """
     n = markers.shape[1] - 1
-    both = found[:, 1:] & found[:, :-1]
+    both = seen[:, 1:] & seen[:, :-1]
     rows = np.flatnonzero(both.any(axis=1))
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MAX_FRAMES)).astype(int)]
     use = both[rows]
@@ -84,8 +84,8 @@ def calibrate_view(
         off = _huber(model.residual(x, markers[rows]) / noise)
         return np.concatenate([weight * off[use], x[:5] / _PLANE_SIGMA, x[5:7] / _PIVOT_SIGMA])
 
-    seen = link_lengths(markers[rows])
-    start = np.array([np.median(link[u]) for link, u in zip(seen.T, use.T, strict=True)])
+    measured = link_lengths(markers[rows])
+    start = np.array([np.median(link[u]) for link, u in zip(measured.T, use.T, strict=True)])
     first = start if lengths is None else np.array([np.mean(start / ratio[:, 0])])
     scale = np.concatenate([_PLANE_SIGMA, [1.0, 1.0], np.ones(len(first))])
     x = least_squares(residual, np.concatenate([np.zeros(7), first]), x_scale=scale).x
@@ -124,8 +124,8 @@ class _Model(NamedTuple):
 
 def link_noise(sigma: Array) -> Array:
     """Standard deviations (T, n) of links between markers with deviations (T, n + 1); nan is 0."""
-    known = np.nan_to_num(sigma)
-    return np.asarray(np.sqrt(known[:, 1:] ** 2 + known[:, :-1] ** 2))
+    sigma = np.nan_to_num(sigma)
+    return np.asarray(np.sqrt(sigma[:, 1:] ** 2 + sigma[:, :-1] ** 2))
 
 
 def _huber(x: Array) -> Array:
@@ -135,20 +135,18 @@ def _huber(x: Array) -> Array:
     return np.asarray(np.sign(x) * np.where(size > _HUBER, far, size))
 
 
-def length_contradiction(
-    markers: Array, found: Array, lengths: Array
-) -> tuple[Array, Array] | None:
+def length_contradiction(markers: Array, seen: Array, lengths: Array) -> tuple[Array, Array] | None:
     """Ratios of the links' lengths as measured and as given where they contradict, else None.
 
     >>> chain = np.array([[[0.0, 0.0], [0.0, 10.0], [0.0, 30.0]]])
     >>> length_contradiction(chain, np.ones((1, 3), bool), np.array([0.1, 0.2])) is None
     True
     """
-    both = found[:, 1:] & found[:, :-1]
+    both = seen[:, 1:] & seen[:, :-1]
     pairs = zip(link_lengths(markers).T, both.T, strict=True)
-    seen = np.array([np.median(link[use]) if use.any() else np.nan for link, use in pairs])
-    measured, given = seen / seen[0], np.asarray(lengths) / lengths[0]
-    return (measured, given) if (np.abs(measured / given - 1) > _RATIO).any() else None
+    median = np.array([np.median(link[use]) if use.any() else np.nan for link, use in pairs])
+    measured, stated = median / median[0], np.asarray(lengths) / lengths[0]
+    return (measured, stated) if (np.abs(measured / stated - 1) > _RATIO).any() else None
 
 
 FOUND, PREDICTED, LOST = "found", "predicted", "lost"
@@ -182,7 +180,7 @@ class Angles(NamedTuple):
     sync_led: tuple[str, Array] | None = None
 
 
-def angles_of(tracks: MarkerTracks, setup: MarkerSetup, size: tuple[int, int], name: str) -> Angles:
+def angles_of(tracks: Markers, setup: MarkerSetup, size: tuple[int, int], name: str) -> Angles:
     """Angles of markers that were tracked through pictures of a size (width, height) [px].
 
     Raises
@@ -192,36 +190,36 @@ def angles_of(tracks: MarkerTracks, setup: MarkerSetup, size: tuple[int, int], n
         video `name`.
     """
     pivot = setup.markers[0]
-    found = tracks.found.copy()
+    seen = tracks.seen.copy()
     markers = tracks.at.copy()
     if pivot.at is None and not pivot.moves:  # one place that counts in all frames
-        found[:, 0] = found[:, 0].any()
-    _check_found(found, setup, name)
+        seen[:, 0] = seen[:, 0].any()
+    _check_seen(seen, setup, name)
     lengths = None if setup.links.lengths is None else np.array(setup.links.lengths)
-    if lengths is not None and (off := length_contradiction(markers, found, lengths)):
+    if lengths is not None and (off := length_contradiction(markers, seen, lengths)):
         raise InputError(
             f"{name}: links have the ratio {_ratio(off[0])} in the picture and {_ratio(off[1])} by "
             "links.lengths; correct the lengths or the order of the markers"
         )
     if pivot.at is None and not pivot.moves:
-        markers[:, 0] = np.median(markers[found[:, 0], 0], axis=0)
+        markers[:, 0] = np.median(markers[seen[:, 0], 0], axis=0)
     calibration = calibrate_view(
-        *(markers, tracks.sigma, found, size),
+        *(markers, tracks.sigma, seen, size),
         fixed=pivot.at is not None,
         view=setup.camera.calibrate,
         lengths=lengths,
     )
     if calibration.pivot is not None:
         markers[:, 0] = calibration.pivot
-    found &= _plausible(calibration, tracks)
-    return _angles(tracks, setup.camera, markers, found, calibration)
+    seen &= _plausible(calibration, tracks)
+    return _angles(tracks, setup.camera, markers, seen, calibration)
 
 
 def _angles(
-    tracks: MarkerTracks,
+    tracks: Markers,
     camera: Camera,
     markers: Array,
-    found: Array,
+    seen: Array,
     calibration: ViewCalibration,
 ) -> Angles:
     """Angles of links between markers in the plane of motion.
@@ -230,22 +228,22 @@ def _angles(
     """
     flat = flattened(markers, calibration.plane)
     link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
-    seen = np.arctan2(link[..., 0], link[..., 1])
-    both = found[:, 1:] & found[:, :-1]
+    direction = np.arctan2(link[..., 0], link[..., 1])
+    both = seen[:, 1:] & seen[:, :-1]
     guide = -tracks.theta if camera.mirrored else tracks.theta
-    theta = guide + (seen - guide + np.pi) % (2 * np.pi) - np.pi
+    theta = guide + (direction - guide + np.pi) % (2 * np.pi) - np.pi
     theta = np.where(both, theta, guide) - np.radians(camera.down)
     q = np.diff(theta, axis=1, prepend=0.0)
-    known = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
-    sigma = np.where(known, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
+    complete = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
+    sigma = np.where(complete, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
     late = {"start": 0.5, "middle": 0.0, "end": -0.5}[camera.stamp] * camera.exposure
     return Angles(
         time=tracks.time + late,
-        q=np.where(known, q, np.nan),
+        q=np.where(complete, q, np.nan),
         sigma=sigma,
         predicted=q,
-        state=_states(tracks.time, known.all(axis=1)),
-        markers=np.where(found[..., None], markers, np.nan),
+        state=_states(tracks.time, complete.all(axis=1)),
+        markers=np.where(seen[..., None], markers, np.nan),
         calibration=calibration,
     )
 
@@ -270,32 +268,32 @@ def _deviation(link: Array, sigma: Array) -> Array:
     return np.asarray(np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3))))
 
 
-def _check_found(found: Array, setup: MarkerSetup, name: str) -> None:
+def _check_seen(seen: Array, setup: MarkerSetup, name: str) -> None:
     for i, marker in enumerate(setup.markers):
-        if not found[:, i].any():
+        if not seen[:, i].any():
             raise InputError(
                 f"{name}: the dot of {marker.name!r} (hue {marker.hue:g} deg) is in no frame, or "
                 "never as far from its neighbour as its link is long; correct rig.toml or let "
                 "frictionid track --setup propose one"
             )
-    seen = int(found.all(axis=1).sum())
-    if seen < min(_MIN_FRAMES, len(found)):
+    whole = int(seen.all(axis=1).sum())
+    if whole < min(_MIN_FRAMES, len(seen)):
         raise InputError(
-            f"{name}: all dots are seen together in {seen} of {len(found)} frames only; correct "
+            f"{name}: all dots are seen together in {whole} of {len(seen)} frames only; correct "
             "colours, radii and places in rig.toml or let frictionid track --setup propose one"
         )
 
 
-def _plausible(calibration: ViewCalibration, tracks: MarkerTracks) -> Array:
+def _plausible(calibration: ViewCalibration, tracks: Markers) -> Array:
     """Which markers (T, n + 1) do not make the link before them seem too long or too short."""
     limit = np.maximum(_OUTLIER * link_noise(tracks.sigma), _PIXELS)
     far = np.abs(np.nan_to_num(calibration.residual)) > limit
     return np.concatenate([np.ones((len(far), 1), dtype=bool), ~far], axis=1)
 
 
-def _states(time: Array, known: Array) -> tuple[str, ...]:
+def _states(time: Array, complete: Array) -> tuple[str, ...]:
     states, last = [], -np.inf
-    for t, there in zip(time, known, strict=True):
+    for t, there in zip(time, complete, strict=True):
         last = t if there else last
         states.append(FOUND if there else PREDICTED if t - last <= _AHEAD else LOST)
     return tuple(states)

@@ -11,7 +11,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,35 +36,24 @@ _MAX_REGIONS = 8  # regions of a picture that are tried as one dot
 _MEMORY = 0.12  # [s] for which a motion predicts the next frames
 
 
-class MarkerTracks(NamedTuple):
-    """Markers of all frames.
+class Markers(NamedTuple):
+    """Markers of a frame, or with T leading those of all frames.
 
     Attributes
     ----------
-    time : array, shape (T,) [s]
-    at : array, shape (T, n + 1, 2) [px]
-    sigma : array, shape (T, n + 1) [px]
-    found : array of bool, shape (T, n + 1)
-    theta : array, shape (T, n) [rad], absolute directions of the links as predicted or found,
+    time : of the frame, or array, shape (T,) [s]
+    at : array, shape (n + 1, 2) [px]
+    sigma : array, shape (n + 1) [px]
+    seen : array of bool, shape (n + 1), whether each is found in the frame
+    theta : array, shape (n,) [rad], absolute directions of the links as predicted or found,
         unwrapped
     """
 
-    time: Array
+    time: Any
     at: Array
     sigma: Array
-    found: Array
+    seen: Array
     theta: Array
-
-
-class FrameMarkers(NamedTuple):
-    """Markers of one frame, as in `MarkerTracks`; `windows` (low, high) where each was sought."""
-
-    time: float
-    at: Array
-    sigma: Array
-    found: Array
-    theta: Array
-    windows: list[tuple[Array, Array] | None]
 
 
 class Prediction(NamedTuple):
@@ -82,12 +71,7 @@ class Prediction(NamedTuple):
     margin: float | None
 
 
-class Search(NamedTuple):
-    """What a frame shows: places as found or predicted, blobs found, windows looked at."""
-
-    at: Array
-    blobs: list[Blob | None]
-    windows: list[tuple[Array, Array] | None]
+Search = tuple[Array, list[Blob | None]]  # places as found or predicted, blobs found
 
 
 class Follower:
@@ -126,12 +110,12 @@ class Follower:
         self.theta = np.zeros(self.n)
         self.frames = 0
 
-    def step(self, frame: Frame) -> FrameMarkers:
+    def step(self, frame: Frame) -> Markers:
         """Markers of the next frame."""
         self.frames += 1
         predicted = self._predict(frame.time)
         search = self._search_windows(frame.image, predicted)
-        if self._must_search_all(predicted, search):
+        if self._must_search_all(predicted, search[1]):
             search = self._search_all(frame.image, predicted, search)
         return self._remember(frame.time, search)
 
@@ -166,21 +150,20 @@ class Follower:
     def _search_windows(self, image: Image, predicted: Prediction) -> Search:
         """Dots near their predicted places; what hangs on a found marker moves with it."""
         at = predicted.at.copy()
-        search = Search(at, [None] * (self.n + 1), [None] * (self.n + 1))
+        blobs: list[Blob | None] = [None] * (self.n + 1)
         if predicted.margin is None:
-            return search
+            return at, blobs
         for i, dot in enumerate(self.dots):
             if dot is None:
                 continue
             reach = dot.radius + predicted.margin + _MARGIN_PER_MISS * dot.missing
             half = np.abs(predicted.streak[i]) / 2 + reach
-            search.windows[i] = window = (at[i] - half, at[i] + half)
-            patch = colour_patch(image, dot.axis, *window)
+            patch = colour_patch(image, dot.axis, at[i] - half, at[i] + half)
             blob = None if patch is None else self._in_patch(patch, i, at, predicted.streak)
-            search.blobs[i] = blob
+            blobs[i] = blob
             if blob is not None:
                 at[i:] += blob.at - at[i]
-        return search
+        return at, blobs
 
     def _in_patch(self, patch: Patch, i: int, at: Array, streak: Array) -> Blob | None:
         """The whole dot of marker i in a patch, None where it is hidden or may be another one."""
@@ -227,11 +210,11 @@ class Follower:
         dot = self.dots[i]
         return 0 if dot is None else dot.missing
 
-    def _must_search_all(self, predicted: Prediction, search: Search) -> bool:
+    def _must_search_all(self, predicted: Prediction, blobs: list[Blob | None]) -> bool:
         """Whether dots are missing that no window will show: at the start, or for some frames."""
         lost = [
             dot.missing
-            for dot, blob in zip(self.dots, search.blobs, strict=True)
+            for dot, blob in zip(self.dots, blobs, strict=True)
             if dot is not None and blob is None
         ]
         return bool(lost) and (predicted.margin is None or max(lost) >= _SEARCH_AFTER)
@@ -243,13 +226,13 @@ class Follower:
         best = self._best_chain(candidates)
         if best is None:
             return search
-        at, blobs = search.at.copy(), list(search.blobs)
+        at, blobs = search[0].copy(), list(search[1])
         for i, blob in enumerate(best):
             if self.dots[i] is not None:
                 blobs[i], at[i] = blob, blob.at
         if self.lengths is None:
             self.lengths = _lengths(best)
-        return Search(at, blobs, search.windows)
+        return at, blobs
 
     def _candidates(self, image: Image, i: int, streak: Array) -> list[Blob]:
         """Blobs in the whole picture that may be marker i."""
@@ -287,51 +270,51 @@ class Follower:
         if self.lengths is not None:
             off = np.abs(length - self.lengths) / (_LENGTH * self.lengths + _PIXELS)
             return float((off**2).sum()) if (off < 1).all() else np.inf
-        known = self.setup.links.lengths
-        if known is not None and self.n > 1:
-            ratio = length / np.array(known)
+        stated = self.setup.links.lengths
+        if stated is not None and self.n > 1:
+            ratio = length / np.array(stated)
             return float((((ratio / ratio.mean()) - 1) ** 2).sum() / _LENGTH**2)
         return 0.0
 
-    def _remember(self, time: float, search: Search) -> FrameMarkers:
+    def _remember(self, time: float, search: Search) -> Markers:
         """The markers of the frame; those that were found improve the next predictions."""
-        at = search.at.copy()
-        found, sigma = np.zeros(self.n + 1, dtype=bool), np.full(self.n + 1, np.nan)
-        for i, (dot, blob) in enumerate(zip(self.dots, search.blobs, strict=True)):
+        at, blobs = search[0].copy(), search[1]
+        seen, sigma = np.zeros(self.n + 1, dtype=bool), np.full(self.n + 1, np.nan)
+        for i, (dot, blob) in enumerate(zip(self.dots, blobs, strict=True)):
             if dot is None:
-                found[i], sigma[i] = True, 0.0
+                seen[i], sigma[i] = True, 0.0
             elif blob is None:
                 dot.missing += 1
             else:
-                found[i], sigma[i], at[i] = True, blob.sigma, blob.at
+                seen[i], sigma[i], at[i] = True, blob.sigma, blob.at
                 dot.learn(blob)
-        if found[0]:
+        if seen[0]:
             self.pivot = at[0].copy()
-        both = found[1:] & found[:-1]
+        both = seen[1:] & seen[:-1]
         link = at[1:] - at[:-1]
-        seen = np.arctan2(link[:, 0], link[:, 1])
-        seen = self.theta + (seen - self.theta + np.pi) % (2 * np.pi) - np.pi
-        self.theta = np.where(both, seen, self.theta)
+        direction = np.arctan2(link[:, 0], link[:, 1])
+        direction = self.theta + (direction - self.theta + np.pi) % (2 * np.pi) - np.pi
+        self.theta = np.where(both, direction, self.theta)
         if both.all():
             self.past.append((time, self.theta))
             assert self.lengths is not None
             self.lengths = 0.9 * self.lengths + 0.1 * np.hypot(link[:, 0], link[:, 1])
         elif not self.past or time - self.past[-1][0] > _MEMORY:
             self.past.clear()
-        return FrameMarkers(time, at, sigma, found, self.theta.copy(), search.windows)
+        return Markers(time, at, sigma, seen, self.theta.copy())
 
 
-def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[FrameMarkers]:
+def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:
     """Markers of each frame, one after the other."""
     follower = Follower(setup)
     for frame in frames:
         yield follower.step(frame)
 
 
-def gather(steps: list[FrameMarkers]) -> MarkerTracks:
+def gather(steps: list[Markers]) -> Markers:
     """Markers of single frames as arrays over all frames."""
-    columns = [np.stack([getattr(s, name) for s in steps]) for name in MarkerTracks._fields]
-    return MarkerTracks(*columns)
+    columns = [np.stack([getattr(s, name) for s in steps]) for name in Markers._fields]
+    return Markers(*columns)
 
 
 def _extrapolated(past: list[tuple[float, Array]], time: float) -> tuple[Array, Array]:

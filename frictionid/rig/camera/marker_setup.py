@@ -169,8 +169,9 @@ def load_marker_setup(path: Path) -> MarkerSetup:
     InputError
         Where the file cannot be read or a setting of these tables is wrong.
     """
-    known = MarkerSetup.model_fields
-    tables = {key: table for key, table in rig_tables(path).items() if key in known}
+    tables = {
+        key: table for key, table in rig_tables(path).items() if key in MarkerSetup.model_fields
+    }
     return checked(MarkerSetup, tables, str(path))
 
 

@@ -77,8 +77,8 @@ def propose(source: Source) -> MarkerSetup:
     first, group = _elbow(moving, len(pictures), source)
     chain, used = [_dots(group, first.chosen)], {id(b) for b in chosen_regions(group, first.chosen)}
     pixels = [first.radius]
-    while (found := _next(chain[-1], moving, used)) is not None:
-        dots, length, taken = found
+    while (child := _next(chain[-1], moving, used)) is not None:
+        dots, length, taken = child
         chain.append(dots)
         pixels.append(length)
         used |= {id(b) for b in taken}
@@ -138,10 +138,10 @@ def _colours(regions: Sequence[ColourRegion], frames: int) -> list[list[ColourRe
         hues = np.array([b.hue for b in left])
         near = np.abs((hues[:, None] - hues + 180) % 360 - 180) < _HUES
         densest = hues[np.argmax(near.sum(axis=1))]
-        own = [b for b in left if hue_distance(b.hue, densest) < _HUES]
+        colour = [b for b in left if hue_distance(b.hue, densest) < _HUES]
         left = [b for b in left if hue_distance(b.hue, densest) >= _HUES]
-        if len({b.frame for b in own}) >= _SEEN * frames:
-            groups.append(own)
+        if len({b.frame for b in colour}) >= _SEEN * frames:
+            groups.append(colour)
     return groups
 
 

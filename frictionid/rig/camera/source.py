@@ -146,8 +146,8 @@ def open_source(what: str, rate: float | None = None) -> Source:
         return _camera(what)
     path = Path(what)
     if path.is_dir():
-        found = [str(p) for p in sorted(path.iterdir()) if p.suffix.lower() in _PICTURES]
-        return _sequence(what, found, rate)
+        files = [str(p) for p in sorted(path.iterdir()) if p.suffix.lower() in _PICTURES]
+        return _sequence(what, files, rate)
     if glob.has_magic(what):
         return _sequence(what, sorted(glob.glob(what)), rate)
     if not path.is_file():

@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
 from frictionid.rig.camera.angles import Angles, angles_of
-from frictionid.rig.camera.follow import FrameMarkers, follow, gather
+from frictionid.rig.camera.follow import Markers, follow, gather
 from frictionid.rig.camera.marker_setup import Marker, MarkerSetup, SyncLed
 from frictionid.rig.camera.source import Frame, Image, Source
 
@@ -25,7 +25,7 @@ _LEVEL = 0.4  # least saturation and value, relative to the dot's
 _BLUR = 5  # [px]
 
 
-def follow_by_thresholds(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[FrameMarkers]:
+def follow_by_thresholds(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:
     """Markers of each frame by thresholds on hue, saturation and value.
 
     Raises
@@ -39,14 +39,14 @@ def follow_by_thresholds(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterato
     theta = np.zeros(setup.n)
     for frame in frames:
         places = [_place(frame.image, m) for m in setup.markers]
-        found = np.array([p is not None for p in places])
+        seen = np.array([p is not None for p in places])
         at = np.array([np.full(2, np.nan) if p is None else p for p in places])
         link = np.diff(at, axis=0)
         now = np.arctan2(link[:, 0], link[:, 1])
         now = theta + (now - theta + np.pi) % (2 * np.pi) - np.pi
         theta = np.where(np.isfinite(now), now, theta)
-        sigma = np.where(found, 0.5, np.nan)  # unknown: half a pixel
-        yield FrameMarkers(frame.time, at, sigma, found, theta.copy(), [None] * len(at))
+        sigma = np.where(seen, 0.5, np.nan)  # unknown: half a pixel
+        yield Markers(frame.time, at, sigma, seen, theta.copy())
 
 
 def _place(image: Image, marker: Marker) -> Array | None:
@@ -73,7 +73,7 @@ def track(
     source: Source,
     setup: MarkerSetup,
     method: Method = "follow",
-    progress: Callable[[FrameMarkers], None] | None = None,
+    progress: Callable[[Markers], None] | None = None,
 ) -> Angles:
     """Joint angles of all frames of a video, with standard deviations and what was not found.
 
@@ -114,10 +114,10 @@ def track(
 
 
 def _collected(
-    markers: Iterator[FrameMarkers], progress: Callable[[FrameMarkers], None] | None, *, live: bool
-) -> list[FrameMarkers]:
+    markers: Iterator[Markers], progress: Callable[[Markers], None] | None, *, live: bool
+) -> list[Markers]:
     """Markers of all frames; an interrupt ends those of a live camera."""
-    steps: list[FrameMarkers] = []
+    steps: list[Markers] = []
     try:
         for step in markers:
             steps.append(step)

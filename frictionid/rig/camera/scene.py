@@ -121,10 +121,10 @@ class Scene:
             on, off = (np.array(colour(*hsv)) for hsv in (self.led.lit, self.led.dark))
             at = np.array([self.led.at])
             self._disc(image, at, self.led.radius, off + lit * (on - off), shines=True)
-        some = exposed[np.linspace(0, len(exposed) - 1, min(3, len(exposed))).astype(int)]
+        instants = exposed[np.linspace(0, len(exposed) - 1, min(3, len(exposed))).astype(int)]
         if self.look.shadow:
-            self._links(image, some + 25.0 * np.array([0.3, 1.0]), None)
-        self._links(image, some, 255 * self.look.link)
+            self._links(image, instants + 25.0 * np.array([0.3, 1.0]), None)
+        self._links(image, instants, 255 * self.look.link)
         for marker, hsv in enumerate(self.look.dots):
             if hsv:
                 self._disc(image, exposed[:, marker], self.look.radius, np.array(colour(*hsv)))

@@ -11,12 +11,12 @@ import struct
 import termios
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
 from frictionid.errors import InputError
-from frictionid.rig.virtual_drive.controller import Controller, Drive, unplug_moments
+from frictionid.rig.virtual_drive import Controller, Drive, unplug_moments
 
 _QUIET, _POLL = 3, 0.02  # polls in a row without unread bytes, [s] between them
 _MAX_DRAIN = 10.0  # [s] that a reader may take
@@ -122,15 +122,6 @@ def play(
     before_unplug : waits until all lines have been read; by default `Terminal.drain`
     """
     return _Playback(drive, terminal, speed, sent, before_unplug or terminal.drain).run()
-
-
-@contextlib.contextmanager
-def plugged(terminal: Terminal) -> Iterator[Terminal]:
-    """The terminal, unplugged at the end."""
-    try:
-        yield terminal
-    finally:
-        terminal.unplug()
 
 
 class _Schedule:

@@ -200,9 +200,9 @@ def _moments(count: int, lines: int, generator: np.random.Generator) -> list[int
 def _values(template: str, text: str) -> list[float] | None:
     """Numbers at the place of {value} in a command, None where it is no such command."""
     before, _, after = template.partition("{value}")
-    found = re.fullmatch(re.escape(before) + r"(.*)" + re.escape(after), text)
+    match = re.fullmatch(re.escape(before) + r"(.*)" + re.escape(after), text)
     try:
-        values = [float(part) for part in found[1].split(",")] if found else [math.nan]
+        values = [float(part) for part in match[1].split(",")] if match else [math.nan]
     except ValueError:
         return None
     return values if all(map(math.isfinite, values)) else None
@@ -223,12 +223,12 @@ def torque_of(dataset: Dataset, name: str = "") -> Signal:
     InputError
         Where there is no recording of that name.
     """
-    known = [r.name for r in dataset.recordings]
-    if name and name not in known:
+    names = [r.name for r in dataset.recordings]
+    if name and name not in names:
         raise InputError(
-            f"data set {dataset.name!r} has no recording {name!r}; {nearest(name, known)}"
+            f"data set {dataset.name!r} has no recording {name!r}; {nearest(name, names)}"
         )
-    recording = dataset.recordings[known.index(name) if name else 0]
+    recording = dataset.recordings[names.index(name) if name else 0]
     driven = np.array(dataset.mechanism.driven)
     torque, last = recording.torque, float(recording.angle.time[-1])
     time, value = torque.time, torque.value[:, driven]

@@ -15,7 +15,7 @@ from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
-from frictionid.rig.film.scene import Image, Look, Scene, SyncLed, View, chain
+from frictionid.rig.camera.scene import Image, Look, Scene, SyncLed, View, chain
 from frictionid.simulate.rig_file import settings_of
 
 with needs("camera"):

@@ -1,1 +1,0 @@
-"""Public functions on films and clocks."""

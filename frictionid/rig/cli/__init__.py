@@ -1,1 +1,0 @@
-"""Commands of camera, clocks and drive."""

@@ -1,1 +1,0 @@
-"""The simulated camera: a scene, a view of it, and videos."""

@@ -1,1 +1,0 @@
-"""A virtual motor drive at a pseudo-terminal, for trying everything without hardware."""
