@@ -67,13 +67,6 @@ def test_it_keeps_to_the_protocols(kind: str) -> None:
     check_identifier(small(kind, epochs=2))
 
 
-def test_another_seed_gives_another_network(kind: str) -> None:
-    problem = synthetic_problem(1)
-    weights = np.ones((1, len(problem.r)))
-    one, two = (small(kind, epochs=1).fit(problem, weights, seed).theta for seed in (0, 1))
-    assert not np.allclose(one, two)
-
-
 def test_problems_with_masked_rows_are_refused(kind: str) -> None:
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="velocity_threshold = 0"):

@@ -166,13 +166,6 @@ def test_it_keeps_to_the_contract_of_identifiers():
     check_identifier(SMALL, joints=(2,))
 
 
-def test_seeds_differ():
-    problem = synthetic_problem(1)
-    weights = synthetic_weights(problem)
-    one, other = (SMALL.fit(problem, weights, seed).theta for seed in (0, 1))
-    assert np.abs(one - other).max() > 1e-3
-
-
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_told_in_one_line():
     with pytest.raises(InputError, match="sees no CUDA device") as told:

@@ -140,15 +140,6 @@ def test_compressed_squares_are_those_of_the_rows():
         assert squares.c > 100 * of_truth
 
 
-def test_a_fold_is_the_same_alone_whatever_its_neighbours():
-    problem = synthetic_problem(2)
-    weights = synthetic_weights(problem)
-    together = along(SMALL.fit(problem, weights, 3), problem.nodes)
-    for f in range(len(weights)):
-        alone = along(SMALL.fit(problem, weights[f : f + 1], 3), problem.nodes)[0]
-        np.testing.assert_allclose(together[f], alone, rtol=1e-6, atol=1e-9)
-
-
 def test_seeds_differ_a_little_and_the_same_seed_not_at_all():
     problem = synthetic_problem(1)
     weights = synthetic_weights(problem)

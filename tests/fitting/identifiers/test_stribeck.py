@@ -1,4 +1,4 @@
-"""The identifier `stribeck`, symmetric or with levels of its own in each direction."""
+"""Least squares of Coulomb, viscous and Stribeck friction, the last with both symmetries."""
 
 import numpy as np
 import pytest
@@ -13,21 +13,25 @@ from fixtures.exact_problems import (
     with_initial,
 )
 
-from frictionid.comparison.registry import LAWS
+from frictionid.arrays import times
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.friction import along
+from frictionid.friction import Friction, along
+from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import CoulombViscous, Stribeck
-from frictionid.friction.model_files import load_model, save_model
 
-SYMMETRIC, ASYMMETRIC = Stribeck(), Stribeck(symmetric=False)
+PLAIN, SYMMETRIC, ASYMMETRIC = CoulombViscous(), Stribeck(), Stribeck(symmetric=False)
 TRUTH = {
+    PLAIN: np.array([[0.10, 0.02], [0.05, 0.01]]),
     SYMMETRIC: np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]),
     ASYMMETRIC: np.array(
         [[0.10, 0.12, 0.04, 0.05, 1.5, 0.02], [0.05, 0.04, 0.03, 0.02, 2.5, 0.01]]
     ),
 }
 BOTH = pytest.mark.parametrize("law", [SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
+
+
+EACH = pytest.mark.parametrize("law", TRUTH, ids=["plain", "symmetric", "asymmetric"])
 
 
 def fit(law, problem, weights):
@@ -57,10 +61,10 @@ def test_every_start_in_the_valley_leads_to_the_truth(law):
         np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
 
 
-@BOTH
-@pytest.mark.parametrize("seed", range(4))
+@EACH
+@pytest.mark.parametrize("seed", range(5))
 def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
-    noise, theta = 5e-4, TRUTH[law]
+    noise, theta = 0.01 if law == PLAIN else 5e-4, TRUTH[law]
     problem = explained_by(law, theta, noise, np.random.default_rng(seed))
     found = fit(law, problem, everything(problem)).theta[0]
     error = standard_errors(law, theta, problem, noise)
@@ -68,7 +72,7 @@ def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
     assert (np.abs(found - theta) > 1e-3 * error).any()
 
 
-@BOTH
+@EACH
 def test_each_fold_is_scipys_least_squares(law):
     problem = synthetic_problem(2)
     weights = synthetic_weights(problem)
@@ -148,15 +152,70 @@ def test_the_best_start_is_no_worse_than_any_one_start():
             assert best <= cost(problem, weights, one) * (1 + 1e-9)
 
 
-@BOTH
-def test_it_prints_itself_with_units_and_comes_back_from_its_file(law, tmp_path):
+@pytest.mark.parametrize(
+    ("law", "end"),
+    [
+        (PLAIN, "coulomb 0.05 N m, viscous 0.01 N m s/rad"),
+        (SYMMETRIC, "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad"),
+        (ASYMMETRIC, "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad"),
+    ],
+)
+def test_it_prints_itself_with_units(law, end):
     problem = explained_by(law, TRUTH[law])
     found = fit(law, problem, np.repeat(everything(problem), 2, axis=0))
     line = str(found[0]).splitlines()[2]
-    assert line.startswith("  joint 2  coulomb")
-    assert "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad" in line
-    for friction in (found, found[1]):
-        save_model(friction, tmp_path / "model.json", LAWS)
-        again = load_model(tmp_path / "model.json", LAWS)
-        assert again.law == law
-        np.testing.assert_array_equal(again.theta, friction.theta)
+    assert line.startswith("  joint 2  coulomb") and line.endswith(end)
+    assert "coulomb 0.05 +- " in str(found) or law == ASYMMETRIC
+
+
+@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("shape", ["tanh", "arctan"])
+@pytest.mark.parametrize(
+    "theta", [TRUTH[PLAIN], 10 * TRUTH[PLAIN], TRUTH[PLAIN] * [1.0, 0.0], TRUTH[PLAIN] * [0.0, 1.0]]
+)
+def test_levels_of_all_sizes_come_out(n, shape, theta):
+    law = CoulombViscous(width=0.05, shape=shape)
+    problem = explained_by(law, theta[:n])
+    found = fit(law, problem, everything(problem))
+    np.testing.assert_allclose(found.theta[0], theta[:n], rtol=1e-9, atol=1e-12)
+
+
+def test_where_no_bound_holds_it_is_the_weighted_normal_equations():
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    w = problem.nodes.inputs.w
+    columns = []
+    for feature in (smooth_sign(w, PLAIN.width), w):
+        for j in range(2):
+            columns.append(times(problem.G, problem.mean(feature * (np.arange(2) == j))))
+    J = np.stack(columns, axis=-1)
+    for f, theta in enumerate(fit(PLAIN, problem, weights).theta):
+        root = np.sqrt(weights[f])[:, None]
+        A, b = (J * root[..., None]).reshape(-1, 4), (problem.r * root).ravel()
+        exact = np.linalg.lstsq(A, b)[0].reshape(2, 2).T
+        np.testing.assert_allclose(theta, exact, rtol=1e-10)
+
+
+@pytest.mark.parametrize("theta", [[[0.1, -0.01]], [[-0.05, 0.02]], [[-0.1, -0.1]]])
+def test_coefficients_stay_positive_where_the_data_want_them_negative(theta):
+    problem = explained_by(PLAIN, theta, 1e-3, np.random.default_rng(0))
+    weights = everything(problem)
+    found = fit(PLAIN, problem, weights)
+    assert (found.theta >= 0).all()
+    assert (found.theta == 0).any()
+    assert np.abs(stationarity(PLAIN, problem, weights[0], found.theta[0])).max() < 1e-10
+    for change in np.eye(2)[:, None] * 1e-4:  # the best within the bounds
+        assert cost(problem, weights, Friction(PLAIN, found.theta + change)) > cost(
+            problem, weights, found
+        )
+
+
+def test_a_level_of_an_arctangent_is_its_level_at_high_speed():
+    theta = np.array([[0.1, 0.0]])
+    law = CoulombViscous(width=0.01, shape="arctan")
+    w = synthetic_problem(1).nodes.inputs.w
+    published = 0.1 / (np.pi / 2) * np.arctan(100 * w)  # as others write it: cf = level/(pi/2)
+    problem = explained_by(law, theta)
+    mean = times(problem.G, problem.mean(published))
+    np.testing.assert_allclose(problem.r, mean, rtol=1e-12)
+    np.testing.assert_allclose(fit(law, problem, everything(problem)).theta[0], theta, atol=1e-12)
