@@ -25,7 +25,7 @@ from frictionid.config import mistake
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import suite_path
-from frictionid.fitting.method import Method
+from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
@@ -118,7 +118,7 @@ def sensitivity(
         raise InputError(f"sensitivity: {mistake(error)}") from None
     dataset, identifier = dataset_of(data), identifier_of(law)
     fitting = method_of(method, recipe=recipe, free=free)
-    fitting.check(identifier)
+    check_method(fitting, identifier)
     protocol = Protocol(horizons=(chosen.horizon,))
     benchmark = Benchmark(dataset, make_folds(dataset.recordings, Split()), protocol)
     name = law if isinstance(law, str) else type(identifier).__name__

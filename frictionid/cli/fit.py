@@ -66,6 +66,7 @@ def fit(
     from frictionid.cli.progress import heard
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import write_bytes
+    from frictionid.fitting.method import check_method
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report.figures.fits import check_drawable, fit_figure
@@ -75,7 +76,7 @@ def fit(
     check_outputs([*model_paths(out), figure], read, replace=replace)
     chosen = identifier_of(identifier, settings(set_ or []))
     method = _method(recipe, by, free, fixed or [], windows, iterations, calibration, consistent)
-    method.check(chosen)
+    check_method(method, chosen)
     groups = [[name.strip() for name in group.split(",")] for group in equal or []]
     if figure is not None:
         check_drawable(chosen)

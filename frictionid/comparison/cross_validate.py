@@ -42,7 +42,7 @@ from frictionid.evaluation.plausibility import Beyond, beyond_motion
 from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Method
+from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Constraints, Friction
@@ -178,7 +178,7 @@ def run(
     InputError
         Where data, folds and settings do not fit together, or the fit fails.
     """
-    recipe.check(identifier)
+    check_method(recipe, identifier)
     clock = [time.perf_counter()]
     shared = shared or prepare_benchmark(benchmark, [recipe])
     clock.append(time.perf_counter())

@@ -30,7 +30,7 @@ from frictionid.evaluation import (
 )
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.method import Method
+from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
@@ -105,7 +105,7 @@ def fit_model(
         dataset = frictionid.load_dataset("my_rig")
         print(fit_model(dataset, LeastSquares(Stribeck())))
     """
-    recipe.check(identifier)
+    check_method(recipe, identifier)
     protocol = protocol or Protocol()
     refuse_torques(dataset)
     estimated = EstimatedStates(dataset, protocol.sample_time)
@@ -127,7 +127,7 @@ def fit_model(
         late = (AS_LOGGED,) * (fit.diagnostics is None and _as_logged(dataset))
         notes["torque"] = (*(source.sentence for source in torque_sources(dataset)), *late)
     if fit.diagnostics is not None:
-        w = training.problems[recipe.first_step.name].nodes.inputs.w
+        w = training.problems[recipe.steps[0].name].nodes.inputs.w
         notes["refined"] = fit.estimates(dataset, velocity_grid(w))
     if equal := equal_groups(identifier):
         check_units(friction, equal)

@@ -24,7 +24,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import make_folds, true_calibration, true_friction
 from frictionid.fitting.identifiers import Published
-from frictionid.fitting.method import Method
+from frictionid.fitting.method import Method, check_method
 from frictionid.mechanics import Mechanism, mechanism_of
 
 
@@ -102,7 +102,7 @@ def tasks_on(
     pairs = [(recipe, named) for recipe in recipes for named in every if named.uses(recipe)]
     for recipe, named in pairs:
         try:
-            recipe.check(named.identifier)
+            check_method(recipe, named.identifier)
         except InputError as error:
             raise InputError(f"identifier {named.name!r}: {error}") from None
     return [

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from frictionid.errors import InputError
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.shooting import CalibratedRecipe
-from frictionid.fitting.shooting.calibrated_recipe import CalibratedData
+from frictionid.fitting.shooting.recipe import ShootingData
 
 
 class Method(Protocol):
     """A way of fitting: `Recipe`, `Shooting`, `InverseDynamics`, `CalibratedRecipe`, or one's own.
 
-    first_step : the one-step recipe that a fit uses, or begins with
-    steps : all one-step recipes whose problems a fit needs
+    steps : the one-step recipe that a fit uses or begins with, and others whose problems it needs
     needs_intervals : whether a fit needs the intervals of the measured angles
     calibrator : the recipe that estimates the calibration a fit needs, or None
     scheme : "euler", "integral", "shooting" or "inverse dynamics"
@@ -24,8 +24,6 @@ class Method(Protocol):
 
     @property
     def name(self) -> str: ...
-    @property
-    def first_step(self) -> Recipe: ...
     @property
     def steps(self) -> tuple[Recipe, ...]: ...
     @property
@@ -37,10 +35,15 @@ class Method(Protocol):
     @property
     def corrects(self) -> tuple[str, ...]: ...
 
-    def check(self, identifier: Identifier) -> None:
-        """Check that it can fit an identifier; InputError where it cannot."""
-        ...
-
-    def fit(self, identifier: Identifier, data: CalibratedData, seed: int) -> Fit:
+    def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data; InputError where that fails."""
         ...
+
+
+def check_method(method: Method, identifier: Identifier) -> None:
+    """Refuse identifiers that use no mechanism where a method needs one."""
+    if method.needs_intervals and not identifier.uses_mechanism:
+        raise InputError(
+            f"recipe {method.name!r}: shooting needs the physics that a black box lacks: give it "
+            'recipes = ["integral"], or another one-step recipe'
+        )

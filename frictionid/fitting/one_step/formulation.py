@@ -67,17 +67,9 @@ class Recipe:
             )
 
     @property
-    def first_step(self) -> Recipe:
-        """The one-step recipe that a fit uses, or begins with: itself."""
-        return self
-
-    @property
     def steps(self) -> tuple[Recipe, ...]:
         """The one-step recipes whose problems a fit needs."""
         return (self,)
-
-    def check(self, identifier: Identifier) -> None:
-        """Check that it can fit an identifier: any one can be."""
 
     def friction(
         self, identifier: Identifier, data: TrainingData, seed: int

@@ -7,43 +7,24 @@ with memory then cannot mistake a torque delay or a missing inertia for friction
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
-from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.one_step.one_step_fit import checked_fit, one_step_fit
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.shooting.recipe import Shooting, ShootingData, check_mechanism, refine_folds
+from frictionid.fitting.shooting.recipe import Shooting, ShootingData, refine_folds
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import with_units_of
 
 # Parts of a calibration that may correct the data, under the names of the blocks that free them.
 PARTS = ("inertia", "delay", "gain", "bias", "offset")
-
-
-class CalibratedData(ShootingData, Protocol):
-    """What calibrated recipes fit: calibrations (F + 1,) of all folds and, last, of all data.
-
-    They are by the names of their recipes, with only the parts that these use.
-    """
-
-    @property
-    def calibrations(self) -> Mapping[str, Calibration]: ...
-
-    def corrected(self, recipe: CalibratedRecipe) -> Iterable[tuple[Array, Problem]]:
-        """Folds that share a calibration, with the problem on the data that it corrects.
-
-        All data, the last fold, are in the last one.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -81,11 +62,6 @@ class CalibratedRecipe:
         return tuple(part for part in PARTS if part in free or self.by.held is not None)
 
     @property
-    def first_step(self) -> Recipe:
-        """The one-step recipe that a fit uses."""
-        return self.step
-
-    @property
     def steps(self) -> tuple[Recipe, ...]:
         """The one-step recipes whose problems a fit needs."""
         return (self.step, self.by.start)
@@ -108,16 +84,6 @@ class CalibratedRecipe:
         """Parts of the calibration that correct the data."""
         return self.use
 
-    def check(self, identifier: Identifier) -> None:
-        """Check that it can fit an identifier.
-
-        Raises
-        ------
-        InputError
-            For identifiers that use no mechanism.
-        """
-        check_mechanism(self.name, identifier)
-
     def calibrate(self, data: ShootingData, whole: bool) -> Calibration:
         """Calibrations (F + 1,) of all folds and of all data, with only the parts in use.
 
@@ -138,7 +104,7 @@ class CalibratedRecipe:
         calibration = part_of_calibration(fitted.calibration, self.use)
         return calibration[np.zeros(len(weights), dtype=int)] if whole else calibration
 
-    def fit(self, identifier: Identifier, data: CalibratedData, seed: int) -> Fit:
+    def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, with their calibrations.
 
         Raises

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 from frictionid.arrays import Array, namespace
-from frictionid.data.calibration import stack_calibrations, with_calibrated_servos
-from frictionid.errors import InputError
+from frictionid.data.calibration import Calibration, stack_calibrations, with_calibrated_servos
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe, TrainingData
+from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting.known_calibration import KnownCalibration
 from frictionid.fitting.shooting.refine import fit_blocks
@@ -22,16 +22,26 @@ from frictionid.friction import Friction
 
 
 class ShootingData(TrainingData, Protocol):
-    """What shooting fits: intervals of measured angles.
+    """What shooting and calibrated recipes fit: intervals of measured angles, corrected data.
 
     `interval_weights` (F + 1, K) are positive where a fold may use an interval; the last row is
-    that of all data.
+    that of all data. `calibrations` (F + 1,) of all folds and of all data are by the names of their
+    recipes, with only the parts that these use.
     """
 
     @property
     def intervals(self) -> Intervals: ...
     @property
     def interval_weights(self) -> Array: ...
+    @property
+    def calibrations(self) -> Mapping[str, Calibration]: ...
+
+    def corrected(self, recipe: Any) -> Iterable[tuple[Array, Problem]]:
+        """Folds that share a calibration, with the problem on the data that it corrects.
+
+        All data, the last fold, are in the last one.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -54,24 +64,9 @@ class Shooting:
     corrects: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def first_step(self) -> Recipe:
-        """The one-step recipe that a fit begins with."""
-        return self.start
-
-    @property
     def steps(self) -> tuple[Recipe, ...]:
-        """The one-step recipes whose problems a fit needs."""
+        """The one-step recipes whose problems a fit needs: the one that it begins with."""
         return (self.start,)
-
-    def check(self, identifier: Identifier) -> None:
-        """Check that it can fit an identifier.
-
-        Raises
-        ------
-        InputError
-            For identifiers that use no mechanism.
-        """
-        check_mechanism(self.name, identifier)
 
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, refined unless it is fixed.
@@ -85,21 +80,6 @@ class Shooting:
             return self.start.fit(identifier, data, seed)
         first, _ = self.start.friction(identifier, data, seed)
         return refine_folds(first, data.intervals, self, data.interval_weights)
-
-
-def check_mechanism(recipe: str, identifier: Identifier) -> None:
-    """Refuse identifiers that use no mechanism.
-
-    Raises
-    ------
-    InputError
-        With the name of the recipe, and what to do.
-    """
-    if not identifier.uses_mechanism:
-        raise InputError(
-            f"recipe {recipe!r}: shooting needs the physics that a black box lacks: give it "
-            'recipes = ["integral"], or another one-step recipe'
-        )
 
 
 def refine_folds(

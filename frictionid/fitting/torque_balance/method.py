@@ -20,7 +20,6 @@ from frictionid.fitting.parameters import (
 )
 from frictionid.fitting.shooting.recipe import (
     ShootingData,
-    check_mechanism,
     with_folds,
 )
 from frictionid.fitting.shooting.settings import applicable
@@ -59,24 +58,9 @@ class InverseDynamics:
     corrects: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def first_step(self) -> Recipe:
-        """The one-step recipe of the rows that judge a fit."""
-        return self.start
-
-    @property
     def steps(self) -> tuple[Recipe, ...]:
-        """The one-step recipes whose problems a fit needs."""
+        """The one-step recipes whose problems a fit needs: the one whose rows judge it."""
         return (self.start,)
-
-    def check(self, identifier: Identifier) -> None:
-        """Check that it can fit an identifier.
-
-        Raises
-        ------
-        InputError
-            For identifiers that use no mechanism.
-        """
-        check_mechanism(self.name, identifier)
 
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, unless it is fixed.

@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
 from frictionid.fitting.identifiers import BlackBox, SparseDynamics, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.method import check_method
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.fitting.shooting import Shooting
 from frictionid.friction import Friction, Inputs
@@ -124,7 +125,7 @@ def test_monomials_are_products_of_their_variables() -> None:
 
 def test_what_has_no_physics_is_not_refined() -> None:
     with pytest.raises(InputError, match="shooting needs the physics"):
-        Shooting().check(BOX)
+        check_method(Shooting(), BOX)
 
 
 def test_rows_that_are_open_at_rest_are_refused() -> None:

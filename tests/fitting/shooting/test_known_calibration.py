@@ -125,6 +125,6 @@ def test_a_suite_names_the_model_file_from_its_folder(tmp_path):
     suite = Suite.model_validate(tiny.suite([("recipes", tables)]))
     held, corrected = recipes_of([entry.beside(tmp_path) for entry in suite.recipes])
     assert [b.name for b in held.blocks] == ["friction"]
-    for known in (held.known, corrected.by.known):
+    for known in (held.held, corrected.by.held):
         np.testing.assert_allclose(known.calibration.base, first_fit().calibration.base)
         assert {name for name, _ in known.errors} == {"inertia", "gravity", "torque delay"}
