@@ -60,8 +60,8 @@ class Calibration:
 
     def __getitem__(self, index: Any) -> Calibration:
         """Calibration at an index into the batch axes."""
-        known: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        parts: dict[str, Any] = {k: None if x is None else x[index] for k, x in known.items()}
+        arrays: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts: dict[str, Any] = {k: None if x is None else x[index] for k, x in arrays.items()}
         return Calibration(**parts)
 
 
@@ -73,8 +73,8 @@ def stack_calibrations(calibrations: list[Calibration]) -> Calibration:
 
 
 def _all(values: list[Array | None]) -> Array | None:
-    known = [value for value in values if value is not None]
-    return np.stack(known) if len(known) == len(values) else None
+    arrays = [value for value in values if value is not None]
+    return np.stack(arrays) if len(arrays) == len(values) else None
 
 
 def calibrated_servo(servo: Servo, calibration: Calibration) -> Servo:
@@ -124,7 +124,7 @@ def calibrated_dataset(dataset: Dataset, calibration: Calibration) -> Dataset:
 def with_calibrated_servos(dataset: Dataset, calibration: Calibration) -> Dataset:
     """The data set with torques of servos whose motors, targets and backlash are calibrated."""
 
-    def known(recording: Recording) -> Recording:
+    def recalibrated(recording: Recording) -> Recording:
         if recording.servo is None:
             return recording
         servo = calibrated_servo(recording.servo, calibration)
@@ -132,7 +132,7 @@ def with_calibrated_servos(dataset: Dataset, calibration: Calibration) -> Datase
             return recording
         return replace(recording, servo=servo, torque=servo_torque(servo, recording.angle))
 
-    return replace(dataset, recordings=tuple(map(known, dataset.recordings)))
+    return replace(dataset, recordings=tuple(map(recalibrated, dataset.recordings)))
 
 
 def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -> Recording:
@@ -142,8 +142,8 @@ def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -
         servo = replace(
             servo, goal=servo.goal._replace(value=servo.goal.value - calibration.offset)
         )
-    given, servo = servo, None if servo is None else calibrated_servo(servo, calibration)
-    if servo is not None and servo is not given:
+    recorded_servo, servo = servo, None if servo is None else calibrated_servo(servo, calibration)
+    if servo is not None and servo is not recorded_servo:
         torque = servo_torque(servo, angle, float(calibration.delay))
     else:
         torque = torque._replace(time=torque.time + calibration.delay)

@@ -66,11 +66,11 @@ class FrameColumns:
         InputError
             As `read`, and where an actuator names recordings that are none of these.
         """
-        given = frames if isinstance(frames, Mapping) else {"recording": frames}
+        recordings = frames if isinstance(frames, Mapping) else {"recording": frames}
         actuator = _toml(self)[0].actuator
         if actuator is not None:
-            actuator.check_recordings([str(key) for key in given], "")
-        return {str(key): self.read(frame, str(key)) for key, frame in given.items()}
+            actuator.check_recordings([str(key) for key in recordings], "")
+        return {str(key): self.read(frame, str(key)) for key, frame in recordings.items()}
 
     def read(self, frame: Any, name: str) -> tuple[Recorded, str]:
         """Signals of a frame in SI units, and the SHA-256 of its columns.
@@ -152,7 +152,7 @@ def _toml_value(value: Any) -> Any:
 def _plain(value: Any) -> Any:
     """Tables and lists of Python's own numbers, as TOML has them."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(own) for key, own in value.items()}
+        return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | np.ndarray | np.generic):
         return np.asarray(value).tolist()
     return value
@@ -171,36 +171,38 @@ def _units(units: Units, named: Mapping[str, list[str]]) -> tuple[dict[str, str]
 
     A unit without its quantity is that of the angles, and per second that of the velocities.
     """
-    given: dict[str, Any] = {} if units is None else {"angle": units}
+    unit_of: dict[str, Any] = {} if units is None else {"angle": units}
     if isinstance(units, Mapping):
-        given = dict(units)
-    for key in given:
+        unit_of = dict(units)
+    for key in unit_of:
         if key not in UNITS:
             raise InputError(f"units: quantity {key!r} is unknown; {nearest(key, UNITS)}")
-    if "angle" in given and "velocity" not in given:
-        own = [_RATES.get(_known("angle", unit), "rad/s") for unit in _listed(given["angle"])]
-        given["velocity"] = own if len(own) > 1 else own[0]
+    if "angle" in unit_of and "velocity" not in unit_of:
+        listed = [
+            _RATES.get(_unit_called("angle", unit), "rad/s") for unit in _listed(unit_of["angle"])
+        ]
+        unit_of["velocity"] = listed if len(listed) > 1 else listed[0]
     out: dict[str, str] = {}
     scales: dict[str, float] = {}
-    for key, value in given.items():
-        own = [_known(key, unit) for unit in _listed(value)]
-        if len(own) == 1 or key == "time":
-            out[key] = own[0]
+    for key, value in unit_of.items():
+        listed = [_unit_called(key, unit) for unit in _listed(value)]
+        if len(listed) == 1 or key == "time":
+            out[key] = listed[0]
             continue
         names = named[key]
-        if names and len(own) != len(names):
+        if names and len(listed) != len(names):
             raise InputError(
-                f"units: {key} has {len(own)} units for {len(names)} columns; give one, or one for "
-                "each"
+                f"units: {key} has {len(listed)} units for {len(names)} columns; give one, or one "
+                "for each"
             )
-        if any(unit in OWN[key] for unit in own):
+        if any(unit in OWN[key] for unit in listed):
             raise InputError(f"units: {key} in counts or per mille is one unit for all joints")
         out[key] = _SI[key]
-        scales |= {n: UNITS[key][u] for n, u in zip(names, own, strict=False) if n}
+        scales |= {n: UNITS[key][u] for n, u in zip(names, listed, strict=False) if n}
     return out, scales
 
 
-def _known(quantity: str, unit: Any) -> str:
+def _unit_called(quantity: str, unit: Any) -> str:
     try:
         return unit_named(quantity, str(unit))
     except ValueError as error:

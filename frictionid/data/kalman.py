@@ -50,7 +50,7 @@ class Series(NamedTuple):
         """The series without some samples, by a mask (T, S)."""
         return self._replace(valid=self.valid & ~left_out)
 
-    def of(self, which: Array | slice) -> Series:
+    def picked(self, which: Array | slice) -> Series:
         """Some of the series; they belong to no recording."""
         dt, value, noise, valid = (x[:, which] for x in self[:4])
         return Series(dt, value, noise, valid, ())
@@ -109,11 +109,11 @@ def padded_series(angles: Sequence[Signal]) -> Series:
     columns, at = [], 0
     for a in angles:
         T, n = a.value.shape
-        own = slice(at, at + n)
-        dt[1:T, own] = np.diff(a.time)[:, None]
-        value[:T, own], valid[:T, own] = a.value, True
-        noise[:T, own] = relative_noise(a) ** 2
-        columns.append(own)
+        joints = slice(at, at + n)
+        dt[1:T, joints] = np.diff(a.time)[:, None]
+        value[:T, joints], valid[:T, joints] = a.value, True
+        noise[:T, joints] = relative_noise(a) ** 2
+        columns.append(joints)
         at += n
     return Series(dt, value, noise, valid, tuple(columns))
 
@@ -122,8 +122,8 @@ def kalman_filter(series: Series, rho: Array) -> FilterOutput:
     """Kalman filter of all series at jerk ratios rho (..., S)."""
     ratios = np.broadcast_to(rho, np.broadcast_shapes(np.shape(rho), series.value.shape[1:]))
     batch = ratios.shape[:-1]
-    found = kalman_loops.filtered(*_by_series(series), _of_series(ratios))
-    mean, covariance, gain, *others = (x.reshape(*batch, *x.shape[1:]) for x in found)
+    output = kalman_loops.filtered(*_by_series(series), _of_series(ratios))
+    mean, covariance, gain, *others = (x.reshape(*batch, *x.shape[1:]) for x in output)
     innovation, variance = (np.moveaxis(x, -1, 0) for x in others)
     return FilterOutput(
         np.moveaxis(mean, -2, 0),
@@ -191,8 +191,8 @@ def likeliest_jerk_ratio(series: Series) -> Array:
     """
     slowest, out = _slowest(series), np.empty(series.value.shape[1])
     for low in np.unique(slowest):
-        own = slowest == low
-        out[own] = _likeliest(series if own.all() else series.of(own), low)
+        rows = slowest == low
+        out[rows] = _likeliest(series if rows.all() else series.picked(rows), low)
     return out
 
 
@@ -243,9 +243,9 @@ def causal_states(series: Series) -> Array:
     """Filtered states (T, S, 3), each at the jerk ratio that its past samples make likeliest."""
     slowest, out = _slowest(series), np.empty((*series.value.shape, 3))
     for low in np.unique(slowest):
-        own = slowest == low
+        rows = slowest == low
         grid = 10.0 ** np.arange(low, 20.1)
-        rho = np.repeat(grid[:, None], own.sum(), axis=1)
-        _, means = kalman_loops.likelihoods(*_by_series(series.of(own)), rho)
-        out[:, own] = means.swapaxes(0, 1)
+        rho = np.repeat(grid[:, None], rows.sum(), axis=1)
+        _, means = kalman_loops.likelihoods(*_by_series(series.picked(rows)), rho)
+        out[:, rows] = means.swapaxes(0, 1)
     return out

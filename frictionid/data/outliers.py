@@ -79,10 +79,10 @@ def prediction_residuals(series: Series, left_out: Array, fit: JerkFit) -> Resid
     Q = np.take_along_axis(Q, rows[None], axis=1) * _TURNED_SQUARES[:, None, None]
     scale = np.sqrt((P + Q)[_DIAGONAL])  # (3, T, S)
     total = np.moveaxis((P + Q)[_FULL] / (scale[:, None] * scale), (0, 1), (-2, -1))
-    own = np.moveaxis(P[:3] / scale, 0, -1)
-    share = np.linalg.solve(total, own[..., None])[..., 0]
+    variances = np.moveaxis(P[:3] / scale, 0, -1)
+    share = np.linalg.solve(total, variances[..., None])[..., 0]
     middle = x[0] + (share * np.moveaxis((y - x) / scale, 0, -1)).sum(axis=-1)
-    variance = np.maximum(P[0] - (share * own).sum(axis=-1), 0.0)
+    variance = np.maximum(P[0] - (share * variances).sum(axis=-1), 0.0)
     return Residuals(
         *(
             (series.value - mean, np.sqrt(var + series.noise))
@@ -158,7 +158,7 @@ def smoothed(series: Series) -> Smoothed:
     """
     width = max(1, _AT_ONCE // len(series.value))
     columns = [slice(a, a + width) for a in range(0, series.value.shape[1], width)]
-    parts = [_smoothed(series.of(own)) for own in columns] if len(columns) > 1 else []
+    parts = [_smoothed(series.picked(place)) for place in columns] if len(columns) > 1 else []
     if not parts:
         return _smoothed(series)
     return Smoothed(
@@ -178,36 +178,36 @@ def _smoothed(series: Series) -> Smoothed:
     rough = np.asarray((judged.size > _GATE).any(axis=0))
     if rough.any():
         first = rho[rough]
-        left_out[:, rough] = _outliers(series.of(rough), judged.of(rough), first, first)
+        left_out[:, rough] = _outliers(series.picked(rough), judged.picked(rough), first, first)
     left_out |= _hidden(series, rho, np.asarray(left_out.any(axis=0)))
     changed = np.asarray(left_out.any(axis=0))
     if changed.any():
         series = series.without(left_out)
-        rho[changed] = likeliest_jerk_ratio(series.of(changed))
+        rho[changed] = likeliest_jerk_ratio(series.picked(changed))
         fit = JerkFit(rho, kalman_filter(series, rho))
     return Smoothed(smoothed_by(series, fit.forward), rho, left_out)
 
 
-def _hidden(series: Series, rho: Array, found: Array) -> Array:
+def _hidden(series: Series, rho: Array, cleared: Array) -> Array:
     """Outliers (T, S) that pass for rough measurements at jerk ratios rho (S,).
 
     Of series without outliers that were found before (S,).
     """
-    out, robust = np.zeros(series.valid.shape, dtype=bool), _robust(series, rho, ~found)
+    out, robust = np.zeros(series.valid.shape, dtype=bool), _robust(series, rho, ~cleared)
     deceived = robust > _DECEIVED * rho
     if deceived.any():
-        some, ratio = series.of(deceived), robust[deceived]
-        fit = JerkFit(ratio, kalman_filter(some, ratio))
-        judged = _judged(some, out[:, deceived], fit)
-        out[:, deceived] = _outliers(some, judged, ratio, rho[deceived])
+        searched, ratio = series.picked(deceived), robust[deceived]
+        fit = JerkFit(ratio, kalman_filter(searched, ratio))
+        judged = _judged(searched, out[:, deceived], fit)
+        out[:, deceived] = _outliers(searched, judged, ratio, rho[deceived])
     return out
 
 
-def _robust(series: Series, rho: Array, some: Array) -> Array:
+def _robust(series: Series, rho: Array, searched: Array) -> Array:
     """Jerk ratios (S,), those of some series robust ones that are no smaller."""
     out = rho.copy()
-    if some.any():
-        out[some] = robust_jerk_ratio(series.of(some), rho[some])
+    if searched.any():
+        out[searched] = robust_jerk_ratio(series.picked(searched), rho[searched])
     return out
 
 
@@ -221,7 +221,7 @@ class _Judged(NamedTuple):
     size: Array
     kink: Array
 
-    def of(self, which: Array) -> _Judged:
+    def picked(self, which: Array) -> _Judged:
         """Those of some series."""
         return _Judged(self.size[:, which].copy(), self.kink[:, which].copy())
 
@@ -240,12 +240,12 @@ def _outliers(series: Series, judged: _Judged, rho: Array, least: Array) -> Arra
         if not changes.any():
             break
         candidates, kept = new, series.without(new)
-        many, some = changes > _MANY * series.valid.sum(axis=0), changes > 0
+        many, changed = changes > _MANY * series.valid.sum(axis=0), changes > 0
         before = rho.copy()
         if many.any():  # outliers only make it smaller
-            rho[many] = np.maximum(likeliest_jerk_ratio(kept.of(many)), least[many])
-        _judge_again(judged, series, new, rho, some)
-        denied = some & new.any(axis=0) & ~(new & (judged.size > _CANDIDATE)).any(axis=0)
+            rho[many] = np.maximum(likeliest_jerk_ratio(kept.picked(many)), least[many])
+        _judge_again(judged, series, new, rho, changed)
+        denied = changed & new.any(axis=0) & ~(new & (judged.size > _CANDIDATE)).any(axis=0)
         # by a jerk ratio that explains everything without any noise
         robust = _robust(kept, before, denied)
         denied &= robust > _DECEIVED * before
@@ -255,23 +255,25 @@ def _outliers(series: Series, judged: _Judged, rho: Array, least: Array) -> Arra
     return candidates & (judged.size > beside) & ~judged.kink
 
 
-def _judge_again(judged: _Judged, series: Series, left_out: Array, rho: Array, some: Array) -> None:
+def _judge_again(
+    judged: _Judged, series: Series, left_out: Array, rho: Array, which: Array
+) -> None:
     """Judge some series anew, without the samples that are left out (T, S)."""
-    if not some.any():
+    if not which.any():
         return
-    kept = series.without(left_out).of(some)
-    fit = JerkFit(rho[some], kalman_filter(kept, rho[some]))
-    own = _judged(series.of(some), left_out[:, some], fit)
-    judged.size[:, some], judged.kink[:, some] = own
+    kept = series.without(left_out).picked(which)
+    fit = JerkFit(rho[which], kalman_filter(kept, rho[which]))
+    again = _judged(series.picked(which), left_out[:, which], fit)
+    judged.size[:, which], judged.kink[:, which] = again
 
 
 def _roughness(size: Array) -> Array:
     """Upper quartile of the sizes (T, S) around each sample, at least 1; NaN do not count."""
     around = np.sort(_around(size), axis=0)  # NaN last
-    known = np.isfinite(around).sum(axis=0)
-    place = np.maximum(np.ceil(_QUANTILE * known).astype(int) - 1, 0)
-    found = np.take_along_axis(around, place[None], axis=0)[0]
-    return np.where(known > 0, np.fmax(found, 1.0), 1.0)
+    count = np.isfinite(around).sum(axis=0)
+    place = np.maximum(np.ceil(_QUANTILE * count).astype(int) - 1, 0)
+    quartile = np.take_along_axis(around, place[None], axis=0)[0]
+    return np.where(count > 0, np.fmax(quartile, 1.0), 1.0)
 
 
 def _around(size: Array) -> Array:
@@ -305,8 +307,8 @@ def _kinks(residuals: Residuals, usual: Array) -> Array:
     """Whether the past or the future predicts a sample, where it would show an outlier."""
     size = np.abs(residuals.by_all[0])
     sides = residuals.by_past, residuals.by_future
-    found = [(np.abs(off) < _KINK * size) & (usual * dev < size) for off, dev in sides]
-    return np.asarray(found[0] | found[1])
+    kinks = [(np.abs(off) < _KINK * size) & (usual * dev < size) for off, dev in sides]
+    return np.asarray(kinks[0] | kinks[1])
 
 
 def _median(size: Array, counts: Array) -> Array:

@@ -27,10 +27,10 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     mechanism = dataset.mechanism
     _check_columns(dataset, mechanism)
     # most recordings have the same parameters: these are completed and checked once
-    own = [tuple(sorted(r.parameters.items())) for r in dataset.recordings]
-    different = list(dict.fromkeys(own))
-    each = [mechanism.nominal({**(parameters or {}), **dict(some)}) for some in different]
-    at = np.array([different.index(some) for some in own])
+    parameter_sets = [tuple(sorted(r.parameters.items())) for r in dataset.recordings]
+    different = list(dict.fromkeys(parameter_sets))
+    each = [mechanism.nominal({**(parameters or {}), **dict(pairs)}) for pairs in different]
+    at = np.array([different.index(pairs) for pairs in parameter_sets])
     plant = Plant.from_parameters(
         mechanism, {k: np.array([e[k] for e in each])[at] for k in mechanism.defaults}
     )

@@ -207,8 +207,8 @@ class Dataset:
         for recording in self.recordings:
             if recording.name == name:
                 return recording
-        known = ", ".join(repr(r.name) for r in self.recordings[:20])
-        raise InputError(f"data set {self.name!r} has no recording {name!r}; it has {known}")
+        names = ", ".join(repr(r.name) for r in self.recordings[:20])
+        raise InputError(f"data set {self.name!r} has no recording {name!r}; it has {names}")
 
     @classmethod
     def from_frames(
@@ -336,8 +336,8 @@ class Dataset:
         Dataset('data': 1 recording, 1 joint, 1 s)
         """
         reads = {}
-        for key, own in arrays.items():
-            frame, columns = columns_of_arrays(own, str(key))
+        for key, parts in arrays.items():
+            frame, columns = columns_of_arrays(parts, str(key))
             columns = replace(columns, units=units, hold=hold, sigma=sigma)
             reads[str(key)] = columns.read(frame, str(key))
         return replace(_of_reads(name, mechanism, reads, parameters or {}), torque_at=torque_at)
@@ -370,9 +370,9 @@ def _of_reads(
         if key not in reads:
             raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
     machine = as_mechanism(mechanism)
-    for key, own in parameters.items():
+    for key, values in parameters.items():
         try:
-            machine.check_values(own)
+            machine.check_values(values)
         except InputError as error:
             raise InputError(f"recording {key!r}: {error}") from None
     recordings = tuple(

@@ -135,11 +135,11 @@ class Servo:
 
     def steps(self) -> Array:
         """Times [s] at which the output steps: held targets that change, and switches."""
-        found = [_changes(self.enabled)]
+        steps = [_changes(self.enabled)]
         for aim in (self.goal, self.goal_velocity, self.feedforward):
             if aim is not None and holds(aim):
-                found.append(_changes(aim) + self.target_delay)
-        return np.unique(np.concatenate(found))
+                steps.append(_changes(aim) + self.target_delay)
+        return np.unique(np.concatenate(steps))
 
     def _supply(self, time: Array) -> float | Array:
         return sample(self.supply, time) if isinstance(self.supply, Signal) else self.supply

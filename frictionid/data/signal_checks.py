@@ -38,10 +38,10 @@ def first_fault(
     at = int(np.argmax(faulty))
     if broken[at].any():
         column = int(np.argmax(broken[at]))
-        given = "empty or nan" if np.isnan(cells[at, column]) else str(cells[at, column])
+        number = "empty or nan" if np.isnan(cells[at, column]) else str(cells[at, column])
         if np.isfinite(cells[at, column]):
-            return at, f"{names[column]!r} is {given}, which no sensor reports"
-        return at, f"{names[column]!r} is {given}; every value must be a finite number"
+            return at, f"{names[column]!r} is {number}, which no sensor reports"
+        return at, f"{names[column]!r} is {number}; every value must be a finite number"
     return (
         at,
         f"time must increase: {names[0]!r} is {cells[at, 0]:.9g} after {cells[at - 1, 0]:.9g}",

@@ -104,9 +104,9 @@ class SavitzkyGolay:
         return self.window // 2
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        return tuple(self._one(angle) for angle in angles)
+        return tuple(self._fitted(angle) for angle in angles)
 
-    def _one(self, angle: Signal) -> States:
+    def _fitted(self, angle: Signal) -> States:
         time, value = angle.time, angle.value
         if len(time) < self.window:
             raise InputError(f"savgol: {len(time)} samples are fewer than window = {self.window}")
@@ -140,10 +140,10 @@ class RTS:
 
     def _padded(self, angles: Sequence[Signal]) -> tuple[States, ...]:
         series = padded_series(angles)
-        found = smoothed(series)
-        states = _states(angles, series, found.mean, found.left_out)
+        motion = smoothed(series)
+        states = _states(angles, series, motion.mean, motion.left_out)
         return tuple(
-            s._replace(noise=_velocity_noise(angle, s, found.rho[columns]))
+            s._replace(noise=_velocity_noise(angle, s, motion.rho[columns]))
             for angle, s, columns in zip(angles, states, series.columns, strict=True)
         )
 
@@ -169,10 +169,10 @@ def _by_length(
     angles: Sequence[Signal], estimate: Callable[[Sequence[Signal]], tuple[States, ...]]
 ) -> tuple[States, ...]:
     """States of signals that are estimated together where they are of about one length."""
-    found: dict[int, States] = {}
+    by_number: dict[int, States] = {}
     for group in alike(angles):
-        found |= zip(group, estimate([angles[i] for i in group]), strict=True)
-    return tuple(found[i] for i in range(len(angles)))
+        by_number |= zip(group, estimate([angles[i] for i in group]), strict=True)
+    return tuple(by_number[i] for i in range(len(angles)))
 
 
 def thin(states: States, sample_time: float) -> States:
@@ -232,8 +232,8 @@ def _states(
     out = []
     for angle, rows in zip(angles, series.columns, strict=True):
         place = slice(len(angle.time)), rows
-        motion, own = mean[place], None if left_out is None else left_out[place]
-        out.append(States(angle.time, motion[..., 0], motion[..., 1], own))
+        motion, outliers = mean[place], None if left_out is None else left_out[place]
+        out.append(States(angle.time, motion[..., 0], motion[..., 1], outliers))
     return tuple(out)
 
 

@@ -27,8 +27,8 @@ def temperature_at(recording: Recording, time: Array, joints: Sequence[str]) -> 
     columns = []
     for number, joint in enumerate(joints, 1):
         names = f"{TEMPERATURE}_{joint}", f"{TEMPERATURE}_{number}", TEMPERATURE
-        known = [recording.covariates[name] for name in names if name in recording.covariates]
-        if not known:
+        covariates = [recording.covariates[name] for name in names if name in recording.covariates]
+        if not covariates:
             return None
-        columns.append(sample(known[0], time)[:, 0])
+        columns.append(sample(covariates[0], time)[:, 0])
     return np.stack(columns, axis=-1)

@@ -26,7 +26,7 @@ def servo_of(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo
         Where a target is missing or no number, or the targets do not cover the angles.
     """
     assert toml.actuator is not None and toml.columns is not None
-    own = toml.actuator.of(name)
+    own = toml.actuator.in_recording(name)
     quantity = "angle" if own.kind == "position" else "velocity"
     goal = _signal(table, toml, own, own.target, quantity)
     _check_span(table.file, goal, angle)

@@ -96,12 +96,12 @@ class Actuator(Strict):
     @model_validator(mode="after")
     def _recordings_are_actuators(self) -> Self:
         for name in self.recordings:
-            self.of(name)
+            self.in_recording(name)
         return self
 
-    def of(self, name: str) -> Actuator:
+    def in_recording(self, name: str) -> Actuator:
         """The actuator in the recording of a name, with the keys that differ there."""
-        own = {key: getattr(self, key) for key in self.model_fields_set - {"recordings"}}
+        values = {key: getattr(self, key) for key in self.model_fields_set - {"recordings"}}
         for pattern, keys in self.recordings.items():
             if name == pattern or fnmatchcase(name, pattern):
                 for key in keys:
@@ -110,9 +110,9 @@ class Actuator(Strict):
                             f"recordings.{pattern}: {key!r} is none of the keys that may differ; "
                             f"{nearest(key, _NUMBERS)}"
                         )
-                own |= keys
+                values |= keys
         try:
-            return Actuator(**own)
+            return Actuator(**values)
         except ValidationError as error:
             first = error.errors()[0]
             at = ".".join(map(str, (*first["loc"][:1],)))
@@ -123,8 +123,8 @@ class Actuator(Strict):
         """All columns that it reads, each once."""
         names = [*self.target, *(self.target_velocity or []), *(self.feedforward or [])]
         names += [self.time or "", self.enabled or ""]
-        supplies = [self.supply, *(own.get("supply") for own in self.recordings.values())]
-        names += [own for own in supplies if isinstance(own, str)]
+        supplies = [self.supply, *(keys.get("supply") for keys in self.recordings.values())]
+        names += [supply for supply in supplies if isinstance(supply, str)]
         return [name for name in dict.fromkeys(names) if name]
 
     def check_joints(self, joints: int) -> None:

@@ -62,8 +62,8 @@ def load_dataset(
     document = read_toml(file)
     toml = check_dataset_toml(document, str(file))
     folder, names = _tables(toml, file, data)
-    machine = None if mechanism is not None else _mechanism_file(toml, file, folder)
-    described = [] if machine is None else [toml.mechanism.file]
+    described_by = None if mechanism is not None else _mechanism_file(toml, file, folder)
+    described = [] if described_by is None else [toml.mechanism.file]
     _check_names(toml.sha256, [*names, *described], f"{file}: sha256")
     _check_names(toml.recordings.parameters, names, f"{file}: recordings.parameters")
     read = None
@@ -76,17 +76,17 @@ def load_dataset(
         if toml.collection is not None:
             check_file(toml.collection, name, hashes[name], folder)
         recordings += _recordings(content, folder, name, toml, read)
-    if machine is not None:
+    if described_by is not None:
         name = toml.mechanism.file
-        hashes[name] = _sha256(read_bytes(machine), machine, toml.sha256.get(name))
+        hashes[name] = _sha256(read_bytes(described_by), described_by, toml.sha256.get(name))
     if toml.actuator is not None:
         toml.actuator.check_recordings([r.name for r in recordings], f"{file}: ")
-    own = _mechanism(document["mechanism"], file, machine, mechanism, trust)
-    _check_units(toml, own, file)
+    machine = _mechanism(document["mechanism"], file, described_by, mechanism, trust)
+    _check_units(toml, machine, file)
     origin = {key: getattr(toml, key) for key in ("description", "origin", "licence", "citation")}
     return Dataset(
         name=toml.name,
-        mechanism=own,
+        mechanism=machine,
         recordings=tuple(recordings),
         hashes=hashes,
         origin={key: text for key, text in origin.items() if text},
@@ -128,14 +128,18 @@ def _mechanism_file(toml: DatasetToml, file: Path, folder: Path) -> Path | None:
 
 
 def _mechanism(
-    table: dict[str, Any], file: Path, machine: Path | None, given: Mechanism | None, trust: bool
+    table: dict[str, Any],
+    file: Path,
+    machine: Path | None,
+    replacement: Mechanism | None,
+    trust: bool,
 ) -> Mechanism:
     def code(kind: str) -> Any:
         return imported(kind, file.parent, "[mechanism] kind")
 
     try:
-        if given is not None:
-            return given.with_values(table.get("parameters", {}))
+        if replacement is not None:
+            return replacement.with_values(table.get("parameters", {}))
         if machine is not None:
             table = {k: str(machine) if k in ("urdf", "mjcf") else v for k, v in table.items()}
         return mechanism_of(table, code if trust else None)
@@ -197,16 +201,16 @@ def _matching(patterns: Iterable[str], folder: Path, file: Path) -> list[str]:
         if ".." in Path(pattern).parts:
             raise InputError(f'{where} leaves the folder of the tables; write it without ".."')
         try:
-            found = [path for path in folder.glob(pattern) if path.is_file()]
+            paths = [path for path in folder.glob(pattern) if path.is_file()]
         # Python's own limits on patterns: empty, absolute, "**" within a name, a null byte.
         except (ValueError, NotImplementedError, OSError) as error:
             raise InputError(f"{where} is no relative pattern ({error})") from None
-        if not found:
+        if not paths:
             raise InputError(
                 f"{where} matches no file in {folder}; correct it, or name another "
                 "folder with --data FOLDER"
             )
-        names.update(path.relative_to(folder).as_posix() for path in found)
+        names.update(path.relative_to(folder).as_posix() for path in paths)
     return sorted(names)
 
 
@@ -217,13 +221,13 @@ def _check_names(keys: Iterable[str], names: list[str], where: str) -> None:
 
 
 def _sha256(content: bytes, file: Path, expected: str | None) -> str:
-    found = hashlib.sha256(content).hexdigest()
-    if expected not in (None, found):
+    digest = hashlib.sha256(content).hexdigest()
+    if expected not in (None, digest):
         raise InputError(
-            f"{file} is not the described file: its SHA-256 is {found}, dataset.toml says "
+            f"{file} is not the described file: its SHA-256 is {digest}, dataset.toml says "
             f"{expected}; get the original, or correct [sha256]"
         )
-    return found
+    return digest
 
 
 def _recordings(
@@ -231,15 +235,19 @@ def _recordings(
 ) -> list[Recording]:
     """Recordings of one file: a reader's, or one per table in it."""
     if read is None:
-        found = _from_tables(content, folder, name, toml)
+        recordings = _from_tables(content, folder, name, toml)
     else:
         assert toml.reader is not None
-        own = read(folder / name, toml.reader.settings)
-        parameters = {**own.parameters, **toml.recordings.parameters.get(name, {})}
-        recording = replace(own, name=table_name(name), parameters=parameters)
-        found = [_with_sigma(recording, toml)]
+        recording = read(folder / name, toml.reader.settings)
+        parameters = {**recording.parameters, **toml.recordings.parameters.get(name, {})}
+        recording = replace(recording, name=table_name(name), parameters=parameters)
+        recordings = [_with_sigma(recording, toml)]
     start, stop = toml.recordings.start, toml.recordings.stop
-    return found if (start, stop) == (0.0, math.inf) else [within(r, start, stop) for r in found]
+    return (
+        recordings
+        if (start, stop) == (0.0, math.inf)
+        else [within(r, start, stop) for r in recordings]
+    )
 
 
 def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> list[Recording]:

@@ -46,7 +46,7 @@ CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [
 # Units of the motor's own, whose SI values are these times what [motor] says, and currents.
 OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
 OWN |= {"torque": {"permille": 1e-3}, "time": {}}
-RELATIVE = {key: [*own, *(CURRENTS if key == "torque" else ())] for key, own in OWN.items()}
+RELATIVE = {key: [*units, *(CURRENTS if key == "torque" else ())] for key, units in OWN.items()}
 SPELLINGS = {
     "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
     "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
@@ -71,10 +71,10 @@ def unit_named(quantity: str, unit: str) -> str:
     >>> unit_named("torque", "Nm"), unit_named("angle", "degrees")
     ('N m', 'deg')
     """
-    known = UNITS[quantity] | OWN[quantity]
+    units = UNITS[quantity] | OWN[quantity]
     name = SPELLINGS[quantity].get(unit, unit)
-    if name not in known:
-        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, known))}")
+    if name not in units:
+        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, units))}")
     return name
 
 
@@ -98,12 +98,12 @@ class Units(Strict):
         name = info.field_name or ""
         if isinstance(unit, str):
             return unit_named(name, unit)
-        return [unit_named(name, own) for own in unit]
+        return [unit_named(name, each) for each in unit]
 
     def scales(self, quantity: str) -> list[float]:
         """SI value of the unit: one, or one per joint."""
-        known = UNITS[quantity] | OWN[quantity]
-        return [known[unit] for unit in getattr(self, quantity)]
+        units = UNITS[quantity] | OWN[quantity]
+        return [units[unit] for unit in getattr(self, quantity)]
 
 
 class Signs(Strict):
@@ -225,9 +225,9 @@ class DatasetToml(Strict):
         if self.actuator is None:
             return self.columns
         names = self.actuator.columns()
-        more = {f"actuator {name}": name for name in names}
+        targets = {f"actuator {name}": name for name in names}
         return AskedColumns.model_construct(
-            **{**dict(self.columns), "covariates": self.columns.covariates | more},
+            **{**dict(self.columns), "covariates": self.columns.covariates | targets},
             targets=names,
             target_clock=self.actuator.time or self.columns.time.angle,
         )
@@ -281,20 +281,24 @@ class DatasetToml(Strict):
         if self.columns is None:
             return self
         joints = len(self.columns.angle)
-        given = {f"sigma.{label}": deviations for label, deviations in self.sigma}
+        numbers = {f"sigma.{label}": deviations for label, deviations in self.sigma}
         if self.motor is not None:
             motor = self.motor
-            given |= {"motor.kt": motor.kt, "motor.gear": motor.gear, "motor.offset": motor.offset}
+            numbers |= {
+                "motor.kt": motor.kt,
+                "motor.gear": motor.gear,
+                "motor.offset": motor.offset,
+            }
             names = ("rated_torque", "rated_current", "counts_per_turn")
-            given |= {f"motor.{name}": getattr(motor, name) for name in names}
+            numbers |= {f"motor.{name}": getattr(motor, name) for name in names}
             if motor.coupling is not None and len(motor.coupling) != joints:
                 raise ValueError(
                     f"motor.coupling is of {len(motor.coupling)} motors, and there are {joints} "
                     "joints; give one row per joint"
                 )
-        given |= {f"signs.{label}": numbers for label, numbers in self.signs}
-        units = {f"units.{label}": own for label, own in self.units if label != "time"}
-        for label, entries in (given | units).items():
+        numbers |= {f"signs.{label}": signs for label, signs in self.signs}
+        units = {f"units.{label}": each for label, each in self.units if label != "time"}
+        for label, entries in (numbers | units).items():
             if entries is not None and len(entries) not in (1, joints):
                 what = "units" if label in units else "numbers"
                 raise ValueError(
@@ -342,9 +346,10 @@ class DatasetToml(Strict):
                 f'units.torque = "{currents[0]}" needs the table [motor]: add it with kt [N m/A] '
                 "and gear; torque at the joint = kt gear current"
             )
-        own = "permille" in self.units.torque
-        own = own or (self.motor is not None and self.motor.counts_per_turn is not None)
-        if self.motor is not None and not currents and not own:
+        motor_units = "permille" in self.units.torque or (
+            self.motor is not None and self.motor.counts_per_turn is not None
+        )
+        if self.motor is not None and not currents and not motor_units:
             if self.motor.kt is not None:
                 raise ValueError(
                     f'[motor] needs currents, but units.torque = "{self.units.torque[0]}": delete '
@@ -360,8 +365,8 @@ class DatasetToml(Strict):
 
 def _reads_tables(reader: object, *, only: bool = False) -> bool:
     """Whether a reader makes tables; `only`: and nothing else, so that it needs [columns]."""
-    known = isinstance(reader, Reader) and TABLE_FORMATS.get(reader.kind)
-    return bool(known and (known.needs_columns or not only))
+    form = isinstance(reader, Reader) and TABLE_FORMATS.get(reader.kind)
+    return bool(form and (form.needs_columns or not only))
 
 
 def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:

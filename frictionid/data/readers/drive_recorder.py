@@ -59,12 +59,12 @@ def drive_recorder_tables(
     lines = _text(unzip(content, file), file).splitlines()
     names = columns.names()
     head = _head(lines, names, file)
-    own = _own_clocks(head, columns)
+    clocks = _own_clocks(head, columns)
     places = {name: head.places[name] for name in names}
-    places |= {f"{name}\0": place for name, place in own.items()}
+    places |= {f"{name}\0": place for name, place in clocks.items()}
     table = _rows(lines, head, places, [c for c in columns.clocks if c in places], file)
-    for name in own:
-        _check_clock(table, name, columns.clock_of(name), head.cells[own[name]])
+    for name in clocks:
+        _check_clock(table, name, columns.clock_of(name), head.cells[clocks[name]])
     return {"": table._replace(columns={name: table.columns[name] for name in names})}
 
 
@@ -100,22 +100,22 @@ def _head(lines: Sequence[str], names: Sequence[str], file: str) -> Head:
     for k, line in enumerate(lines[:_HEAD]):
         separator = separator_of(line)
         cells = _counted(_cells(line, separator, f"{file}, row {k + 1}"))
-        found = {name: [at for at, c in enumerate(cells) if _is(c, name)] for name in names}
-        missing = [name for name, at in found.items() if not at]
-        twice = [name for name, at in found.items() if len(at) > 1]
+        places = {name: [at for at, c in enumerate(cells) if _is(c, name)] for name in names}
+        missing = [name for name, at in places.items() if not at]
+        twice = [name for name, at in places.items() if len(at) > 1]
         if not missing and twice:
             raise InputError(
-                f"{file}, row {k + 1}: {len(found[twice[0]])} columns are {twice[0]!r}; name one "
-                f"as it stands there, {cells[found[twice[0]][0]][:60]!r}"
+                f"{file}, row {k + 1}: {len(places[twice[0]])} columns are {twice[0]!r}; name one "
+                f"as it stands there, {cells[places[twice[0]][0]][:60]!r}"
             )
         if not missing:
-            return Head(k, separator, cells, {name: at[0] for name, at in found.items()})
+            return Head(k, separator, cells, {name: at[0] for name, at in places.items()})
         if len(missing) < len(names) and (not best[1] or len(missing) < len(best[2])):
             best = (k, cells, missing)
     if not best[1]:
         raise InputError(f"{file}: none of its first {_HEAD} rows names a column {names[0]!r}")
-    known = ", ".join(repr(cell[:60]) for cell in best[1][:20] if cell)
-    raise InputError(f"{file}, row {best[0] + 1} has no column {best[2][0]!r}; it has {known}")
+    named = ", ".join(repr(cell[:60]) for cell in best[1][:20] if cell)
+    raise InputError(f"{file}, row {best[0] + 1} has no column {best[2][0]!r}; it has {named}")
 
 
 def _counted(cells: Sequence[str]) -> list[str]:
@@ -185,14 +185,14 @@ def _rows(
                 picked[name].append(_number(cells[place], f"{file}, row {row}", head.cells[place]))
     if not rows:
         raise InputError(f"{file} has no rows of numbers below its names; record it again")
-    return Table(file, np.array(rows), {name: np.array(own) for name, own in picked.items()})
+    return Table(file, np.array(rows), {name: np.array(times) for name, times in picked.items()})
 
 
 def _is_time(cells: Sequence[str], places: Mapping[str, int], clocks: Sequence[str]) -> bool:
     """Whether the clocks' cells are numbers, or empty but for one."""
-    own = [cells[places[clock]] for clock in clocks if cells[places[clock]]]
+    column = [cells[places[clock]] for clock in clocks if cells[places[clock]]]
     try:
-        return bool([number(cell) for cell in own])
+        return bool([number(cell) for cell in column])
     except ValueError:
         return False
 
@@ -207,13 +207,13 @@ def _number(cell: str, where: str, name: str) -> float:
         ) from None
 
 
-def _check_clock(table: Table, name: str, said: str, own: str) -> None:
+def _check_clock(table: Table, name: str, said: str, clock: str) -> None:
     """Refuse a column whose own time column differs from the one it is said to have."""
     time: Array = table.columns[said]
     other: Array = table.columns[f"{name}\0"]
     if not np.allclose(time, other, rtol=_SAME, atol=0.0, equal_nan=True):
         raise InputError(
-            f"{table.file}: {name!r} stands behind the time {own[:60]!r}, which differs from "
+            f"{table.file}: {name!r} stands behind the time {clock[:60]!r}, which differs from "
             f'{said!r}: name it, as time = {{ angle = "...", torque = "..." }} in [columns], or '
             "as time in [actuator]"
         )

@@ -81,10 +81,10 @@ def _episodes(table: Table, episode: np.ndarray, given: LerobotSettings) -> dict
     wanted = [n for n in numbers if given.episodes is None or n in given.episodes]
     out = {}
     for number in wanted:
-        own = episode == number
+        rows = episode == number
         part = "" if len(numbers) == 1 else f"/episode_{number:.0f}"
-        picked = {name: column[own] for name, column in table.columns.items()}
-        out[part] = Table(table.file, table.rows[own], picked)
+        picked = {name: column[rows] for name, column in table.columns.items()}
+        out[part] = Table(table.file, table.rows[rows], picked)
     return out
 
 
@@ -116,10 +116,12 @@ def _places(names: list[str], file: str) -> dict[str, str]:
         features = _features(file) if features is None else features
         if match[1] not in features:
             raise InputError(f"{file} has no feature {match[1]!r}; {nearest(match[1], features)}")
-        own = features[match[1]]
-        if match[2] not in own:
-            raise InputError(f"{file}: {match[1]} has no {match[2]!r}; {nearest(match[2], own)}")
-        out[name] = f"{match[1]}[{own.index(match[2])}]"
+        elements = features[match[1]]
+        if match[2] not in elements:
+            raise InputError(
+                f"{file}: {match[1]} has no {match[2]!r}; {nearest(match[2], elements)}"
+            )
+        out[name] = f"{match[1]}[{elements.index(match[2])}]"
     return out
 
 
@@ -146,5 +148,5 @@ def _names(feature: Mapping[str, Any]) -> list[str]:
 def _listed(names: object) -> list[str]:
     """Names as version 3 has them, a list, or as version 2 may, lists by kind ("motors")."""
     if isinstance(names, dict):
-        return [name for own in names.values() for name in _listed(own)]
+        return [name for part in names.values() for name in _listed(part)]
     return [str(name) for name in names] if isinstance(names, list) else []

@@ -53,18 +53,18 @@ def read_mat(content: bytes, file: str) -> dict[str, Any]:
         raise InputError(f"{file} is no whole MAT file of version 5 to 7; export it again")
     if struct.unpack_from(f"{order}H", content, _HEADER - 4)[0] != 0x0100:
         raise InputError(f"{file} is a MAT file of version 7.3; save it again with '-v7'")
-    found: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     try:
         for kind, data in _elements(memoryview(content)[_HEADER:], order):
             if kind == _COMPRESSED:
                 kind, data = next(_elements(_unpacked(data), order))
             if kind == _MATRIX and len(data):
                 name, value = _variable(data, order)
-                found[name] = value
+                variables[name] = value
     # the errors of damaged files
     except (ValueError, LookupError, StopIteration, struct.error, zlib.error, RecursionError):
         raise InputError(f"{file} is no whole MAT file; copy or export it again") from None
-    return found
+    return variables
 
 
 def mat_column(variables: dict[str, Any], name: str, file: str) -> Array:
@@ -83,21 +83,21 @@ def mat_column(variables: dict[str, Any], name: str, file: str) -> Array:
     match = _NAME.fullmatch(name.strip())
     if match is None:
         raise InputError(f"{file}: {name!r} names no column; write q, data(:,2) or log.q(:,2)")
-    found: Any = variables
+    value: Any = variables
     for part in match[1].split("."):
-        if not isinstance(found, dict) or part not in found:
-            known = ", ".join(map(repr, found)) if isinstance(found, dict) else "no fields"
-            raise InputError(f"{file} has no column {name!r}; it has {known or 'nothing'}")
-        found = found[part]
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu" or found.ndim > 2:
+        if not isinstance(value, dict) or part not in value:
+            fields = ", ".join(map(repr, value)) if isinstance(value, dict) else "no fields"
+            raise InputError(f"{file} has no column {name!r}; it has {fields or 'nothing'}")
+        value = value[part]
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.ndim > 2:
         raise InputError(f"{file}: column {name!r} holds no real numbers; convert it to double")
     if match[2] is not None:
-        return _picked(found, int(match[2]), name, file)
-    if found.ndim == 2 and min(found.shape) > 1:
+        return _picked(value, int(match[2]), name, file)
+    if value.ndim == 2 and min(value.shape) > 1:
         raise InputError(
-            f"{file}: {name!r} has {found.shape[1]} columns; name one of them, as {match[1]}(:,1)"
+            f"{file}: {name!r} has {value.shape[1]} columns; name one of them, as {match[1]}(:,1)"
         )
-    return found.ravel().astype(float)
+    return value.ravel().astype(float)
 
 
 def _picked(value: Array, column: int, name: str, file: str) -> Array:

@@ -36,9 +36,9 @@ class File(Strict):
         """Names of the original and of its reduced copy."""
         return self.name, f"{self.name}.gz"
 
-    def accepts(self, found: str) -> bool:
+    def accepts(self, digest: str) -> bool:
         """Whether a SHA-256 is right; any is, where that of the original is unknown."""
-        return self.sha256 is None or found in (self.sha256, self.reduced)
+        return self.sha256 is None or digest in (self.sha256, self.reduced)
 
 
 class Collection(Strict):
@@ -91,7 +91,7 @@ def download_hint(name: str) -> str:
     return f", or get it with: frictionid data get {name}" if name in collections() else ""
 
 
-def check_file(collection: str, name: str, found: str, folder: Path) -> None:
+def check_file(collection: str, name: str, digest: str, folder: Path) -> None:
     """Raise InputError for a registered file with an unknown SHA-256.
 
     Files and collections that are not registered are the user's own.
@@ -99,12 +99,12 @@ def check_file(collection: str, name: str, found: str, folder: Path) -> None:
     if collection not in collections():
         return
     for file in collections()[collection].files:
-        if name in file.names and not file.accepts(found):
-            known = f"{file.sha256} (original)"
-            known += f" or {file.reduced} (reduced)" if file.reduced else ""
+        if name in file.names and not file.accepts(digest):
+            hashes = f"{file.sha256} (original)"
+            hashes += f" or {file.reduced} (reduced)" if file.reduced else ""
             raise InputError(
-                f"{folder / name} is not the registered file: its SHA-256 is {found}, the registry "
-                f"says {known}; remove it and run: frictionid data get {collection}"
+                f"{folder / name} is not the registered file: its SHA-256 is {digest}, the "
+                f"registry says {hashes}; remove it and run: frictionid data get {collection}"
             )
 
 
@@ -127,7 +127,7 @@ def copy_collection(name: str, source: Path) -> list[str]:
     """
     if not source.is_dir():
         raise InputError(f"--from {source} is no folder; name the folder that holds the files")
-    found, missing = {}, []
+    places, missing = {}, []
     for file in collection_named(name).files:
         place = _at(source, file) or _original_at(source, file)
         if place is None:
@@ -135,16 +135,16 @@ def copy_collection(name: str, source: Path) -> list[str]:
             continue
         target = file.names[1] if place.name.endswith(".gz") else file.name
         check_file(name, target, _hash(place), place.parent)
-        found[target] = place
-    if not found:
+        places[target] = place
+    if not places:
         raise InputError(
             f"--from {source} has no file of {name}; it should hold {missing[0]}, or the "
             f"original's own folders ({collection_named(name).page})"
         )
-    for target, place in found.items():
-        own = cached(name) / target
-        if not (own.exists() and own.samefile(place)):
-            write_bytes(own, read_bytes(place))
+    for target, place in places.items():
+        target_path = cached(name) / target
+        if not (target_path.exists() and target_path.samefile(place)):
+            write_bytes(target_path, read_bytes(place))
     return missing
 
 

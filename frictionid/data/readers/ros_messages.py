@@ -35,35 +35,37 @@ def joint_states(path: Path, topic: str, clock: str) -> list[tuple[int, Any]]:
     try:
         store = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([path], default_typestore=store) as reader:
-            own = _connections(reader.connections, topic, path)
-            found = list(_stamped(reader, own, clock))
+            wanted = _connections(reader.connections, topic, path)
+            states = list(_stamped(reader, wanted, clock))
     except InputError:
         raise
     except Exception as error:  # whatever rosbags lets through of wrong bytes and lengths
         reason = str(error) or type(error).__name__
         raise InputError(f"{path} is no whole ROS 2 bag ({reason[:80]}); copy it again") from None
-    if len(found) < 2:
-        raise InputError(f"{path} has {len(found)} joint states; a motion needs more")
-    return found
+    if len(states) < 2:
+        raise InputError(f"{path} has {len(states)} joint states; a motion needs more")
+    return states
 
 
 def _connections(connections: Any, topic: str, path: Path) -> list[Any]:
     states = [c for c in connections if c.msgtype == _KIND]
-    known = sorted({c.topic for c in states})
-    if not known:
+    topics = sorted({c.topic for c in states})
+    if not topics:
         others = sorted({c.topic for c in connections}) or ["none"]
         raise InputError(f"{path} has no topic of {_KIND}; it has {', '.join(others)}")
-    if not topic and len(known) > 1:
-        raise InputError(f"{path} has the topics {', '.join(known)}: name one by topic in [reader]")
-    chosen = topic or known[0]
-    if chosen not in known:
-        raise InputError(f"{path}: [reader] topic = {topic!r} is unknown; {nearest(topic, known)}")
+    if not topic and len(topics) > 1:
+        raise InputError(
+            f"{path} has the topics {', '.join(topics)}: name one by topic in [reader]"
+        )
+    chosen = topic or topics[0]
+    if chosen not in topics:
+        raise InputError(f"{path}: [reader] topic = {topic!r} is unknown; {nearest(topic, topics)}")
     return [c for c in states if c.topic == chosen]
 
 
-def _stamped(reader: Any, own: list[Any], clock: str) -> Iterator[tuple[int, Any]]:
+def _stamped(reader: Any, connections: list[Any], clock: str) -> Iterator[tuple[int, Any]]:
     """Stamp [ns] and message."""
-    for connection, received, raw in reader.messages(connections=own):
+    for connection, received, raw in reader.messages(connections=connections):
         message = reader.deserialize(raw, connection.msgtype)
         stamp = message.header.stamp
         yield (received if clock == "received" else stamp.sec * 10**9 + stamp.nanosec), message

@@ -55,13 +55,13 @@ def ros_tables(
     given = checked(RosTableSettings, dict(settings), f"{file}: [reader]")
     places = {name: _place(name, file) for name in columns.names()}
     topics = list(dict.fromkeys(place.topic for place in places.values()))
-    found = {t: joint_states(Path(file), t or given.topic, given.clock) for t in topics}
-    start = min(own[0][0] for own in found.values())
-    sizes = [len(own) for own in found.values()]
+    messages = {t: joint_states(Path(file), t or given.topic, given.clock) for t in topics}
+    start = min(own[0][0] for own in messages.values())
+    sizes = [len(own) for own in messages.values()]
     ends = dict(zip(topics, np.cumsum(sizes).tolist(), strict=True))
     picked = {}
     for name, place in places.items():
-        own = found[place.topic]
+        own = messages[place.topic]
         picked[name] = np.full(sum(sizes), np.nan)
         span = slice(ends[place.topic] - len(own), ends[place.topic])
         if not place.field:  # nanoseconds since 1970 lose digits as floats

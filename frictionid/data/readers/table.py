@@ -209,8 +209,8 @@ def separator_of(header: str) -> str:
     (';', ',', ' ')
     """
     bare = re.sub('"[^"]*"', "", header)
-    found = max((",", ";", "\t"), key=bare.count)
-    return found if found in bare or " " not in bare.strip() else " "
+    separator = max((",", ";", "\t"), key=bare.count)
+    return separator if separator in bare or " " not in bare.strip() else " "
 
 
 def number(text: str) -> float:
@@ -278,10 +278,10 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
         whole = pq.ParquetFile(io.BytesIO(content))
         header = list(whole.schema_arrow.names)
         places = {name: _place(name, header) for name in columns}
-        own = list(dict.fromkeys(base for base, _ in places.values()))
-        _check_header(file, header, own)
+        bases = list(dict.fromkeys(base for base, _ in places.values()))
+        _check_header(file, header, bases)
         check_cells(whole.metadata.num_rows, len(columns), file)
-        table = whole.read(columns=own)
+        table = whole.read(columns=bases)
     except InputError:
         raise
     except damage as error:
