@@ -7,8 +7,7 @@ import tomllib
 from fixtures.damage_targets import recordings
 from fixtures.paths import ROOT
 
-from frictionid.data.readers.reader_names import READERS
-from frictionid.data.readers.table_formats import TABLE_FORMATS
+from frictionid.data.readers.formats import READERS
 
 DAMAGE = [sys.executable, ROOT / "tests" / "damage.py", "--jobs", "1", "--first", "123456"]
 
@@ -25,7 +24,7 @@ def test_every_reader_takes_damaged_files_without_a_traceback(tmp_path):
     for target in recordings(tmp_path / "whole"):
         document = tomllib.loads((target.folder / "dataset.toml").read_text())
         named.add(document.get("reader", {}).get("kind"))
-    assert named == {None, *READERS, *TABLE_FORMATS}
+    assert named == {None, *READERS}
     command = [*DAMAGE, "--readers", "--count", "10"]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stdout + ran.stderr

@@ -26,7 +26,7 @@ from frictionid.check.motion import (
     motions_of,
     windows_of,
 )
-from frictionid.data.gears import Gears
+from frictionid.data.readers.column_toml import Gears
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
 from frictionid.fitting.one_step.balances import Rows, balances_of

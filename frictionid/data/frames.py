@@ -12,14 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.config import nearest
-from frictionid.data.gears import Gears
-from frictionid.data.readers.dataset_toml import (
-    OWN,
-    UNITS,
-    DatasetToml,
-    check_dataset_toml,
-    unit_named,
-)
+from frictionid.data.readers.column_toml import OWN, UNITS, Gears, unit_named
+from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_recording import Recorded, recorded
 from frictionid.data.signals import Array

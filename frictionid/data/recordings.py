@@ -12,13 +12,17 @@ import numpy as np
 
 from frictionid.config import nearest
 from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
-from frictionid.data.gears import Gears
 from frictionid.data.joint_scales import JointScales, joint_scales
-from frictionid.data.readers.motor_toml import TorqueAt
+from frictionid.data.readers.column_toml import Gears, TorqueAt
 from frictionid.data.readers.table_recording import Recorded
 from frictionid.data.servo import Servo
-from frictionid.data.signal_checks import check_clocks, check_signal, column_count
-from frictionid.data.signals import TORQUE_HOLD, Signal
+from frictionid.data.signals import (
+    TORQUE_HOLD,
+    Signal,
+    check_clocks,
+    check_signal,
+    column_count,
+)
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
@@ -376,15 +380,7 @@ def _of_reads(
         except InputError as error:
             raise InputError(f"recording {key!r}: {error}") from None
     recordings = tuple(
-        Recording(
-            name=key,
-            angle=signals.angle,
-            torque=signals.torque,
-            velocity=signals.velocity,
-            parameters=dict(parameters.get(key, {})),
-            covariates=signals.covariates,
-            servo=signals.servo,
-        )
+        Recording(key, parameters=dict(parameters.get(key, {})), **signals._asdict())
         for key, (signals, _) in reads.items()
     )
     hashes = {key: digest for key, (_, digest) in reads.items()}

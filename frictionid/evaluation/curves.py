@@ -11,7 +11,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
-from frictionid.data.signal_checks import LARGEST
+from frictionid.data.signals import LARGEST
 from frictionid.errors import InputError
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
-from frictionid.data.readers.dataset_toml import CURRENTS, SPELLINGS, UNITS
+from frictionid.data.readers.column_toml import CURRENTS, SPELLINGS, UNITS
 from frictionid.data.readers.table import Table
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError

@@ -17,8 +17,7 @@ import numpy as np
 
 from frictionid.config import Positive, check_settings
 from frictionid.data.readers.table import read_table
-from frictionid.data.signal_checks import first_fault
-from frictionid.data.signals import Array, Signal, sample
+from frictionid.data.signals import Array, Signal, first_fault, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.rig.log import Counts, Logger

@@ -10,8 +10,9 @@ import tomli_w
 from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_bytes, write
 from fixtures.paths import ROOT
 
+from frictionid.data.readers.column_toml import CURRENTS, UNITS
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.dataset_toml import CURRENTS, UNITS, check_dataset_toml
+from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
 
-from frictionid.data.readers.bam import XL330_GAIN, read_bam
+from frictionid.data.readers.formats.bam import XL330_GAIN
+from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.recordings import Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque, terminal_voltage
 from frictionid.data.signals import Signal

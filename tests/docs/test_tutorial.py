@@ -17,8 +17,8 @@ from frictionid.__main__ import main
 from frictionid.config import checked
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import check_dataset_toml
-from frictionid.data.readers.reader_names import READERS
-from frictionid.data.readers.ros import RosSettings
+from frictionid.data.readers.formats import READERS
+from frictionid.data.readers.formats.ros import RosSettings
 from frictionid.data.signals import sample
 from frictionid.rig.align.align_files import AngleColumns
 from frictionid.rig.protocol import written

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from frictionid.config import Strict, nearest
-from frictionid.data.readers.column_toml import Column, Names
-from frictionid.data.readers.motor_toml import as_list
+from frictionid.data.readers.column_toml import Column, Names, as_list
 from frictionid.errors import InputError
 
 _Positive = Annotated[float, Field(gt=0)]

@@ -1,12 +1,79 @@
-"""Schema of the table [columns] of a dataset.toml: which column of a table holds what."""
+"""Columns of a dataset.toml: their units, and the schemas of [columns] and [motor]."""
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from frictionid.arrays import Array
 from frictionid.config import Strict
-from frictionid.data.readers.motor_toml import as_list
+
+# SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "angle": {
+        "rad": 1.0,
+        "mrad": 1e-3,
+        "deg": math.pi / 180.0,
+        "rev": 2.0 * math.pi,
+        "m": 1.0,
+        "mm": 1e-3,
+    },
+    "velocity": {
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180.0,
+        "rpm": math.pi / 30.0,
+        "m/s": 1.0,
+        "mm/s": 1e-3,
+    },
+    "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0, "A": 1.0, "mA": 1e-3},
+}
+CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [motor]
+# Units of the motor's own, whose SI values are these times what [motor] says, and currents.
+OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
+OWN |= {"torque": {"permille": 1e-3}, "time": {}}
+RELATIVE = {key: [*units, *(CURRENTS if key == "torque" else ())] for key, units in OWN.items()}
+SPELLINGS = {
+    "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
+    "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
+    "velocity": {"degrees/s": "deg/s", "°/s": "deg/s", "radians/s": "rad/s", "rev/min": "rpm"},
+    "torque": {
+        **dict.fromkeys(("Nm", "N*m", "N.m", "N·m"), "N m"),
+        **dict.fromkeys(("mNm", "mN*m"), "mN m"),
+        **dict.fromkeys(("Ncm", "N*cm"), "N cm"),
+        **dict.fromkeys(("ampere", "amperes", "amps"), "A"),
+    },
+}
+
+
+def unit_named(quantity: str, unit: str) -> str:
+    """Unit of a quantity under the name that `UNITS` has for it.
+
+    Raises
+    ------
+    ValueError
+        For an unknown one, with the known ones.
+
+    >>> unit_named("torque", "Nm"), unit_named("angle", "degrees")
+    ('N m', 'deg')
+    """
+    units = UNITS[quantity] | OWN[quantity]
+    name = SPELLINGS[quantity].get(unit, unit)
+    if name not in units:
+        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, units))}")
+    return name
+
+
+_SINGULAR = 1e9  # condition number of a coupling
+
+
+def as_list(value: object) -> object:
+    """A value as a list of one, a list as it is."""
+    return value if isinstance(value, list) else [value]
+
 
 Column = Annotated[str, Field(min_length=1)]
 
@@ -131,3 +198,122 @@ class AskedColumns(ColumnNames):
     def clock_of(self, name: str) -> str:
         """Time column of a column."""
         return self.target_clock if name in self.targets else super().clock_of(name)
+
+
+@dataclass(frozen=True, eq=False)
+class Gears:
+    """How the angles and torques of joints were computed from those of motors.
+
+    motor angle = C (joint angle - zero) and joint torque = C' motor torque
+
+    turns : array, shape (n, n), C: turns of each motor for one of each joint
+    zero : array, shape (n,) [rad], joint angles at which the motors' are zero
+    angles, torques : whether the columns of the angles, of the torques, are of the motors
+    """
+
+    turns: Array
+    zero: Array
+    angles: bool
+    torques: bool
+
+
+Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(as_list)]
+Side = Literal["joint", "motor"]
+TorqueAt = Literal["motor", "link", "command"]
+
+
+class TorquePlace(Strict):
+    """What the torques are.
+
+    at : "motor", the motors', before the friction of motor and gear; "link", of sensors behind the
+        gears; "command", what the motors were asked for
+    """
+
+    at: TorqueAt = "motor"
+
+
+class Motor(Strict):
+    """Motors and gears between what the columns hold and the joints.
+
+    motor angle = C (joint angle - offset) and joint torque = C' motor torque, with C = coupling, or
+    gear on its diagonal. Of currents, motor torque = kt current.
+
+    kt : torque constant at the motor's shaft [N m/A]: one, or one per joint
+    gear : turns of the motor for one of the joint, negative where they turn against each other
+    coupling : turns of each motor (rows) for one of each joint, where motors turn several, as at a
+        wrist; in place of gear
+    offset : joint angles [rad] at which the motors' are zero: one, or one per joint
+    angle, torque : "motor" where the columns are of the motors; currents and per mille always are
+    rated_torque, rated_current : of the motor [N m], [A], where the unit of torque is "permille";
+        0x6076 and 0x6075 of a CiA 402 drive, which has them in mN m and mA
+    counts_per_turn : of the encoder, where the unit of angle is "counts"
+    """
+
+    kt: Constants | None = None
+    rated_torque: Constants | None = None
+    rated_current: Constants | None = None
+    counts_per_turn: Constants | None = None
+    gear: Constants = [1.0]
+    coupling: list[list[float]] | None = None
+    offset: Constants = [0.0]
+    angle: Side = "joint"
+    torque: Side = "joint"
+
+    @field_validator("kt", "gear", "rated_torque", "rated_current", "counts_per_turn")
+    @classmethod
+    def _not_zero(cls, values: list[float] | None) -> list[float] | None:
+        if 0.0 in (values or ()):
+            raise ValueError(f"{values} must not hold a zero: no reading would count")
+        return values
+
+    @model_validator(mode="after")
+    def _gear_or_coupling(self) -> Self:
+        if self.coupling is None:
+            return self
+        if "gear" in self.model_fields_set:
+            raise ValueError("gear and coupling exclude each other; coupling holds the gears, too")
+        n = len(self.coupling)
+        square = all(len(row) == n for row in self.coupling) and n
+        if not square or not np.linalg.cond(np.array(self.coupling, dtype=float)) < _SINGULAR:
+            raise ValueError(
+                f"coupling = {self.coupling} must be a square matrix with an inverse: one row per "
+                "motor, with its turns for one turn of each joint"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_rating(self) -> Self:
+        if self.rated_current is not None and (self.kt is None or self.rated_torque is not None):
+            raise ValueError("rated_current needs kt beside it, and excludes rated_torque")
+        return self
+
+    @property
+    def torque_at_shaft(self) -> bool:
+        """Whether the columns of torque are of the motors.
+
+        >>> [Motor(gear=9.0, **keys).torque_at_shaft for keys in ({}, {"torque": "motor"})]
+        [False, True]
+        """
+        return self.torque == "motor" or self.kt is not None or self.rated_torque is not None
+
+    def unit(self, quantity: str) -> Array:
+        """SI value of the motor's own unit of a quantity: one ampere, count, or rated torque.
+
+        >>> Motor(rated_torque=2.5).unit("torque"), Motor(counts_per_turn=1000).unit("angle")
+        (array([2.5]), array([0.001]))
+        """
+        if quantity != "torque":
+            return 1.0 / np.array(self.counts_per_turn or [1.0])
+        kt = np.array(self.rated_torque or self.kt or [1.0])
+        return kt * np.array(self.rated_current or [1.0])
+
+    def gears(self, joints: int) -> Gears:
+        """What stands between the columns and the joints."""
+        zero = np.broadcast_to(np.array(self.offset, dtype=float), joints)
+        return Gears(self.matrix(joints), zero, self.angle == "motor", self.torque_at_shaft)
+
+    def matrix(self, joints: int) -> Array:
+        """C (n, n): turns of each motor for one of each joint."""
+        if self.coupling is not None:
+            return np.array(self.coupling, dtype=float)
+        return np.diag(np.broadcast_to(np.array(self.gear, dtype=float), joints))

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import imported, nearest, read_toml
+from frictionid.data.readers.column_toml import CURRENTS, OWN
 from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import CURRENTS, OWN, DatasetToml, check_dataset_toml
+from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
+from frictionid.data.readers.formats import part_of
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
 from frictionid.data.readers.table import Table, read_table, table_name
-from frictionid.data.readers.table_formats import TABLE_FORMATS
 from frictionid.data.readers.table_recording import recorded
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
@@ -256,25 +257,18 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     if toml.reader is None:
         tables = {"": read_table(content, file, toml.asked.names())}
     else:
-        form = TABLE_FORMATS[toml.reader.kind]
-        tables = form.tables(content, file, toml.reader.settings, toml.asked)
+        tables = part_of(toml.reader.kind, "tables")(
+            content, file, toml.reader.settings, toml.asked
+        )
     return [_from_table(table, name, part, toml) for part, table in tables.items()]
 
 
 def _from_table(table: Table, name: str, part: str, toml: DatasetToml) -> Recording:
     """Recording of a table; part : what the name of its file is extended by."""
-    signals = recorded(table, toml, table_name(name) + part)
-    truth = None if signals.truth is None else TrueMotion(*signals.truth)
-    return Recording(
-        name=table_name(name) + part,
-        angle=signals.angle,
-        torque=signals.torque,
-        velocity=signals.velocity,
-        parameters=toml.recordings.parameters.get(name, {}),
-        covariates=signals.covariates,
-        truth=truth,
-        servo=signals.servo,
-    )
+    title = table_name(name) + part
+    signals = recorded(table, toml, title)._asdict()
+    signals["truth"] = signals["truth"] and TrueMotion(*signals["truth"])
+    return Recording(title, parameters=toml.recordings.parameters.get(name, {}), **signals)
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:

@@ -16,67 +16,21 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
-from frictionid.data.gears import Gears
 from frictionid.data.readers.actuator_toml import Actuator
-from frictionid.data.readers.column_toml import AskedColumns, ColumnNames, Names
-from frictionid.data.readers.motor_toml import Motor, TorquePlace, as_list
-from frictionid.data.readers.table_formats import TABLE_FORMATS, with_defaults
-
-# SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
-UNITS = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
-    "angle": {
-        "rad": 1.0,
-        "mrad": 1e-3,
-        "deg": math.pi / 180.0,
-        "rev": 2.0 * math.pi,
-        "m": 1.0,
-        "mm": 1e-3,
-    },
-    "velocity": {
-        "rad/s": 1.0,
-        "deg/s": math.pi / 180.0,
-        "rpm": math.pi / 30.0,
-        "m/s": 1.0,
-        "mm/s": 1e-3,
-    },
-    "torque": {"N m": 1.0, "mN m": 1e-3, "N cm": 1e-2, "N": 1.0, "A": 1.0, "mA": 1e-3},
-}
-CURRENTS = ("A", "mA")  # units of [columns] torque that need the constants of [motor]
-# Units of the motor's own, whose SI values are these times what [motor] says, and currents.
-OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
-OWN |= {"torque": {"permille": 1e-3}, "time": {}}
-RELATIVE = {key: [*units, *(CURRENTS if key == "torque" else ())] for key, units in OWN.items()}
-SPELLINGS = {
-    "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
-    "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
-    "velocity": {"degrees/s": "deg/s", "°/s": "deg/s", "radians/s": "rad/s", "rev/min": "rpm"},
-    "torque": {
-        **dict.fromkeys(("Nm", "N*m", "N.m", "N·m"), "N m"),
-        **dict.fromkeys(("mNm", "mN*m"), "mN m"),
-        **dict.fromkeys(("Ncm", "N*cm"), "N cm"),
-        **dict.fromkeys(("ampere", "amperes", "amps"), "A"),
-    },
-}
-
-
-def unit_named(quantity: str, unit: str) -> str:
-    """Unit of a quantity under the name that `UNITS` has for it.
-
-    Raises
-    ------
-    ValueError
-        For an unknown one, with the known ones.
-
-    >>> unit_named("torque", "Nm"), unit_named("angle", "degrees")
-    ('N m', 'deg')
-    """
-    units = UNITS[quantity] | OWN[quantity]
-    name = SPELLINGS[quantity].get(unit, unit)
-    if name not in units:
-        raise ValueError(f"unknown unit {unit!r}; known: {', '.join(map(repr, units))}")
-    return name
-
+from frictionid.data.readers.column_toml import (
+    CURRENTS,
+    OWN,
+    UNITS,
+    AskedColumns,
+    ColumnNames,
+    Gears,
+    Motor,
+    Names,
+    TorquePlace,
+    as_list,
+    unit_named,
+)
+from frictionid.data.readers.formats import part_of
 
 Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
 Deviations = Annotated[
@@ -112,7 +66,7 @@ class Signs(Strict):
     angle: Directions = [1]
     torque: Directions = [1]
 
-    def of(self, quantity: str) -> Sequence[int]:
+    def each(self, quantity: str) -> Sequence[int]:
         """Signs of a quantity; velocities count as the angles do, covariates as they are."""
         return (1,) if not quantity else self.torque if quantity == "torque" else self.angle
 
@@ -175,7 +129,7 @@ class Mechanism(BaseModel):
 class Reader(BaseModel):
     """Reader of the files; other keys are its settings.
 
-    It stands in place of [columns] and [units], unless it is one of `TABLE_FORMATS`.
+    It stands in place of [columns] and [units], unless its format makes tables.
     """
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
@@ -309,11 +263,10 @@ class DatasetToml(Strict):
 
     @model_validator(mode="after")
     def _units_are_stated(self) -> Self:
-        if self.columns is not None and self.reader and _reads_tables(self.reader):
-            unstated = TABLE_FORMATS[self.reader.kind].unstated
-            for quantity, names, why in unstated(self.columns):
-                if quantity not in self.units.model_fields_set:
-                    raise ValueError(f"units.{quantity} of {names} must be stated: {why}")
+        unstated = self.reader and part_of(self.reader.kind, "unstated")
+        for quantity, names, why in unstated(self.columns) if unstated and self.columns else ():
+            if quantity not in self.units.model_fields_set:
+                raise ValueError(f"units.{quantity} of {names} must be stated: {why}")
         return self
 
     @model_validator(mode="after")
@@ -365,8 +318,9 @@ class DatasetToml(Strict):
 
 def _reads_tables(reader: object, *, only: bool = False) -> bool:
     """Whether a reader makes tables; `only`: and nothing else, so that it needs [columns]."""
-    form = isinstance(reader, Reader) and TABLE_FORMATS.get(reader.kind)
-    return bool(form and (form.needs_columns or not only))
+    if not isinstance(reader, Reader) or part_of(reader.kind, "tables") is None:
+        return False
+    return not only or part_of(reader.kind, "read") is None
 
 
 def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
@@ -389,7 +343,14 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
-    return checked(DatasetToml, _without_torque(with_defaults(document)), file)
+    return checked(DatasetToml, _without_torque(_with_defaults(document)), file)
+
+
+def _with_defaults(document: dict[str, Any]) -> dict[str, Any]:
+    """The document with what the format of its tables says of itself."""
+    reader = document.get("reader")
+    defaults = part_of(reader.get("kind"), "defaults") if isinstance(reader, dict) else None
+    return document if defaults is None else dict(defaults(document))
 
 
 def _without_torque(document: dict[str, Any]) -> dict[str, Any]:

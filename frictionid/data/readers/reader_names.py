@@ -1,4 +1,4 @@
-"""Readers by their names in dataset.toml, and readers of one's own."""
+"""Readers by their names in dataset.toml: those of `formats`, installed ones, and one's own."""
 
 from __future__ import annotations
 
@@ -8,33 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.config import imported, nearest
-from frictionid.data.readers.bam import read_bam
-from frictionid.data.readers.dfki import (
-    read_dfki_double_pendulum,
-    read_dfki_simple_pendulum,
-)
-from frictionid.data.readers.emps import read_emps
-from frictionid.data.readers.ibm import read_ibm
-from frictionid.data.readers.markers import read_markers
-from frictionid.data.readers.phy180 import read_phy180
-from frictionid.data.readers.ros import read_ros
-from frictionid.data.readers.table_formats import TABLE_FORMATS
+from frictionid.data.readers.formats import READERS, part_of
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 # From a file and the settings in [reader] to a recording in SI units.
 Reader = Callable[[Path, Mapping[str, Any]], Recording]
-
-READERS: Mapping[str, Reader] = {
-    "bam": read_bam,
-    "dfki_double_pendulum": read_dfki_double_pendulum,
-    "dfki_simple_pendulum": read_dfki_simple_pendulum,
-    "emps": read_emps,
-    "ibm": read_ibm,
-    "markers": read_markers,
-    "phy180": read_phy180,
-    "ros": read_ros,
-}
 
 
 def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
@@ -58,17 +37,17 @@ def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
                 f"{file}: [reader] kind = {kind!r} is code, which runs with your rights: read it, "
                 "and give --trust (trust=True in Python) where it is harmless"
             )
-        found = imported(kind, file.parent, f"{file}: [reader] kind")
-        if not callable(found):
+        read = imported(kind, file.parent, f"{file}: [reader] kind")
+        if not callable(read):
             raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
-        return _checked(found, kind)
+        return _checked(read, kind)
     if kind not in READERS:
-        known = dict.fromkeys([*READERS, *TABLE_FORMATS])
         raise InputError(
-            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, known)}; one's own is "
+            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, READERS)}; one's own is "
             "package.module:function"
         )
-    return READERS[kind]
+    reader: Reader = part_of(kind, "read")
+    return reader
 
 
 def _checked(read: Reader, kind: str) -> Reader:

@@ -1,27 +1,18 @@
 """Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
 
-import csv
 import io
 import re
-from array import array
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.data.readers.csv_table import check_header, csv_columns, numeric_csv_columns
 from frictionid.data.readers.mat import mat_column, read_mat
 from frictionid.data.readers.unpacking import check_cells, unzip
-from frictionid.data.signals import Array
+from frictionid.data.signals import Array, Signal, first_fault
 from frictionid.errors import InputError, needs
-
-_RECORDER = "the reader drive_recorder (data/README.md)"
-_NAMES = 20  # of columns, in a complaint
-_HEADER = 1 << 20  # [bytes] of the line with the names of the columns
-_LONG = 100_000  # [bytes] of a text that is worth trying to read at once
-_ODD = (b'"', b"_", b"\r", b"\n\n")
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
 # Formats that only readers of their own understand.
@@ -44,6 +35,11 @@ class Table(NamedTuple):
     file: str
     rows: NDArray[np.int64]
     columns: dict[str, Array]
+
+    def taken(self, keep: Any) -> "Table":
+        """The rows of a mask (R,)."""
+        columns = {name: column[keep] for name, column in self.columns.items()}
+        return Table(self.file, self.rows[keep], columns)
 
 
 def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
@@ -71,10 +67,8 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
         table = _parquet(content, file, columns)
     elif lower.endswith(".mat"):
         table = _mat(content, file, columns)
-    elif lower.endswith(".csv.gz"):
-        table = _csv(unzip(content, file), file, columns)
-    elif lower.endswith(".csv"):
-        table = _csv(content, file, columns)
+    elif lower.endswith((".csv", ".csv.gz")):
+        table = Table(file, *csv_columns(unzip(content, file), file, columns))
     else:
         raise InputError(f"{file}: tables end with {', '.join(SUFFIXES)}; narrow the patterns")
     if not len(table.rows):
@@ -96,38 +90,13 @@ def numeric_table(content: bytes, file: str) -> Table:
     ['t', 'q']
     """
     if file.lower().endswith(".parquet"):
-        picked = _numeric_parquet(content, file)
+        picked = _parquet(content, file, None).columns
     else:
-        picked = _numeric_csv(unzip(content, file), file)
+        picked = numeric_csv_columns(unzip(content, file), file)
     length = len(next(iter(picked.values()), ()))
     if not length:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
     return Table(file, np.arange(2, length + 2), picked)
-
-
-def _numeric_parquet(content: bytes, file: str) -> dict[str, Array]:
-    names = _parquet_names(content, file)
-    _check_header(file, names, names)
-    picked = {}
-    for name in names:
-        with suppress(InputError):  # columns of words
-            picked[name] = _parquet(content, file, [name]).columns[name]
-    return picked
-
-
-def _numeric_csv(content: bytes, file: str) -> dict[str, Array]:
-    """Columns of numbers of a CSV text, read row by row; words end those that hold any."""
-    lines = _csv_lines(content, file)
-    _, names = next(lines)
-    _check_header(file, names, names)
-    cells = {k: array("d") for k in range(len(names))}
-    for row, line in lines:
-        for k in list(cells):
-            try:
-                cells[k].append(_number(line[k], row, names[k], file))
-            except InputError:
-                del cells[k]
-    return {names[k]: np.array(column) for k, column in cells.items()}
 
 
 def table_name(file: str) -> str:
@@ -144,129 +113,111 @@ def table_name(file: str) -> str:
     return file
 
 
-def _csv(content: bytes, file: str, columns: Sequence[str]) -> Table:
-    """Table of a CSV text, read row by row: a wrong row is refused before the next is read.
+def read_headerless(content: bytes, file: str, columns: Sequence[str], comma: bool = True) -> Table:
+    r"""Table with some columns of a text without a header, plain or gzipped.
 
-    Long texts of nothing but numbers are read at once, in a fifth of the time.
-    """
-    lines = _csv_lines(content, file)
-    _, header = next(lines)
-    _check_header(file, header, columns)
-    places = [header.index(name) for name in columns]
-    if (numbers := _numbers_alone(content, len(header))) is not None:
-        whole = {name: numbers[:, at].copy() for name, at in zip(columns, places, strict=True)}
-        return Table(file, np.arange(2, len(numbers) + 2), whole)
-    rows, cells = array("q"), [array("d") for _ in columns]
-    for row, line in lines:
-        rows.append(row)
-        for column, at, name in zip(cells, places, columns, strict=True):
-            column.append(_number(line[at], row, name, file))
-    picked = {name: np.array(column) for name, column in zip(columns, cells, strict=True)}
-    return Table(file, np.array(rows, dtype=np.int64), picked)
-
-
-def _numbers_alone(content: bytes, cells: int) -> Array | None:
-    """All numbers (R, cells) of a long CSV text, or None where a row needs a closer look.
-
-    That is where a cell is empty, quoted or no number, a line is blank, or rows differ in length.
-    """
-    if len(content) < _LONG or not content.isascii() or any(mark in content for mark in _ODD):
-        return None
-    separator = separator_of(content.partition(b"\n")[0].decode())
-    try:
-        text = io.StringIO(content.decode())
-        numbers = np.loadtxt(text, delimiter=separator, comments=None, skiprows=1, ndmin=2)
-    except ValueError:
-        return None
-    return numbers if numbers.shape[1] == cells else None
-
-
-def _csv_lines(content: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
-    """The names of the columns, and the cells of each row that is not blank, with its number."""
-    head = content[: _HEADER + 1].partition(b"\n")[0]
-    if len(head) > _HEADER:
-        raise InputError(f"{file} is no table: its first line is longer than {_HEADER} bytes")
-    try:
-        separator = separator_of(head.decode("utf-8-sig"))
-        text = io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", newline="")
-        reader = csv.reader(text, strict=True, delimiter=separator)
-        header = [cell.strip() for cell in next(reader, [])]
-        yield reader.line_num, header
-        expected = reader.line_num
-        for cells in reader:
-            expected += 1  # a blank line is no row, but it counts where rows are named
-            _check_row(file, header, cells, (expected, reader.line_num))
-            if cells:
-                yield reader.line_num, cells
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file} is no CSV text in UTF-8 ({error}); export it again") from None
-
-
-def separator_of(header: str) -> str:
-    r"""What separates the cells of a table, by its header: a comma, semicolon, tabulator or blank.
-
-    >>> separator_of("time;q [rad];u, filtered"), separator_of("time,q"), separator_of("time q")
-    (';', ',', ' ')
-    """
-    bare = re.sub('"[^"]*"', "", header)
-    separator = max((",", ";", "\t"), key=bare.count)
-    return separator if separator in bare or " " not in bare.strip() else " "
-
-
-def number(text: str) -> float:
-    """Number of a cell, with a decimal point or a decimal comma.
+    Parameters
+    ----------
+    content : bytes
+    file : str
+        Name of the file, for errors; gzipped where it ends with ".gz".
+    columns : sequence of str
+        Numbers of columns, from "1".
+    comma : bool
+        Whether commas or blanks separate the cells.
 
     Raises
     ------
-    ValueError
-        Where it is none, has both, or has other digits than 0 to 9.
+    InputError
+        Where the text is no such table, or a cell is no number. An empty cell is nan.
 
-    >>> number("-1.5e3"), number("0,25")
-    (-1500.0, 0.25)
+    Examples
+    --------
+    >>> read_headerless(b"1,2,3\n4,,6\n", "a.csv", ["3", "2"]).columns
+    {'3': array([3., 6.]), '2': array([ 2., nan])}
     """
-    if "_" in text or not text.isascii():  # Python's own, and digits of other scripts
-        raise ValueError(text)
-    return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
-
-
-def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[int, int]) -> None:
-    """Complain about a row that ends in another line than expected, or has other cells."""
-    expected, row = numbers
-    if row != expected:
-        # Two stray quotes would otherwise swallow all the rows between them.
-        raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
-    if cells and len(cells) != len(header):
-        raise InputError(
-            f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
-            "repair or delete the row (decimal commas need semicolons between the cells; "
-            f"lines above the names need {_RECORDER})"
-        )
-
-
-def _number(cell: str, row: int, name: str, file: str) -> float:
-    """A cell as a number, nan where it is empty."""
-    text = cell.strip()
     try:
-        return number(text) if text else np.nan
-    except ValueError:
+        text = unzip(content, file).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file} is no text in UTF-8 ({error}); export it again") from None
+    lines = [(row, line) for row, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise InputError(f"{file} has no rows; record again or leave it out")
+    separator = "," if comma else None
+    width = len(lines[0][1].split(separator))
+    for name in columns:
+        if not (name.isdecimal() and 1 <= int(name) <= width):
+            raise InputError(f"{file} has no column {name!r}; it has 1 to {width}")
+    numbers = np.array([_cells(line.split(separator), width, file, row) for row, line in lines])
+    picked = {name: numbers[:, int(name) - 1] for name in columns}
+    return Table(file, np.array([row for row, _ in lines]), picked)
+
+
+def _cells(cells: list[str], width: int, file: str, row: int) -> list[float]:
+    if len(cells) != width:
         raise InputError(
-            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
-            "write a number, or leave the cell empty"
+            f"{file}, row {row}: {len(cells)} cells where the first row has {width}; "
+            "repair or delete the row"
+        )
+    try:
+        return [float(cell) if cell.strip() else np.nan for cell in cells]
+    except ValueError as error:
+        raise InputError(
+            f"{file}, row {row}: {str(error)[:80]}; a table with a header needs header = true"
         ) from None
 
 
-def _parquet_names(content: bytes, file: str) -> list[str]:
-    with needs("parquet"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+def signal_of(
+    table: Table,
+    clock: str,
+    names: Sequence[str],
+    *,
+    second: float = 1.0,
+    unit: float | Array = 1.0,
+    hold: str | None = None,
+    sparse: bool = False,
+    sigma: Array | None = None,
+) -> Signal:
+    """Named columns of a table as one signal; "" stands for a column of zeros.
 
-    try:
-        return list(pq.ParquetFile(io.BytesIO(content)).schema_arrow.names)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
+    Parameters
+    ----------
+    table : Table
+    clock : str
+        The time column.
+    names : sequence of n str
+    second : float
+        SI value of one unit of the clock.
+    unit : float, or array, shape (n,)
+        SI value of one unit of the columns, negative where their sign is the other way round.
+    hold : "linear", "previous", or None where nothing is stated
+    sparse : bool
+        Whether only the rows with a time on this clock belong to the signal.
+    sigma : array, shape (n,), or None, in the unit of the columns
+
+    Raises
+    ------
+    InputError
+        At the first row whose time does not increase or where a cell is empty or not finite.
+    """
+    time, rows = table.columns[clock], table.rows
+    value = np.column_stack([table.columns[n] if n else np.zeros(len(time)) for n in names])
+    if sparse:
+        has_time = ~np.isnan(time)
+        time, value, rows = time[has_time], value[has_time], rows[has_time]
+    if not len(time):
+        raise InputError(f"{table.file}: the column {clock!r} is empty; name the column of a clock")
+    fault = first_fault(time, value, (clock, *names))
+    if fault:
+        raise InputError(f"{table.file}, row {rows[fault[0]]}: {fault[1]}; repair or delete it")
+    # A number too large for its unit becomes infinite, which the recording refuses.
+    with np.errstate(over="ignore"):
+        deviation = None if sigma is None else sigma * np.abs(unit)
+        return Signal(time * second, value * unit, hold, deviation)
 
 
-def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
+def _parquet(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
+    """Table of some columns, or of all that hold numbers."""
     with needs("parquet"):
         import pyarrow as pa
         import pyarrow.compute as pc
@@ -277,28 +228,28 @@ def _parquet(content: bytes, file: str, columns: Sequence[str]) -> Table:
     try:
         whole = pq.ParquetFile(io.BytesIO(content))
         header = list(whole.schema_arrow.names)
-        places = {name: _place(name, header) for name in columns}
+        names = header if columns is None else columns
+        places = {name: _place(name, header) for name in names}
         bases = list(dict.fromkeys(base for base, _ in places.values()))
-        _check_header(file, header, bases)
-        check_cells(whole.metadata.num_rows, len(columns), file)
+        check_header(file, header, bases)
+        check_cells(whole.metadata.num_rows, len(columns or [""]), file)
         table = whole.read(columns=bases)
     except InputError:
         raise
     except damage as error:
         raise InputError(f"{file} is no whole Parquet file ({_first_line(error)})") from None
     picked = {}
-    for name in columns:
+    for name, (base, element) in places.items():
         try:
-            base, element = places[name]
             cells = table.column(base)
             if element is not None:
                 cells = pc.list_element(cells, element)
-            cells = cells.cast(pa.float64(), safe=False)
+            picked[name] = cells.cast(pa.float64(), safe=False).to_numpy().astype(float)
         except damage as error:
-            raise InputError(
-                f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
-            ) from None
-        picked[name] = cells.to_numpy().astype(float)
+            if columns is not None:
+                raise InputError(
+                    f"{file}: column {name!r} holds no numbers ({_first_line(error)})"
+                ) from None
     # Rows are counted as in a CSV file: the first one below the header is row 2.
     return Table(file, np.arange(2, table.num_rows + 2), picked)
 
@@ -326,19 +277,3 @@ def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:
 
 def _first_line(error: Exception) -> str:
     return next(iter(str(error).splitlines()), type(error).__name__)
-
-
-def _check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> None:
-    if not any(header):
-        raise InputError(f"{file} is empty; record again or leave it out")
-    named = ", ".join(repr(name[:60]) for name in header[:_NAMES])
-    named += f" and {len(header) - _NAMES} more" if len(header) > _NAMES else ""
-    count = Counter(header)
-    for name in columns:
-        if count[name] == 0:
-            raise InputError(f"{file} has no column {name!r}; it has {named}")
-        if count[name] > 1:
-            raise InputError(
-                f"{file} has {count[name]} columns called {name!r}; rename them, or "
-                f"count them by {_RECORDER}"
-            )

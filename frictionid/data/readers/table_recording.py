@@ -2,19 +2,18 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.data.readers.actuator_signals import servo_of
-from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.dataset_toml import RELATIVE, UNITS, DatasetToml
-from frictionid.data.readers.motor_toml import Motor
-from frictionid.data.readers.table import Table
-from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.readers.column_toml import RELATIVE, UNITS, ColumnNames, Motor
+from frictionid.data.readers.dataset_toml import DatasetToml
+from frictionid.data.readers.table import Table, signal_of
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+
+_GAPS = 2.0  # of the targets' usual gaps, by which they may begin late or end early
 
 
 class Recorded(NamedTuple):
@@ -41,36 +40,74 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     """
     columns = toml.columns
     assert columns is not None
-    whole = table
-    if columns.missing == "drop":
-        table = _seen(table, columns)
-    signals = partial(_signal, table, toml, columns)
+    seen = _seen(table, columns) if columns.missing == "drop" else table
+    signal, at_joints = partial(_signal, seen, toml), partial(_at_joints, motor=toml.motor)
     truth = None
     if columns.truth:
         truth = (
-            signals("angle", columns.truth.angle)._replace(sigma=None),
-            signals("velocity", columns.truth.velocity)._replace(sigma=None),
+            signal("angle", columns.truth.angle)._replace(sigma=None),
+            signal("velocity", columns.truth.velocity)._replace(sigma=None),
         )
-    velocity = signals("velocity", columns.velocity) if columns.velocity else None
-    angle = _with_deviations(signals("angle", columns.angle), table, toml, columns)
-    angle = _at_joints(angle, toml.motor, "angle")
-    servo = None if toml.actuator is None else servo_of(whole, toml, name, angle)
+    velocity = None
+    if columns.velocity:
+        velocity = at_joints(
+            "velocity", signal("velocity", columns.velocity, columns.velocity_clock)
+        )
+    angle = signal("angle", columns.angle)
+    if columns.sigma is not None:
+        sigma = signal("angle", columns.sigma).value * toml.signs.each("angle")
+        angle = angle._replace(sigma=sigma)
+    angle = at_joints("angle", angle)
+    servo = None if toml.actuator is None else _servo(table, toml, name, angle)
     if servo is None:
-        torque = _signal(whole, toml, columns, "torque", columns.torque)
-        torque = _at_joints(torque, toml.motor, "torque")
+        clock = columns.time.torque if any(columns.torque) else ""
+        torque = _signal(table, toml, "torque", columns.torque, clock, toml.hold.torque)
+        torque = at_joints("torque", torque)
     else:
         torque = servo_torque(servo, angle)
-    return Recorded(
-        angle=angle,
-        torque=torque,
-        velocity=velocity and _at_joints(velocity, toml.motor, "velocity"),
-        covariates={key: signals("", [column]) for key, column in columns.covariates.items()},
-        truth=truth,
-        servo=servo,
+    covariates = {key: signal("", [column]) for key, column in columns.covariates.items()}
+    return Recorded(angle, torque, velocity, covariates, truth, servo)
+
+
+def _seen(table: Table, columns: ColumnNames) -> Table:
+    """The rows that have all angles."""
+    cells = np.stack([table.columns[name] for name in columns.angle])
+    keep = ~np.isnan(cells).any(axis=0)
+    if not keep.any():
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
+    return table.taken(keep)
+
+
+def _signal(
+    table: Table,
+    toml: DatasetToml,
+    quantity: str,
+    names: list[str],
+    clock: str = "",
+    hold: str | None = "linear",
+) -> Signal:
+    """Columns on a clock, "" the angles', in SI units; as they are where the quantity is ""."""
+    assert toml.columns is not None
+    sigma = getattr(toml.sigma, quantity) if quantity else None
+    unit = np.array(toml.signs.each(quantity), float)
+    if quantity:
+        unit = unit * np.array(toml.units.scales(quantity))
+    if toml.motor is not None and quantity:
+        units = getattr(toml.units, quantity)
+        unit = unit * np.where(np.isin(units, RELATIVE[quantity]), toml.motor.unit(quantity), 1.0)
+    return signal_of(
+        table,
+        clock or toml.columns.time.angle,
+        names,
+        second=UNITS["time"][toml.units.time],
+        unit=unit,
+        hold=hold,
+        sparse=toml.asked.two_clocks,
+        sigma=None if sigma is None else np.full(len(names), sigma),
     )
 
 
-def _at_joints(signal: Signal, motor: Motor | None, quantity: str) -> Signal:
+def _at_joints(quantity: str, signal: Signal, motor: Motor | None) -> Signal:
     """The signal of the joints from that of the motors, see `Motor`."""
     if motor is None:
         return signal
@@ -87,46 +124,63 @@ def _at_joints(signal: Signal, motor: Motor | None, quantity: str) -> Signal:
         return signal._replace(value=signal.value @ to_joints + offset, sigma=sigma)
 
 
-def _seen(table: Table, columns: ColumnNames) -> Table:
-    """The rows that have all angles."""
-    cells = np.stack([table.columns[name] for name in columns.angle])
-    keep = ~np.isnan(cells).any(axis=0)
-    if not keep.any():
-        raise InputError(f"{table.file}: no row has all angles; name other columns")
-    return Table(table.file, table.rows[keep], {k: v[keep] for k, v in table.columns.items()})
+def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
+    """Servo of a recording; targets are in the frame of its angles (T, n).
 
+    Raises
+    ------
+    InputError
+        Where a target is missing or no number, or the targets do not cover the angles.
+    """
+    assert toml.actuator is not None
+    actuator = toml.actuator.in_recording(name)
 
-def _with_deviations(
-    angle: Signal, table: Table, toml: DatasetToml, columns: ColumnNames
-) -> Signal:
-    """The angles with the standard deviation of each sample, where the table has columns for it."""
-    if columns.sigma is None:
-        return angle
-    sigma = _signal(table, toml, columns, "angle", columns.sigma).value
-    return angle._replace(sigma=sigma * toml.signs.of("angle"))
+    def signal(quantity: str, names: list[str], hold: str = actuator.hold) -> Signal:
+        columns = _signal(table, toml, quantity, names, actuator.time or "", hold)
+        columns = columns._replace(sigma=None)
+        return _at_joints(quantity, columns, toml.motor) if quantity else columns
 
-
-def _signal(
-    table: Table, toml: DatasetToml, columns: ColumnNames, quantity: str, names: list[str]
-) -> Signal:
-    """Columns of a table on their clock, in SI units; covariates ("") keep the unit of the file."""
-    torque = quantity == "torque"
-    clock = columns.time.torque if torque and any(names) else columns.time.angle
-    if quantity == "velocity" and names == columns.velocity:
-        clock = columns.velocity_clock
-    sigma = getattr(toml.sigma, quantity) if quantity else None
-    unit: Any = np.array(toml.units.scales(quantity) if quantity else [1.0])
-    unit = unit * np.array(toml.signs.of(quantity), float)
-    if toml.motor is not None and quantity:
-        units = getattr(toml.units, quantity)
-        unit = unit * np.where(np.isin(units, RELATIVE[quantity]), toml.motor.unit(quantity), 1.0)
-    return signal_of(
-        table,
-        clock,
-        names,
-        second=UNITS["time"][toml.units.time],
-        unit=unit,
-        hold=toml.hold.torque if torque else "linear",
-        sparse=toml.asked.two_clocks,
-        sigma=None if sigma is None else np.full(len(names), sigma),
+    goal = signal("angle" if actuator.kind == "position" else "velocity", actuator.target)
+    _check_span(table.file, goal, angle)
+    goal_velocity = feedforward = None
+    if actuator.target_velocity:
+        goal_velocity = signal("velocity", actuator.target_velocity)
+    if actuator.feedforward:
+        feedforward = signal("", actuator.feedforward)
+        feedforward = feedforward._replace(value=feedforward.value * toml.signs.each("torque"))
+    supply = actuator.supply
+    on = np.ones((len(goal.time), angle.value.shape[1]))
+    if actuator.enabled is not None:
+        on = on * signal("", [actuator.enabled]).value
+    limit = 1.0 if actuator.output == "duty" else np.inf
+    return Servo(
+        goal=goal,
+        enabled=Signal(goal.time, on, "previous"),
+        gain=actuator.scale * np.array(actuator.P),
+        limit=np.array(actuator.limit or [limit]),
+        supply=signal("", [supply], "linear") if isinstance(supply, str) else supply or np.nan,
+        kt=actuator.kt or np.nan,
+        R=actuator.R or np.nan,
+        damping=actuator.scale * np.array(actuator.D),
+        goal_velocity=goal_velocity,
+        feedforward=feedforward,
+        target=actuator.kind,
+        output=actuator.output,
+        current_limit=actuator.current_limit or np.inf,
+        ratio=np.array(actuator.gear),
+        efficiency=np.array(actuator.efficiency),
+        target_delay=actuator.delay,
+        backlash=np.array(actuator.backlash),
     )
+
+
+def _check_span(file: str, goal: Signal, angle: Signal) -> None:
+    gap = float(np.median(np.diff(goal.time))) if len(goal.time) > 1 else 0.0
+    gap = _GAPS * max(gap, float(np.median(np.diff(angle.time))))
+    begin, end = float(angle.time[0]), float(angle.time[-1])
+    if goal.time[0] > begin + gap or goal.time[-1] < end - gap:
+        raise InputError(
+            f"{file}: targets are known from {goal.time[0]:g} to {goal.time[-1]:g} s only, the "
+            f"angles from {begin:g} to {end:g} s: keep the common span by start and stop in "
+            "[recordings], or log the targets throughout"
+        )

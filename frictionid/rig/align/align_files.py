@@ -13,9 +13,8 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.dataset_toml import UNITS
-from frictionid.data.readers.table import Table, read_table
-from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.readers.column_toml import UNITS
+from frictionid.data.readers.table import Table, read_table, signal_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import TORQUE_HOLD, Signal, cut
 from frictionid.data.two_clock_table import joint_columns

@@ -13,7 +13,8 @@ from fixtures.reader_files import MOTOR, bam_log, column
 
 import frictionid as fid
 from frictionid.data.readers.actuator_toml import Actuator
-from frictionid.data.readers.bam import XL330_GAIN, read_bam
+from frictionid.data.readers.formats.bam import XL330_GAIN
+from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.servo import Servo, motor_torque, play, servo_torque
 from frictionid.data.signals import Signal
 

@@ -18,12 +18,12 @@ from fixtures.reader_files import (
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from frictionid.data.readers.bam import read_bam
-from frictionid.data.readers.emps import read_emps
-from frictionid.data.readers.headerless import read_headerless
-from frictionid.data.readers.ibm import read_ibm
-from frictionid.data.readers.markers import read_markers
-from frictionid.data.readers.phy180 import read_phy180
+from frictionid.data.readers.formats.bam import read as read_bam
+from frictionid.data.readers.formats.emps import read as read_emps
+from frictionid.data.readers.formats.ibm import read as read_ibm
+from frictionid.data.readers.formats.markers import read as read_markers
+from frictionid.data.readers.formats.phy180 import read as read_phy180
+from frictionid.data.readers.table import read_headerless
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 
 from frictionid.data.readers import unpacking
-from frictionid.data.readers.table import number, read_table
+from frictionid.data.readers.csv_table import number
+from frictionid.data.readers.table import read_table
 from frictionid.errors import InputError, printable
 
 HEAD = b"time,q\n0.0,1.0\n"

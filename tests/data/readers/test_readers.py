@@ -19,16 +19,15 @@ from fixtures.reader_files import (
     mat_bytes,
 )
 
-from frictionid.data.readers.bam import XL330_GAIN, read_bam
-from frictionid.data.readers.dfki import (
-    read_dfki_double_pendulum,
-    read_dfki_simple_pendulum,
-)
-from frictionid.data.readers.emps import read_emps
-from frictionid.data.readers.ibm import read_ibm
-from frictionid.data.readers.markers import read_markers
+from frictionid.data.readers.formats.bam import XL330_GAIN
+from frictionid.data.readers.formats.bam import read as read_bam
+from frictionid.data.readers.formats.dfki_double_pendulum import read as read_double_pendulum
+from frictionid.data.readers.formats.dfki_simple_pendulum import read as read_simple_pendulum
+from frictionid.data.readers.formats.emps import read as read_emps
+from frictionid.data.readers.formats.ibm import read as read_ibm
+from frictionid.data.readers.formats.markers import read as read_markers
+from frictionid.data.readers.formats.phy180 import read as read_phy180
 from frictionid.data.readers.mat import read_mat
-from frictionid.data.readers.phy180 import read_phy180
 
 
 def put(folder, name, content):
@@ -188,13 +187,13 @@ def test_dfki_logs_may_have_more_columns_than_are_read(tmp_path):
     head = "time,pos_meas1,pos_meas2,vel_meas1,pos_filt1,tau_con1,tau_con2,tau_meas1,tau_meas2"
     rows = ["0.0,1,2,3,4,5,6,7,8", "0.1,1,2,3,4,5,6,7,8"]
     path = put(tmp_path, "a.csv", "\n".join([head, *rows]).encode())
-    measured = read_dfki_double_pendulum(path, {})
-    commanded = read_dfki_double_pendulum(path, {"torque": "commanded"})
+    measured = read_double_pendulum(path, {})
+    commanded = read_double_pendulum(path, {"torque": "commanded"})
     assert measured.angle.value[0].tolist() == [1.0, 2.0]
     assert (measured.torque.value[0].tolist(), measured.torque.hold) == ([7.0, 8.0], "linear")
     assert (commanded.torque.value[0].tolist(), commanded.torque.hold) == ([5.0, 6.0], "previous")
     single = put(tmp_path, "b.csv", b"time,position,velocity,torque\n0,1,2,3\n1,4,5,6\n")
-    recording = read_dfki_simple_pendulum(single, {})
+    recording = read_simple_pendulum(single, {})
     assert recording.angle.value.ravel().tolist() == [1.0, 4.0]
     assert recording.velocity.value.ravel().tolist() == [2.0, 5.0]
     assert recording.torque.value.ravel().tolist() == [3.0, 6.0]

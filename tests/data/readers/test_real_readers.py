@@ -10,8 +10,8 @@ from frictionid.comparison.registry import friction_of
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.formats import part_of
 from frictionid.data.readers.public_collections import check_file, collections
-from frictionid.data.readers.reader_names import READERS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.fitting.identifiers import LeastSquares
@@ -77,7 +77,7 @@ def test_every_file_loads_moves_plausibly_and_is_registered(real_data, name):
     for path in paths:
         place = path.relative_to(real_data / name).as_posix()
         assert place in known
-        recording = READERS[kind](path, given)
+        recording = part_of(kind, "read")(path, given)
         w = np.diff(recording.angle.value, axis=0) / np.diff(recording.angle.time)[:, None]
         assert 0.005 < np.quantile(np.abs(w), 0.95) < FAST.get(name, 40.0), place
         assert recording.angle.time[-1] - recording.angle.time[0] > 3.0
@@ -216,7 +216,7 @@ def test_friction_fitted_on_driven_logs_predicts_passive_swings(dataset, request
 def test_a_commanded_torque_is_gravity_compensation(real_data):
     """Of the file that says so: its torque is a multiple of sin q, moving or not."""
     path = real_data / "dfki_simple_pendulum" / "gravity_compensation_torque_is_commanded.csv.gz"
-    recording = READERS["dfki_simple_pendulum"](path, {"torque": "previous"})
+    recording = part_of("dfki_simple_pendulum", "read")(path, {"torque": "previous"})
     q, u = recording.angle.value[:, 0], recording.torque.value[:, 0]
     gain = (np.sin(q) @ u) / (np.sin(q) @ np.sin(q))
     assert gain == pytest.approx(0.338 * 9.81, rel=0.02)

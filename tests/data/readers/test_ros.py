@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.ros import read_ros
+from frictionid.data.readers.formats.ros import read as read_ros
 from frictionid.errors import InputError
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")

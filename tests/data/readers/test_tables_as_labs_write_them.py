@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fixtures.dataset_files import csv_bytes, described, load, motion
 
-from frictionid.data.readers.dataset_toml import SPELLINGS, UNITS, unit_named
+from frictionid.data.readers.column_toml import SPELLINGS, UNITS, unit_named
 
 TIME = np.arange(12) / 50.0
 ANGLE, CURRENT = 90.0 * np.sin(3.0 * TIME), 2.0 * np.cos(5.0 * TIME)  # [deg], [A]

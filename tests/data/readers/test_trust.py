@@ -11,7 +11,7 @@ from fixtures.own_reader import read_by
 
 from frictionid.data.readers import reader_names
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.emps import read_emps
+from frictionid.data.readers.formats.emps import read as read_emps
 from frictionid.errors import InputError
 from frictionid.mechanics import pendulum
 

@@ -12,8 +12,8 @@ import pytest
 import frictionid as fid
 from frictionid.comparison.registry import friction_of
 from frictionid.data.plants import plant_of
-from frictionid.data.readers.bam import XL330_GAIN
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock

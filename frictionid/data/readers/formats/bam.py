@@ -23,8 +23,7 @@ from frictionid.data.readers.table import table_name
 from frictionid.data.readers.unpacking import unzip
 from frictionid.data.recordings import Recording
 from frictionid.data.servo import Servo, servo_torque, terminal_voltage
-from frictionid.data.signal_checks import first_fault
-from frictionid.data.signals import Array, Signal, taken
+from frictionid.data.signals import Array, Signal, first_fault, taken
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
@@ -52,29 +51,24 @@ class BamSettings(Strict):
     phase: Literal["all", "driven", "passive"] = "all"
 
 
-def read_bam(path: Path, settings: Mapping[str, Any]) -> Recording:
+def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angle, servo and modelled motor torque of a log (.json, .json.gz), its pendulum's dimensions.
 
     The velocity for the back-EMF is the central difference of the angles; the logged one lags by
     more than 20 ms. Covariates are the voltage [V] at the motor, zero where it is disconnected, and
     as logged: load (the duty, 885 is full), supply [V] and temperature [deg C].
-
-    Raises
-    ------
-    InputError
-        For wrong settings, damaged logs, and a phase that the log does not have.
     """
-    given = checked(BamSettings, dict(settings), f"{path}: [reader]")
+    chosen = checked(BamSettings, dict(settings), f"{path}: [reader]")
     file = str(path)
     log = _log(unzip(read_bytes(path), file), file)
     columns = _columns(log["entries"], file)
-    keep = _phase(columns["torque_enable"] > 0, given.phase, file)
+    keep = _phase(columns["torque_enable"] > 0, chosen.phase, file)
 
     def signal(value: Array) -> Signal:
         return Signal(columns["timestamp"], value[:, None])
 
-    angle = signal(columns["position"] + given.offset)
-    servo = _servo(log, signal(columns["goal_position"] + given.offset), columns, given)
+    angle = signal(columns["position"] + chosen.offset)
+    servo = _servo(log, signal(columns["goal_position"] + chosen.offset), columns, chosen)
     signals = {
         "angle": angle,
         "torque": servo_torque(servo, angle),
@@ -104,18 +98,18 @@ def signed_word(word: Array) -> Array:
 
 
 def _servo(
-    log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], given: BamSettings
+    log: Mapping[str, Any], goal: Signal, columns: Mapping[str, Array], settings: BamSettings
 ) -> Servo:
     """Servo of a log; its controller needs differences of angles only, not their zero."""
     enabled = (columns["torque_enable"] > 0).astype(float)[:, None]
     return Servo(
         goal=goal,
         enabled=Signal(goal.time, enabled, hold="previous"),
-        gain=given.gain * log["kp"],
-        limit=given.limit,
-        supply=log["vin"] if given.vin is None else given.vin,
-        kt=given.kt,
-        R=given.R,
+        gain=settings.gain * log["kp"],
+        limit=settings.limit,
+        supply=log["vin"] if settings.vin is None else settings.vin,
+        kt=settings.kt,
+        R=settings.R,
     )
 
 
@@ -162,8 +156,8 @@ def _columns(entries: Sequence[Any], file: str) -> dict[str, Array]:
 
 def _number(value: Any, where: str) -> float:
     if not isinstance(value, int | float):
-        given = "is missing" if value is None else f"is {repr(value)[:40]}, which is no number"
-        raise InputError(f"{where} {given}; repair the log")
+        fault = "is missing" if value is None else f"is {repr(value)[:40]}, which is no number"
+        raise InputError(f"{where} {fault}; repair the log")
     try:
         return float(value)
     except OverflowError:

@@ -17,10 +17,7 @@ from frictionid.config import Strict, checked
 from frictionid.data.readers.column_toml import ColumnNames
 from frictionid.data.readers.table import Table, read_table
 
-_ANGLE, _VELOCITY, _CURRENT, _MOMENT = (
-    *("actual_q", "actual_qd", "actual_current"),
-    "target_moment",
-)
+_MOMENT = "target_moment"
 
 
 class RtdeSettings(Strict):
@@ -33,7 +30,7 @@ class RtdeSettings(Strict):
     velocity: bool = False
 
 
-def rtde_tables(
+def tables(
     content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
     """Table of a recording."""
@@ -41,20 +38,20 @@ def rtde_tables(
     return {"": read_table(content, file, columns.names())}
 
 
-def rtde_columns(document: dict[str, Any]) -> dict[str, Any]:
+def defaults(document: dict[str, Any]) -> dict[str, Any]:
     """A dataset.toml with [columns], and that moments are commands, where it does not say so.
 
     Torques are actual_current where [units] says that they are currents, else target_moment.
     """
-    own = {key: value for key, value in document["reader"].items() if key != "kind"}
+    settings = {key: value for key, value in document["reader"].items() if key != "kind"}
     if "columns" not in document:
-        given = checked(RtdeSettings, own, "[reader]")
+        chosen = checked(RtdeSettings, settings, "[reader]")
         units = document.get("units")
         unit = str(units.get("torque", "N m")) if isinstance(units, dict) else "N m"
-        torque = _MOMENT if unit.endswith("m") else _CURRENT
-        fields = {"angle": _ANGLE, "torque": torque}
-        fields |= {"velocity": _VELOCITY} if given.velocity else {}
-        names = {key: [f"{field}_{j}" for j in given.joints] for key, field in fields.items()}
+        torque = _MOMENT if unit.endswith("m") else "actual_current"
+        fields = {"angle": "actual_q", "torque": torque}
+        fields |= {"velocity": "actual_qd"} if chosen.velocity else {}
+        names = {key: [f"{field}_{j}" for j in chosen.joints] for key, field in fields.items()}
         document = {**document, "columns": {"time": "timestamp", **names}}
     if _is_moment(document["columns"]) and "torque" not in document:
         document = {**document, "torque": {"at": "command"}}

@@ -10,14 +10,13 @@ import numpy as np
 
 from frictionid.config import Strict, checked
 from frictionid.data.readers.mat import mat_column, read_mat
-from frictionid.data.readers.table import Table, read_table, table_name
-from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.readers.table import read_table, signal_of, table_name
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
 
-def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
+def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Position [m] and force [N] of the carriage; force = gtau vir, held by the controller.
 
     The reference position qg is the covariate `reference` [m], the controller's output vir the
@@ -32,7 +31,7 @@ def read_emps(path: Path, settings: Mapping[str, Any]) -> Recording:
     content, file = read_bytes(path), str(path)
     if not file.lower().endswith(".mat"):
         raise InputError(f"{file}: recordings of emps are MAT files; narrow the patterns")
-    table: Table = read_table(content, file, ["t", "qm", "qg", "vir"])
+    table = read_table(content, file, ["t", "qm", "qg", "vir"])
     gain = mat_column(read_mat(content, file), "gtau", file)
     if gain.shape != (1,) or not np.isfinite(gain[0]) or gain[0] == 0:
         raise InputError(f"{file}: gtau must be one number other than zero [N/V]")

@@ -38,7 +38,7 @@ class LerobotSettings(Strict):
     episodes: list[int] | None = None
 
 
-def lerobot_tables(
+def tables(
     content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
     """Table of each episode in a file, by what the name of its recording has behind the file's.
@@ -48,7 +48,7 @@ def lerobot_tables(
     InputError
         For wrong settings, and files without the features.
     """
-    given = checked(LerobotSettings, dict(settings), f"{file}: [reader]")
+    chosen = checked(LerobotSettings, dict(settings), f"{file}: [reader]")
     if not file.lower().endswith(".parquet"):
         raise InputError(f"{file} is no .parquet file; name data/*/*.parquet in the patterns")
     names = columns.names()
@@ -56,14 +56,14 @@ def lerobot_tables(
     table = read_table(content, file, [*dict.fromkeys([*places.values(), _EPISODE])])
     picked = {name: table.columns[place] for name, place in places.items()}
     angles = {*columns.angle, *columns.covariates.values()}
-    _check_range(given, angles, file)
+    _check_range(chosen, angles, file)
     for name in angles:
-        low, high = given.range.get(_element(name), (-100.0, 100.0))
+        low, high = chosen.range.get(_element(name), (-100.0, 100.0))
         picked[name] = low + (picked[name] + 100.0) * ((high - low) / 200.0)
-    return _episodes(Table(file, table.rows, picked), table.columns[_EPISODE], given)
+    return _episodes(Table(file, table.rows, picked), table.columns[_EPISODE], chosen)
 
 
-def lerobot_units(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
+def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
     """The unit of the angles, which no file says."""
     yield (
         "angle",
@@ -73,24 +73,21 @@ def lerobot_units(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
     )
 
 
-def _episodes(table: Table, episode: np.ndarray, given: LerobotSettings) -> dict[str, Table]:
+def _episodes(table: Table, episode: np.ndarray, settings: LerobotSettings) -> dict[str, Table]:
     """Rows of each episode."""
     if not np.isfinite(episode).all():
         raise InputError(f"{table.file}: {_EPISODE} has empty cells; convert the data set again")
     numbers = np.unique(episode)
-    wanted = [n for n in numbers if given.episodes is None or n in given.episodes]
-    out = {}
-    for number in wanted:
-        rows = episode == number
-        part = "" if len(numbers) == 1 else f"/episode_{number:.0f}"
-        picked = {name: column[rows] for name, column in table.columns.items()}
-        out[part] = Table(table.file, table.rows[rows], picked)
-    return out
+    return {
+        "" if len(numbers) == 1 else f"/episode_{number:.0f}": table.taken(episode == number)
+        for number in numbers
+        if settings.episodes is None or number in settings.episodes
+    }
 
 
-def _check_range(given: LerobotSettings, angles: set[str], file: str) -> None:
+def _check_range(settings: LerobotSettings, angles: set[str], file: str) -> None:
     elements = [_element(name) for name in angles]
-    for name, (low, high) in given.range.items():
+    for name, (low, high) in settings.range.items():
         if name not in elements:
             raise InputError(
                 f"{file}: [reader] range: no angle {name!r}; {nearest(name, elements)}"

@@ -12,11 +12,14 @@ from pydantic import Field, model_validator
 
 from frictionid.config import Strict, checked
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
-from frictionid.data.readers.column_toml import Column
-from frictionid.data.readers.dataset_toml import UNITS
-from frictionid.data.readers.headerless import read_headerless
-from frictionid.data.readers.table import Table, read_table, table_name
-from frictionid.data.readers.table_signals import signal_of
+from frictionid.data.readers.column_toml import UNITS, Column
+from frictionid.data.readers.table import (
+    Table,
+    read_headerless,
+    read_table,
+    signal_of,
+    table_name,
+)
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
@@ -59,53 +62,48 @@ class MarkerSettings(Strict):
         return self
 
 
-def read_markers(path: Path, settings: Mapping[str, Any]) -> Recording:
-    """Angles of a passive chain of links, one joint per link, from a table of its markers.
-
-    Raises
-    ------
-    InputError
-        For wrong settings, damaged tables, and markers that coincide.
-    """
-    given = checked(MarkerSettings, dict(settings), f"{path}: [reader]")
-    table = _seen(_table(path, given), given)
-    second = 1.0 if given.time is None else UNITS["time"][given.time_unit]
-    column = partial(signal_of, table, given.time or FRAME, second=second)
-    x, y = column(given.x), column(given.y)
+def read(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Angles of a passive chain of links, one joint per link, from a table of its markers."""
+    chosen = checked(MarkerSettings, dict(settings), f"{path}: [reader]")
+    table = _seen(_table(path, chosen), chosen)
+    second = 1.0 if chosen.time is None else UNITS["time"][chosen.time_unit]
+    column = partial(signal_of, table, chosen.time or FRAME, second=second)
+    x, y = column(chosen.x), column(chosen.y)
     markers = np.stack([x.value, y.value], axis=-1)
-    angle = Signal(x.time, _angles(markers, given, table))
+    angle = Signal(x.time, _angles(markers, chosen, table))
     return Recording(table_name(path.name), angle, angle._replace(value=np.zeros_like(angle.value)))
 
 
-def _table(path: Path, given: MarkerSettings) -> Table:
+def _table(path: Path, settings: MarkerSettings) -> Table:
     """The table, with a column of times where it has only a rate."""
-    names = [*given.x, *given.y, *([] if given.time is None else [given.time])]
-    read = read_table if given.header else read_headerless
+    names = [*settings.x, *settings.y, *([] if settings.time is None else [settings.time])]
+    read = read_table if settings.header else read_headerless
     table = read(read_bytes(path), str(path), names)
-    if given.rate is None:
+    if settings.rate is None:
         return table
-    return table._replace(columns={**table.columns, FRAME: np.arange(len(table.rows)) / given.rate})
+    return table._replace(
+        columns={**table.columns, FRAME: np.arange(len(table.rows)) / settings.rate}
+    )
 
 
-def _seen(table: Table, given: MarkerSettings) -> Table:
+def _seen(table: Table, settings: MarkerSettings) -> Table:
     """The rows that have all markers."""
-    if given.missing == "refuse":
+    if settings.missing == "refuse":
         return table
-    cells = np.stack([table.columns[name] for name in (*given.x, *given.y)])
+    cells = np.stack([table.columns[name] for name in (*settings.x, *settings.y)])
     keep = ~np.isnan(cells).any(axis=0)
     if not keep.any():
         raise InputError(f"{table.file}: no row has all markers; name other columns")
-    columns = {name: column[keep] for name, column in table.columns.items()}
-    return Table(table.file, table.rows[keep], columns)
+    return table.taken(keep)
 
 
-def _angles(markers: Array, given: MarkerSettings, table: Table) -> Array:
+def _angles(markers: Array, settings: MarkerSettings, table: Table) -> Array:
     """Joint angles (T, n) [rad] of markers (T, n + 1, 2) as they stand in the table."""
-    if given.y_points == "up":
+    if settings.y_points == "up":
         markers = turn_up(markers)
-    if given.mirrored:
+    if settings.mirrored:
         markers = mirror(markers)
-    if given.pivot == "fixed":
+    if settings.pivot == "fixed":
         markers = hold_pivot(markers)
     touching = (link_lengths(markers) == 0).any(axis=1)
     if touching.any():

@@ -6,18 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from frictionid.data.readers.markers import read_markers
+from frictionid.data.readers.formats import markers
 from frictionid.data.recordings import Recording
 
 # Red pivot, green elbow, blue tip; y before x, in fifths of a camera pixel; 400 frames a second.
-LAYOUT: Mapping[str, Any] = {
-    "x": ["2", "4", "6"],
-    "y": ["1", "3", "5"],
-    "header": False,
-    "rate": 400.0,
-}
+LAYOUT = {"x": ["2", "4", "6"], "y": ["1", "3", "5"], "header": False, "rate": 400.0}
 
 
-def read_ibm(path: Path, settings: Mapping[str, Any]) -> Recording:
+def read(path: Path, settings: Mapping[str, Any]) -> Recording:
     """Angles of both joints; the settings are those of `markers`, most of them preset."""
-    return read_markers(path, {**LAYOUT, **settings})
+    return markers.read(path, {**LAYOUT, **settings})

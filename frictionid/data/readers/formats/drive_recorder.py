@@ -18,7 +18,8 @@ import numpy as np
 
 from frictionid.config import Strict, checked
 from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.table import Table, number, separator_of
+from frictionid.data.readers.csv_table import number, separator_of
+from frictionid.data.readers.table import Table
 from frictionid.data.readers.unpacking import unzip
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
@@ -32,7 +33,7 @@ class DriveSettings(Strict):
     """Settings of the reader `drive_recorder`: none."""
 
 
-def object_units(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
+def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
     """Quantities in columns that are objects, whose units a drive's settings say."""
     said = (
         ("angle", columns.angle, '"counts" (with counts_per_turn in [motor]) or what is set'),
@@ -45,7 +46,7 @@ def object_units(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
             yield quantity, ", ".join(objects[:3]), why
 
 
-def drive_recorder_tables(
+def tables(
     content: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
 ) -> dict[str, Table]:
     """Table of a recording, whose rows are those of the file from the first number on.

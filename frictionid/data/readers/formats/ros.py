@@ -1,0 +1,239 @@
+"""Reader `ros`: joint states in a ROS 2 bag, an MCAP (.mcap) or SQLite (.db3) file.
+
+With [columns], a column is `time`, `position[joint]`, `velocity[joint]` or `effort[joint]` of the
+topic in [reader], or stands behind the name of another topic, `/joint_commands/position[joint]`,
+whose `/joint_commands/time` is a clock of its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from frictionid.config import Strict, checked, nearest
+from frictionid.data.readers.column_toml import ColumnNames
+from frictionid.data.readers.table import Table, table_name
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Array, Signal, first_fault
+from frictionid.errors import InputError
+
+_KIND = "sensor_msgs/msg/JointState"
+_FIELDS = ("position", "velocity", "effort")
+_COLUMN = re.compile(r"(?:(/.+)/)?(?:(time)|(position|velocity|effort)\[(.+)\])")
+
+
+class RosTableSettings(Strict):
+    """Settings of the reader `ros` beside [columns].
+
+    topic : of the joint states, by default the only one; clock : "header" stamps of the messages,
+    or when they were "received"
+    """
+
+    topic: str = ""
+    clock: Literal["header", "received"] = "header"
+
+
+class RosSettings(RosTableSettings):
+    """Settings of the reader `ros` without [columns].
+
+    joints : names in the mechanism's order, by default all in that of the first message; driven :
+    names of those whose effort is a torque, by default all; hold : what efforts do between two
+    messages, as any torque's by default
+    """
+
+    joints: list[str] | None = None
+    driven: list[str] | None = None
+    hold: Literal["linear", "previous"] | None = None
+
+
+def read(path: Path, settings: Mapping[str, Any]) -> Recording:
+    """Positions, velocities where there are any, and efforts of the joints; SI units, as in ROS.
+
+    Time counts from the first message.
+    """
+    chosen = checked(RosSettings, dict(settings), f"{path}: [reader]")
+    file = str(path)
+    stamped = joint_states(path, chosen.topic, chosen.clock)
+    # nanoseconds since 1970 lose digits as floats: the difference is taken before
+    stamps = np.array([1e-9 * (stamp - stamped[0][0]) for stamp, _ in stamped])
+    messages = [message for _, message in stamped]
+    names = list(chosen.joints or messages[0].name)
+    driven = names if chosen.driven is None else chosen.driven
+    for name in driven:
+        if name not in names:
+            raise InputError(
+                f"{file}: [reader] driven: {name!r} is no joint; {nearest(name, names)}"
+            )
+    columns = {field: values_of(messages, names, field, file) for field in _FIELDS}
+    q, w, u = (columns[field] for field in _FIELDS)
+    if q is None:
+        raise InputError(f"{file}: the joint states have no position; record another topic")
+    if u is None and driven:
+        raise InputError(
+            f"{file}: the joint states have no effort; without motors set driven = [] in [reader]"
+        )
+    time = _increasing(stamps, file)
+    torque = np.zeros_like(q)
+    for j, name in enumerate(names):
+        if u is not None and name in driven:
+            torque[:, j] = u[:, j]
+    parts = [part for part in (q, torque, w) if part is not None]
+    fault = first_fault(time, np.concatenate(parts, axis=1), ("time", *_labels(names, len(parts))))
+    if fault:
+        raise InputError(f"{file}, message {fault[0]} (the first is 0): {fault[1]}")
+    return Recording(
+        table_name(path.name),
+        Signal(time, q),
+        Signal(time, torque, chosen.hold),
+        velocity=None if w is None else Signal(time, w),
+    )
+
+
+def _labels(names: list[str], parts: int) -> list[str]:
+    return [
+        f"{what} of {name}" for what in ("position", "effort", "velocity")[:parts] for name in names
+    ]
+
+
+def _increasing(stamps: Array, file: str) -> Array:
+    k = int(np.argmax(np.diff(stamps) <= 0))
+    if np.diff(stamps)[k] <= 0:
+        raise InputError(
+            f"{file}, message {k + 1} (the first is 0): time must increase; try clock = "
+            '"received" in [reader]'
+        )
+    return stamps
+
+
+class Place(NamedTuple):
+    """What a column is: topic, "" for that of [reader], and field and joint, "" for its time."""
+
+    topic: str
+    field: str
+    joint: str
+
+
+def tables(
+    _: bytes, file: str, settings: Mapping[str, Any], columns: ColumnNames
+) -> dict[str, Table]:
+    """Table of a bag: the rows of one topic after those of another; rows count messages."""
+    chosen = checked(RosTableSettings, dict(settings), f"{file}: [reader]")
+    places = {name: _place(name, file) for name in columns.names()}
+    topics = list(dict.fromkeys(place.topic for place in places.values()))
+    messages = {t: joint_states(Path(file), t or chosen.topic, chosen.clock) for t in topics}
+    start = min(states[0][0] for states in messages.values())
+    sizes = [len(states) for states in messages.values()]
+    ends = dict(zip(topics, np.cumsum(sizes).tolist(), strict=True))
+    picked = {}
+    for name, place in places.items():
+        states = messages[place.topic]
+        picked[name] = np.full(sum(sizes), np.nan)
+        span = slice(ends[place.topic] - len(states), ends[place.topic])
+        if not place.field:  # nanoseconds since 1970 lose digits as floats
+            picked[name][span] = [1e-9 * (stamp - start) for stamp, _ in states]
+            continue
+        values = values_of([message for _, message in states], [place.joint], place.field, file)
+        if values is None:
+            raise InputError(f"{file}: no message of {name!r} has one; name another topic or field")
+        picked[name][span] = values[:, 0]
+    return {"": Table(file, np.concatenate([np.arange(size) for size in sizes]), picked)}
+
+
+def _place(name: str, file: str) -> Place:
+    """What the name of a column says.
+
+    >>> _place("/joint_commands/position[elbow]", "a.mcap")
+    Place(topic='/joint_commands', field='position', joint='elbow')
+    """
+    match = _COLUMN.fullmatch(name)
+    if match is None:
+        raise InputError(
+            f"{file}: a bag has no column {name!r}: write time, position[joint], velocity[joint] "
+            "or effort[joint], of another topic /topic/position[joint]"
+        )
+    return Place(match[1] or "", match[3] or "", match[4] or "")
+
+
+def joint_states(path: Path, topic: str, clock: str) -> list[tuple[int, Any]]:
+    """Stamps [ns] and joint states of a topic, "" the only one, in the order of the bag.
+
+    Raises
+    ------
+    InputError
+        Without the package rosbags, for files that are no bags, and bags without the topic.
+    """
+    if path.suffix not in (".mcap", ".db3"):
+        raise InputError(f"{path} is no .mcap or .db3 file; name that of the bag in the patterns")
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise InputError(
+            f"{path}: bags need the package rosbags: pip install 'frictionid[ros]'"
+        ) from None
+    try:
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([path], default_typestore=store) as reader:
+            wanted = _connections(reader.connections, topic, path)
+            states = list(_stamped(reader, wanted, clock))
+    except InputError:
+        raise
+    except Exception as error:  # whatever rosbags lets through of wrong bytes and lengths
+        reason = str(error) or type(error).__name__
+        raise InputError(f"{path} is no whole ROS 2 bag ({reason[:80]}); copy it again") from None
+    if len(states) < 2:
+        raise InputError(f"{path} has {len(states)} joint states; a motion needs more")
+    return states
+
+
+def _connections(connections: Any, topic: str, path: Path) -> list[Any]:
+    states = [c for c in connections if c.msgtype == _KIND]
+    topics = sorted({c.topic for c in states})
+    if not topics:
+        others = sorted({c.topic for c in connections}) or ["none"]
+        raise InputError(f"{path} has no topic of {_KIND}; it has {', '.join(others)}")
+    if not topic and len(topics) > 1:
+        raise InputError(
+            f"{path} has the topics {', '.join(topics)}: name one by topic in [reader]"
+        )
+    chosen = topic or topics[0]
+    if chosen not in topics:
+        raise InputError(f"{path}: [reader] topic = {topic!r} is unknown; {nearest(topic, topics)}")
+    return [c for c in states if c.topic == chosen]
+
+
+def _stamped(reader: Any, connections: list[Any], clock: str) -> Iterator[tuple[int, Any]]:
+    """Stamp [ns] and message."""
+    for connection, received, raw in reader.messages(connections=connections):
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = message.header.stamp
+        yield (received if clock == "received" else stamp.sec * 10**9 + stamp.nanosec), message
+
+
+def values_of(messages: list[Any], names: list[str], field: str, file: str) -> Array | None:
+    """Values (T, n) of the joints in order, None where no message has any.
+
+    Raises
+    ------
+    InputError
+        Where a message lacks a joint.
+    """
+    if not any(len(getattr(m, field)) for m in messages):
+        return None
+    out = np.full((len(messages), len(names)), np.nan)
+    for k, message in enumerate(messages):
+        values, order = getattr(message, field), list(message.name)
+        for j, name in enumerate(names):
+            if name not in order:
+                raise InputError(
+                    f"{file}, message {k} (the first is 0) has no joint {name!r}; "
+                    f"{nearest(name, order)}"
+                )
+            at = order.index(name)
+            if at < len(values):
+                out[k, j] = values[at]
+    return out
