@@ -52,3 +52,17 @@ def test_directions_of_several_inputs_add_up() -> None:
     program = traced(lambda v: {"z": v["x"][0] * v["x"][1]}, {"x": 2})
     made = with_derivatives(program, {"both": ["x_1", "x_2"]}, ["z"]).run({"x_1": 2.0, "x_2": 5.0})
     assert made["z by both"] == [7.0]
+
+
+def test_systems_and_products_are_those_of_arrays() -> None:
+    M, b = np.random.default_rng(0).normal(size=(3, 3)), np.array([1.0, -2.0, 0.5])
+    M = M @ M.T + np.eye(3)  # elimination without pivots is for matrices of masses
+
+    def functions(M: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+        solved, inverse = np.linalg.solve(M, b[:, None])[:, 0], np.linalg.inv(M)
+        return {"solved": solved, "inverse": inverse, "left": b @ M, "right": M @ b}
+
+    program = traced(lambda x: functions(x["M"].reshape(3, 3), x["b"]), {"M": 9, "b": 3})
+    values = dict(zip(program.inputs, np.concatenate([M.ravel(), b]), strict=True))
+    for name, result in program.run(values).items():
+        np.testing.assert_allclose(result, functions(M, b)[name].ravel(), rtol=1e-12)

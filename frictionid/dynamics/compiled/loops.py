@@ -48,21 +48,21 @@ def substep(machine: Machine, row: Array) -> None:
     """Make one substep that has begun."""
     code, at = machine.code, machine.at
     run_at(code.smooth, row)
+    if row[at.crosses] + row[at.loosens] == 0.0:
+        return
+    run_at(code.look_back, row)
+    _settle(machine, row)
     if row[at.crosses] != 0.0:
-        run_at(code.cross, row)
-        _settle(machine, row)
         run_at(code.change_side, row)
         if row[at.turns_back] != 0.0:
-            run_at(code.hold_again, row)
+            run_at(code.hold, row)
             _settle(machine, row)
         run_at(code.stop_more, row)
         if row[at.at_stake] != 0.0:
-            run_at(code.hold_again, row)
+            run_at(code.hold, row)
             _settle(machine, row)
         run_at(code.end_crossing, row)
-    elif row[at.loosens] != 0.0:
-        run_at(code.loosen, row)
-        _settle(machine, row)
+    else:
         run_at(code.slide, row)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, programs_of
+from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, program_of
 from frictionid.dynamics.torque_balance import (
     has_break_away,
 )
@@ -20,7 +20,7 @@ LINES = 3000  # of a law's program, which take half a second to compile: two net
 
 
 class Code(NamedTuple):
-    """Addresses of what the loops run, see `Row.sequences`."""
+    """Addresses of what the loops run: programs of `Row`, or its sequences of them."""
 
     begin: int
     near_rest: int
@@ -28,13 +28,12 @@ class Code(NamedTuple):
     stick: int
     first: int
     smooth: int
-    cross: int
+    look_back: int
     change_side: int
     stop_more: int
     end_crossing: int
-    loosen: int
     slide: int
-    hold_again: int
+    hold: int
     settle: int
 
 
@@ -97,8 +96,10 @@ def row_of(plant: Plant, friction: Friction, *states: Array) -> Row | None:
 @lru_cache(maxsize=64)
 def _machine(row: Row) -> Machine | None:
     sizes, sequences = row.sizes, row.sequences
+    names = {name for parts in sequences.values() for name in parts}
+    names |= set(Code._fields) - sequences.keys()
     try:
-        programs = programs_of(row, sequences, sizes)
+        programs = {name: program_of(getattr(row, name), sizes) for name in sorted(names)}
     except NO_PROGRAM:
         return None
     if len(programs["torque"].lines) > LINES:

@@ -6,7 +6,7 @@ that a row holds, and all that programs hand on to each other, are named numbers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 from types import SimpleNamespace
@@ -51,17 +51,6 @@ from frictionid.programs.program import Program
 from frictionid.programs.trace import traced
 
 NO_PROGRAM = (NotImplementedError, TypeError, ValueError, AttributeError)
-
-
-def programs_of(
-    row: Any, sequences: Mapping[str, Sequence[str]], sizes: dict[str, int]
-) -> dict[str, Program]:
-    """Programs that are run in sequences, by their names: what methods of a row compute.
-
-    Raises one of `NO_PROGRAM` where a method does what programs cannot.
-    """
-    names = dict.fromkeys(name for parts in sequences.values() for name in parts)
-    return {name: program_of(getattr(row, name), sizes) for name in names}
 
 
 def program_of(function: Callable[[Any], Mapping[str, Array]], sizes: dict[str, int]) -> Program:
@@ -138,25 +127,15 @@ class Row:
             smooth = ("advance", *evaluate, "accelerate", *smooth, "dynamics", "advance")
         balance = ("dynamics", "push_back", "limit", "push_on", "limit")
         sliding = (*balance, "aim", "torque")
-        if self.sharp:
-            near = (*sliding, "choose_resting", "hold")
-        else:
-            near = (*balance, "straight", "torque", "choose_slow", "hold")
+        way = "aim" if self.sharp else "straight"
         return {
-            "begin": ("set_off",),
-            "near_rest": near,
+            "near_rest": (*balance, way, "torque", "choose_slow", "hold"),
             "brake": ("set_braking", "hold"),
             "stick": ("set_stiction", "aim", "torque", "accelerate"),
             "first": (*evaluate, "accelerate"),
             "smooth": smooth,
-            "cross": (*sliding, "choose_crossing", "hold"),
+            "look_back": (*sliding, "choose_crossing", "hold"),
             "change_side": ("locate", "torque", "turn_back"),
-            "stop_more": ("add_stops",),
-            "end_crossing": ("set_crossing",),
-            "loosen": (*sliding, "choose_sticking", "hold"),
-            "slide": ("set_sliding",),
-            "hold_again": ("hold",),
-            "settle": ("sweep",),
         }
 
     # ------------------------------------------------------------ torques
@@ -274,27 +253,27 @@ class Row:
 
     # ------------------------------------------------------------ rest
 
-    def set_off(self, x: Any) -> dict[str, Array]:
+    def begin(self, x: Any) -> dict[str, Array]:
         w, zero, n = self.velocities(x), 0.0 * x.slow, len(x.w)
-        least = zero if self.sharp else x.slow
-        slow = (np.abs(w) <= least).any(-1) if self.breaks else 0.0 * x.dt
+        slow: Any = self.slow(x).any(-1) if self.breaks else 0.0 * x.dt
         # joints that other parts hold, too, are at rest
         start = {"w": w[:n], "at_q": x.q, "at_w": w[:n], "memory0": x.memory, "is_slow": slow}
         none = dict.fromkeys(("braking", "sticking", "firm", "margin"), zero)
         return {**start, "direction": np.sign(w), **none}
 
-    def choose_slow(self, x: Any) -> dict[str, Array]:
-        w = self.velocities(x)
-        return {"candidates": np.abs(w) <= x.slow, "holding": x.sliding}
+    def slow(self, x: Any) -> Array:
+        """Parts (m,) that are slow; of a sharp law, that rest."""
+        least = 0.0 * x.slow if self.sharp else x.slow
+        return np.abs(self.velocities(x)) <= least
 
-    def choose_resting(self, x: Any) -> dict[str, Array]:
-        return {"candidates": self.velocities(x) == 0.0, "holding": x.sliding}
+    def choose_slow(self, x: Any) -> dict[str, Array]:
+        return {"candidates": self.slow(x), "holding": x.sliding}
 
     def hold(self, x: Any) -> dict[str, Array]:
         W, Tf = first_torque(self.balance(x, x.holding), x.candidates)
         return {"W": W, "held": Tf}
 
-    def sweep(self, x: Any) -> dict[str, Array]:
+    def settle(self, x: Any) -> dict[str, Array]:
         m = len(x.slow)
         Tf = swept_torque(self.balance(x, x.holding), x.W.reshape(m, m), x.held, x.candidates)
         return {"held": Tf, "moved": (np.abs(Tf - x.held) > SETTLED).any(-1)}
@@ -339,24 +318,20 @@ class Row:
         out = {"since": since, "holding": since, "turned": turned}
         return out | {"candidates": x.rests | turned, "turns_back": turned.any(-1)}
 
-    def add_stops(self, x: Any) -> dict[str, Array]:
+    def stop_more(self, x: Any) -> dict[str, Array]:
         turned = x.turned & self.balance(x, x.since).below_break_away(x.held)
         at = stopped_too(self.crossing(x), turned)
         out = {"stops": at.stops, "rests": at.sticking, "share": at.share}
         return out | {"candidates": at.sticking, "at_stake": (x.sticking | turned).any(-1)}
 
-    def set_crossing(self, x: Any) -> dict[str, Array]:
+    def end_crossing(self, x: Any) -> dict[str, Array]:
         now, since = self.balance(x, x.friction), self.balance(x, x.since)
         jump = crossing_jump(now, since, x.held, self.crossing(x), x.at_stake[0])
         crossing = self.crossing(x)._replace(jump=jump)
         q, w = crossing.state_after(State(x.q0, x.w0), x.q, x.dt)
         return {"jump": jump, "q": q, "w": w, "M_end": x.M}
 
-    def choose_sticking(self, x: Any) -> dict[str, Array]:
-        friction = braked(x.sliding, x.braking)
-        return {"candidates": x.sticking, "holding": friction, "friction": friction}
-
-    def set_sliding(self, x: Any) -> dict[str, Array]:
+    def slide(self, x: Any) -> dict[str, Array]:
         now = self.balance(x, x.friction)
         q, w = slid(now, x.held, x.sticking, x.margin, State(x.q, x.w), x.dt)
         return {"q": q, "w": w}

@@ -1,6 +1,6 @@
 """Compile the loops of the physics step and of its derivatives, once for all mechanisms.
 
-The first long prediction or fit does so otherwise, and takes half a minute longer. After an
+The first long prediction or fit does so otherwise, and takes some seconds longer. After an
 installation: python -m frictionid.dynamics.tangent.compile_loops
 """
 
