@@ -29,6 +29,10 @@ class StepSize(NamedTuple):
     fine: int
 
 
+class TooSteepError(InputError):
+    """Friction whose slope no reasonable number of substeps resolves."""
+
+
 def step_size_of(
     plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST
 ) -> StepSize:
@@ -39,7 +43,7 @@ def step_size_of(
 
     Raises
     ------
-    InputError
+    TooSteepError
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     substeps(plant, friction, dt)
@@ -59,14 +63,14 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
 
     Raises
     ------
-    InputError
+    TooSteepError
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     rate = stiffness(plant, friction)
     longest = min(_LONGEST, friction.law.longest_substep)
     count = int(np.ceil(max(dt / longest, dt * rate / _STABLE, 1.0)))
     if rate > _FASTEST:
-        raise InputError(
+        raise TooSteepError(
             f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
             f"in {1 / rate:.1g} s and needs {count} substeps in {dt:.3g} s: widen the law's "
             "smoothing, or check its parameters"

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.dynamics.step_size import TooSteepError
 from frictionid.fitting.gauss_newton import MAD, box_step
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
@@ -212,15 +213,21 @@ def _converged(problem: ShootingProblem, path: Sequence[_Step]) -> bool:
 def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, float]:
     """The point that a step led to, less damping; or the point before it again, more damping.
 
-    A step is taken back where the cost has grown.
+    A step is taken back where the cost has grown, or the physics step cannot follow the friction.
     """
     s, last, huber = step.solution, step.point, problem.settings.huber
-    point = linearised_at(problem, s.windows, s.estimate, s.nodes, s.sigma)
+    shorter = last, max(step.damping, 1e-4) * 10.0
+    try:
+        point = linearised_at(problem, s.windows, s.estimate, s.nodes, s.sigma)
+    except TooSteepError:
+        if step.damping >= _DAMPING[1]:
+            raise
+        return shorter
     near = step.largest <= step.share * _NEAR
     point = with_windows_checked(point, last, s.move, s.sigma, huber, near)
     before, after = (cost_of(x.prediction, point.out, s.sigma, huber) for x in (last, point))
     if after > _WORSE * before and step.damping < _DAMPING[1]:
-        return last, max(step.damping, 1e-4) * 10.0
+        return shorter
     return point, max(step.damping / 10.0, _DAMPING[0])
 
 

@@ -1,0 +1,60 @@
+"""Steps of shooting: each is heard once; one that the physics cannot follow is shortened."""
+
+import numpy as np
+import pytest
+from fixtures.tiny_pendulums import dataset
+
+from frictionid.dynamics.step_size import TooSteepError
+from frictionid.fitting.parameters import FrictionBlock
+from frictionid.fitting.shooting import Settings, gauss_newton, refine
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
+from frictionid.progress import listening
+
+START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+
+
+def test_every_iteration_is_heard_once():
+    heard, settings = [], Settings(iterations=6)
+    with listening(lambda *said: heard.append(said)):
+        result = refine(START, dataset(), (FrictionBlock(),), settings)
+    assert len(heard) == result.diagnostics.iterations
+    begins = [k for k, (_, left) in enumerate(heard) if k == 0 or left >= heard[k - 1][1]]
+    assert len(begins) == len(settings.windows) + 1  # the last length twice, coarse and fine
+    for first, end in zip(begins, [*begins[1:], len(heard)], strict=True):
+        left = [left for _, left in heard[first:end]]
+        assert left == list(range(left[0], left[0] - len(left), -1)) and left[-1] >= 0
+    unheard = refine(START, dataset(), (FrictionBlock(),), settings)
+    np.testing.assert_array_equal(unheard.friction.theta, result.friction.theta)
+
+
+def steep_at(calls, monkeypatch):
+    """Let the physics step refuse some of the linearisations, by their numbers."""
+    count, linearised_at = [0], gauss_newton.linearised_at
+
+    def refusing(*arguments):
+        count[0] += 1
+        if count[0] in calls:
+            raise TooSteepError("too steep")
+        return linearised_at(*arguments)
+
+    monkeypatch.setattr(gauss_newton, "linearised_at", refusing)
+
+
+@pytest.mark.parametrize("calls", [{2}, {2, 3}])
+def test_steps_into_friction_too_steep_are_taken_back_and_the_fit_ends_where_it_would(
+    calls, monkeypatch
+):
+    free = refine(START, dataset(), (FrictionBlock(),), Settings())
+    steep_at(calls, monkeypatch)
+    damped = refine(START, dataset(), (FrictionBlock(),), Settings())
+    off = np.abs(damped.covariance.values - free.covariance.values) / free.covariance.error
+    assert free.diagnostics.settled and damped.diagnostics.settled
+    assert off.max() < 0.1
+
+
+def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypatch):
+    for calls in ({1}, set(range(2, 40))):
+        with monkeypatch.context() as patch, pytest.raises(TooSteepError, match="steep"):
+            steep_at(calls, patch)
+            refine(START, dataset(), (FrictionBlock(),), Settings())
