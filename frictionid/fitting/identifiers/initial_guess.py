@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -92,7 +93,12 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
                 for i in range(j + 1):
                     blocks[f, j, :, i] += (b[j].T * (weight * pairs[j, i])) @ b[i]
     check_rows(fit, weights, slides)
-    return _in_order(blocks, right, size, S)
+    for j, i in combinations(range(n), 2):
+        blocks[:, j, :, i] = np.swapaxes(blocks[:, i, :, j], 1, 2)
+    grams = np.zeros((F, n * B + 1, n * B + 1))
+    grams[:, :-1, :-1], ends = blocks.reshape(F, n * B, n * B), right.reshape(F, n * B)
+    grams[:, -1, :-1], grams[:, :-1, -1], grams[:, -1, -1] = ends, ends, size
+    return grams
 
 
 def _torques(fit: Linearised, values: Array) -> Array:
@@ -102,20 +108,6 @@ def _torques(fit: Linearised, values: Array) -> Array:
     torque = fit.problem.mean(along(fit.friction(values), fit.problem.nodes))
     both = np.concatenate([slopes, -torque[..., None]], axis=-1)  # (S, K, n, P + 1)
     return np.moveaxis(both, 0, 2).transpose(1, 0, 2, 3).reshape(n, -1, S * (P + 1))
-
-
-def _in_order(blocks: Array, right: Array, size: Array, S: int) -> Array:
-    """Gram matrices (F, M, M) of blocks (F, n, B, n, B) of joints i <= j, with r as the last."""
-    F, n, B = right.shape
-    for j in range(n):
-        for i in range(j):
-            blocks[:, i, :, j] = np.swapaxes(blocks[:, j, :, i], 1, 2)
-    inner = blocks.reshape(F, n, S, -1, n, S, B // S).transpose(0, 2, 1, 3, 5, 4, 6)
-    grams = np.zeros((F, n * B + 1, n * B + 1))
-    grams[:, :-1, :-1] = inner.reshape(F, n * B, n * B)
-    ends = right.reshape(F, n, S, -1).transpose(0, 2, 1, 3).reshape(F, n * B)
-    grams[:, -1, :-1], grams[:, :-1, -1], grams[:, -1, -1] = ends, ends, size
-    return grams
 
 
 def _best_of_fold(candidates: _Candidates) -> tuple[Array, Array]:
@@ -140,7 +132,7 @@ def _best_choice(candidates: _Candidates, choices: Array) -> tuple[Array, Array]
     C, n = choices.shape
     S, _, P = candidates.values.shape
     gram = candidates.gram
-    columns = np.arange(S * n * (P + 1)).reshape(S, n, P + 1)[choices, np.arange(n)]
+    columns = np.arange(S * n * (P + 1)).reshape(n, S, P + 1)[np.arange(n), choices]
     J = columns[..., :-1].reshape(C, n * P)
     e0 = np.insert(columns[..., -1], 0, len(gram) - 1, axis=1)  # these columns add up to e0
     H = gram[J[:, :, None], J[:, None, :]]

@@ -133,7 +133,10 @@ class Linearised(NamedTuple):
             return
         for first in range(0, K, most):
             rows = slice(first, min(first + most, K))
-            yield rows, self._replace(problem=_some_rows(self.problem, rows))
+            stencil = self.problem.stencil[rows]
+            low, high = int(stencil.min()), int(stencil.max()) + 1
+            part = _some_rows(self.problem, rows, slice(low, high), stencil - low)
+            yield rows, self._replace(problem=part)
 
     def _whole_recordings(self, most: int) -> Iterator[tuple[slice, Linearised]]:
         """Rows of recordings that follow each other, as many as have so many rows, or one."""
@@ -149,10 +152,8 @@ class Linearised(NamedTuple):
         """The same on every `step`-th row only, with the nodes that these need; without memory."""
         problem = self.problem
         places, stencil = np.unique(problem.stencil[::step], return_inverse=True)
-        inputs = problem.nodes.inputs.each(lambda x: x[places])
-        nodes = Nodes(inputs, problem.nodes.time[places], np.array([0, len(places)]))
-        arrays = {name: getattr(problem, name)[::step] for name in _ROW_ARRAYS}
-        return self._replace(problem=replace(problem, nodes=nodes, stencil=stencil, **arrays))
+        few = _some_rows(problem, slice(None, None, step), places, stencil)
+        return self._replace(problem=few)
 
     def residual(self, theta: Array) -> Array:
         """Residuals e, shape (F, K, n) [rad/s]."""
@@ -245,15 +246,12 @@ def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple
     return descent.ravel(), squares.reshape(n * P, n * P)
 
 
-def _some_rows(problem: Problem, rows: slice) -> Problem:
-    """The problem of some rows that follow each other, with the nodes that they need."""
-    stencil = problem.stencil[rows]
-    low, high = int(stencil.min()), int(stencil.max()) + 1
-    places = slice(low, high)
-    inputs = problem.nodes.inputs.each(lambda x: x[places])
-    nodes = Nodes(inputs, problem.nodes.time[places], np.array([0, high - low]))
+def _some_rows(problem: Problem, rows: slice, places: slice | Array, stencil: Array) -> Problem:
+    """The problem of some rows, with the nodes at these places, in which their stencils look."""
+    inputs, time = problem.nodes.inputs.each(lambda x: x[places]), problem.nodes.time[places]
     arrays = {name: getattr(problem, name)[rows] for name in _ROW_ARRAYS}
-    return replace(problem, nodes=nodes, stencil=stencil - low, **arrays)
+    nodes = Nodes(inputs, time, np.array([0, len(time)]))
+    return replace(problem, nodes=nodes, stencil=stencil, **arrays)
 
 
 def torque_gradient(friction: Friction, problem: Problem) -> Array:

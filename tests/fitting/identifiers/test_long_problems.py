@@ -106,7 +106,7 @@ def test_grams_by_pairs_of_joints_are_those_of_the_whole_columns(monkeypatch):
     J = fit.jacobian(values.reshape(5, -1))
     torque = problem.mean(along(fit.friction(values), problem.nodes))
     columns = np.concatenate([J, -(problem.G * torque[:, :, None])[..., None]], axis=-1)
-    A = np.moveaxis(columns, 0, 2).reshape(problem.r.size, -1)
+    A = np.moveaxis(columns, 0, 3).reshape(problem.r.size, -1)
     A = np.column_stack([A, problem.r.ravel()])
     monkeypatch.setattr(linearised, "_ROWS", 37)
     for gram, weight in zip(_grams(fit, values, weights), weights, strict=True):
