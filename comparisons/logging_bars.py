@@ -42,7 +42,7 @@ def ten_minutes(folder: Path) -> None:
         log.pump(0.02)
     log.pump(0.0)
     log.close()
-    sent = parsed(made.protocol.format(), b"", (folder / "sent.txt").read_bytes())
+    sent = parsed(made.protocol, b"", (folder / "sent.txt").read_bytes())
     columns = read_log(folder / "log.csv").columns
     logged = np.stack([columns[n] for n in ("time", "command", "current")], axis=1)
     wanted = np.array(sent.rows, dtype=float) / [1e6, 1.0, 1.0]
@@ -58,7 +58,7 @@ def ten_minutes(folder: Path) -> None:
 def killed(folder: Path, seed: int) -> tuple[int, int]:
     """Lines sent a second and more before the kill that are missing, and all that are missing."""
     generator, made = np.random.default_rng(seed), setup()
-    form, out = made.protocol.format(), folder / f"{seed}.csv"
+    form, out = made.protocol, folder / f"{seed}.csv"
     terminal = Terminal(folder / f"port{seed}")
     child = os.fork()
     if not child:

@@ -14,7 +14,7 @@ from fixtures.tiny_pendulums import compare_into, write_dataset, write_suite
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
 from frictionid.rig import logfile
-from frictionid.rig.logfile import Appender, Layout, read_log
+from frictionid.rig.logfile import Appender, log_header, log_row, read_log
 
 CUTS, SEED = 60, 21
 
@@ -117,7 +117,8 @@ def test_a_task_file_that_was_not_synced_is_no_result(comparison, damage):
 
 def test_a_log_keeps_its_synced_rows_and_shows_none_that_never_was(tmp_path, monkeypatch):
     monkeypatch.setattr(logfile, "_SYNC", 0.002)
-    layout, path, sizes = Layout(setup()), tmp_path / "log.csv", [0]
+    made, path, sizes = setup(), tmp_path / "log.csv", [0]
+    header = log_header(made)
     real = os.fdatasync
 
     def sync(handle):
@@ -126,9 +127,9 @@ def test_a_log_keeps_its_synced_rows_and_shows_none_that_never_was(tmp_path, mon
         sizes.append(size)
 
     monkeypatch.setattr(os, "fdatasync", sync)
-    file = Appender(path, layout.header)
+    file = Appender(path, header)
     for first in range(0, 900, 30):
-        file.append([row(layout, k) for k in range(first, first + 30)])
+        file.append([row(made, k) for k in range(first, first + 30)])
         time.sleep(0.001)
     whole, synced = path.read_bytes(), sizes[-1]
     file.close()
@@ -139,17 +140,17 @@ def test_a_log_keeps_its_synced_rows_and_shows_none_that_never_was(tmp_path, mon
         holes += b"\0" in held
         path.write_bytes(held)
         safe = max(held[:size].count(b"\n") - 1, 0)
-        if held.count(b"\n") < 2 or not held.startswith(layout.header.encode()):
+        if held.count(b"\n") < 2 or not held.startswith(header.encode()):
             continue
         time_ = read_log(path).columns["time"]
         assert time_[:safe].tolist() == list(range(safe))
         assert np.all(np.diff(time_) > 0) and set(time_) <= set(range(900))
-        again = Appender(path, layout.header, append=True)
-        again.append([row(layout, 1000)])
+        again = Appender(path, header, append=True)
+        again.append([row(made, 1000)])
         again.close()
         assert read_log(path).columns["time"].tolist() == [*time_, 1000]
     assert holes > 50
 
 
-def row(layout, second):
-    return layout.row(f"{second}.000000", (str(second * 10**6).encode(), b"0.1", b"0.25"))
+def row(made, second):
+    return log_row(made, f"{second}.000000", (str(second * 10**6).encode(), b"0.1", b"0.25"))

@@ -239,7 +239,7 @@ def log(
     from frictionid.rig.rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
-    show = ProgressLine(settings.protocol.format().columns)
+    show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as stop,
         open_logger(port, baud, settings, out, append=append) as logger,
@@ -272,7 +272,7 @@ def excite(
 
     settings = load_rig_settings(rig)
     torque, how = load_signal(signal, settings), PlaySettings(rate, ramp, silence)
-    show = ProgressLine(settings.protocol.format().columns)
+    show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as asked,
         keys() as key,

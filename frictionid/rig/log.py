@@ -10,14 +10,14 @@ import signal
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
 from frictionid.errors import InputError, needs
-from frictionid.rig.logfile import Appender, Layout
-from frictionid.rig.protocol import Cells, Format, Rejected, diagnosis, framed, parsed
+from frictionid.rig.logfile import Appender, log_header, log_row
+from frictionid.rig.protocol import Cells, Rejected, diagnosis, framed, parsed
 from frictionid.rig.rig_settings import RigSettings
 
 with needs("drive"):
@@ -146,16 +146,15 @@ class Logger:
     def __init__(
         self,
         port: Callable[[], Port],
-        layout: Layout,
+        rig: RigSettings,
         out: Appender,
         clock: Callable[[], float] | None = None,
     ) -> None:
         self.counts = Counts()
-        self.rig = layout.rig
-        self._open, self._layout, self._out = port, layout, out
+        self.rig = rig
+        self._open, self._out = port, out
         self._clock = clock or host_clock()
-        self._form: Format = self.rig.protocol.format()
-        self._at = self.rig.protocol.columns.index("time")
+        self._at = rig.protocol.columns.index("time")
         self._remainder, self._bad = b"", deque[Rejected](maxlen=_KEPT)
         self._port: Port | None = None
         self._connect()
@@ -189,7 +188,7 @@ class Logger:
         if self._port is None:
             return False
         try:
-            self._port.write(framed(self._form, text))
+            self._port.write(framed(self.rig.protocol, text))
         except UnpluggedError:
             self._lost()
             return False
@@ -203,10 +202,10 @@ class Logger:
         self._out.close()
 
     def _take(self, new: bytes) -> list[Cells]:
-        lines = parsed(self._form, self._remainder, new)
+        lines = parsed(self.rig.protocol, self._remainder, new)
         self._remainder = lines.remainder
         host = f"{self._clock():.6f}"
-        self._out.append([self._layout.row(host, cells) for cells in lines.rows])
+        self._out.append([log_row(self.rig, host, cells) for cells in lines.rows])
         self._count(lines.rows, lines.rejected, len(new))
         return lines.rows
 
@@ -221,14 +220,14 @@ class Logger:
             if before:
                 back = float(before[self._at]) - float(cells[self._at])
                 # a larger step back is a counter that wraps around
-                counts.restarts += 0 < back < self._form.wrap / 2
+                counts.restarts += 0 < back < self.rig.protocol.wrap / 2
             before = cells
         counts.last = before
         counts.rows += len(rows)
         hopeless = counts.rejected >= _MAX_REJECTED or counts.size >= _MAX_BYTES
         if hopeless and not counts.rows:
             bad = [*self._bad, *([Rejected(self._remainder, "garbage")] if not self._bad else [])]
-            raise InputError(f"{self._name()}: {diagnosis(self._form, bad, counts.size)}")
+            raise InputError(f"{self._name()}: {diagnosis(self.rig.protocol, bad, counts.size)}")
 
     def _name(self) -> str:
         return f"port {self._port.name}" if self._port else "port"
@@ -270,14 +269,13 @@ def open_logger(
     def port() -> Port:
         return Port(name, baud or rig.protocol.baud)
 
-    layout = Layout(rig)
     opened = [port()]  # first: without a port no file is made
     try:
-        file = Appender(out, layout.header, append=append)
+        file = Appender(out, log_header(rig), append=append)
     except BaseException:
         opened.pop().close()
         raise
-    logger = Logger(lambda: opened.pop() if opened else port(), layout, file)
+    logger = Logger(lambda: opened.pop() if opened else port(), rig, file)
     try:
         yield logger
     finally:
@@ -293,7 +291,7 @@ _SHOW = 0.5  # [s] between two lines that are shown
 class ProgressLine:
     """One line that is rewritten on a terminal; elsewhere only connections are reported."""
 
-    def __init__(self, columns: tuple[str, ...], stream: TextIO | None = None) -> None:
+    def __init__(self, columns: Sequence[str], stream: TextIO | None = None) -> None:
         self._columns, self._stream = columns, stream or sys.stderr
         self._live = self._stream.isatty()
         self._at, self._rows, self._rate = time.monotonic(), 0, 0.0
@@ -326,7 +324,7 @@ class ProgressLine:
         self._stream.flush()
 
 
-def progress(columns: tuple[str, ...], counts: Counts, rate: float) -> str:
+def progress(columns: Sequence[str], counts: Counts, rate: float) -> str:
     """Rate, errors and newest values in one line."""
     values = ", ".join(
         f"{name} {cell.decode().strip()}" for name, cell in zip(columns, counts.last, strict=False)

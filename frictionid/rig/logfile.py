@@ -17,7 +17,7 @@ import io
 import os
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sync_folder
-from frictionid.rig.protocol import SECOND, Cells
+from frictionid.rig.protocol import Cells
 from frictionid.rig.rig_settings import RigSettings
 
 _CLOSE = 5.0  # [s] to which a counter that wraps around must agree with the host's clock
@@ -120,56 +120,38 @@ _SYNC = 0.5  # [s] between two syncs to the disk
 _DIGITS = {"s": 0, "ms": 3, "us": 6}
 
 
-@dataclass(frozen=True)
-class Layout:
-    r"""Columns of the file, and its rows from those of the protocol.
+def log_header(rig: RigSettings) -> str:
+    """First line of the file."""
+    torques = zip(rig.torque_columns(), rig.motors, strict=True)
+    names = [name for name, motor in torques if not motor.torque]
+    return ",".join(("host", *rig.protocol.columns, *names))
+
+
+def log_row(rig: RigSettings, host: str, cells: Cells) -> str:
+    r"""Row of the file for a row of the protocol that arrived at `host`.
 
     >>> from frictionid.rig.rig_settings import rig_settings_of
-    >>> layout = Layout(rig_settings_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml"))
-    >>> layout.header
-    'host,time,command,current,torque'
-    >>> layout.row("7.000000", (b"1500000", b"0.1", b"2"))
+    >>> rig = rig_settings_of({"motor": {"kt": 0.01, "gear": 10.0}}, "rig.toml")
+    >>> log_row(rig, "7.000000", (b"1500000", b"0.1", b"2"))
     '7.000000,1.500000,0.1,2,0.2\n'
     """
-
-    rig: RigSettings
-
-    @property
-    def header(self) -> str:
-        """First line of the file."""
-        return ",".join(("host", *self.rig.protocol.columns, *self._added()))
-
-    def row(self, host: str, cells: Cells) -> str:
-        """Row of the file for a row of the protocol that arrived at `host`."""
-        protocol = self.rig.protocol
-        texts = [cell.decode("ascii").strip() for cell in cells]
-        values = dict(zip(protocol.columns, texts, strict=True))
-        values["time"] = seconds(values["time"], protocol.unit)
-        torques = [
-            f"{m.per_measured * float(values[m.measured]):.9g}"
-            for m in self.rig.motors
-            if not m.torque
-        ]
-        return ",".join((host, *values.values(), *torques)) + "\n"
-
-    def _added(self) -> list[str]:
-        names = zip(self.rig.torque_columns(), self.rig.motors, strict=True)
-        return [name for name, motor in names if not motor.torque]
+    protocol = rig.protocol
+    texts = [cell.decode("ascii").strip() for cell in cells]
+    values = dict(zip(protocol.columns, texts, strict=True))
+    values["time"] = seconds(values["time"], protocol.unit)
+    torques = [
+        f"{m.per_measured * float(values[m.measured]):.9g}" for m in rig.motors if not m.torque
+    ]
+    return ",".join((host, *values.values(), *torques)) + "\n"
 
 
 def seconds(text: str, unit: str) -> str:
-    """Text of a time in seconds, exact for whole counts.
+    """Text of a time in seconds, exact.
 
     >>> seconds("1234567", "us"), seconds("5", "ms"), seconds("1.25", "s")
     ('1.234567', '0.005', '1.25')
     """
-    digits = _DIGITS[unit]
-    if not digits:
-        return text
-    if text.isdecimal():
-        whole = text.rjust(digits + 1, "0")
-        return f"{int(whole[:-digits])}.{whole[-digits:]}"
-    return repr(round(float(text) * SECOND[unit], 9))
+    return f"{Decimal(text).scaleb(-_DIGITS[unit]):f}"
 
 
 class Appender:

@@ -14,25 +14,26 @@ import binascii
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import reduce
 from operator import xor
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, Self
 
-from frictionid.errors import InputError
+from pydantic import Field, model_validator
+
+from frictionid.config import Strict
 
 # SI value of a unit of the controller's clock.
 SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-CHECKSUMS = ("none", "xor", "crc16")
+# Hexadecimal digits of each checksum.
+CHECKSUMS = {"none": 0, "xor": 2, "crc16": 4}
 MAX_LINE = 1024  # bytes; longer lines are damaged
-_NUMBER = rb"[+-]?(?:\d{1,24}(?:\.\d{0,24})?|\.\d{1,24})(?:[eE][+-]?\d{1,2})?"
+_CELL = re.compile(rb" *[+-]?(?:\d{1,24}(?:\.\d{0,24})?|\.\d{1,24})(?:[eE][+-]?\d{1,2})? *")
 _EXAMPLE = 60  # bytes of a rejected line that are shown
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
-@dataclass(frozen=True)
-class Format:
-    r"""Format of a line.
+class LineProtocol(Strict):
+    r"""The [protocol] table: format of a line, and the commands of the drive.
 
     Attributes
     ----------
@@ -43,50 +44,54 @@ class Format:
         "crc16", CCITT with the start value FFFF, four digits
     mark : one character that begins each line, or none
     separator : one character between values
-
-    Raises
-    ------
-    InputError
-        For repeated names, no time, and marks or separators that numbers contain.
+    baud : rate of the port
+    begin, stop : commands after which the drive reports and obeys, and no longer does
+    send : command of torques, which stand in place of {value}
 
     Examples
     --------
-    >>> line = written(Format(checksum="crc16", mark="$"), ("1000", "0.05", "0.2"))
+    >>> line = written(LineProtocol(checksum="crc16", mark="$"), ("1000", "0.05", "0.2"))
     >>> line
     b'$1000,0.05,0.2*DBC5\n'
-    >>> read(Format(checksum="crc16", mark="$"), line.rstrip())
+    >>> read(LineProtocol(checksum="crc16", mark="$"), line.rstrip())
     (b'1000', b'0.05', b'0.2')
     """
 
-    columns: tuple[str, ...] = ("time", "command", "current")
+    columns: Annotated[list[str], Field(min_length=1)] = ["time", "command", "current"]
     unit: str = "us"
     wrap: float = 2.0**32
     checksum: str = "none"
     mark: str = ""
     separator: str = ","
+    baud: Annotated[int, Field(gt=0)] = 115200
+    begin: str = ""
+    send: str = "u,{value}"
+    stop: str = "stop"
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.send.count("{value}") != 1:
+            raise ValueError(f'send = "{self.send}" must hold {{value}} once')
         if "time" not in self.columns:
-            raise InputError(f"columns = {list(self.columns)} have no 'time'; add it")
+            raise ValueError(f"columns = {self.columns} have no 'time'; add it")
         for name in self.columns:
             if not _NAME.fullmatch(name) or name == "host":
-                raise InputError(f"columns: {name!r} is no name of letters, digits and _, or taken")
+                raise ValueError(f"columns: {name!r} is no name of letters, digits and _, or taken")
             if self.columns.count(name) > 1:
-                raise InputError(f"columns: {name!r} is named twice; each value has its own name")
-        for label, value, values in (
-            ("unit", self.unit, SECOND),
-            ("checksum", self.checksum, CHECKSUMS),
-        ):
-            if value not in values:
-                raise InputError(f"{label} = {value!r} is unknown; known: {', '.join(values)}")
-        for label, text in (("mark", self.mark), ("separator", self.separator)):
+                raise ValueError(f"columns: {name!r} is named twice; each value has its own name")
+        for key, values in (("unit", SECOND), ("checksum", CHECKSUMS)):
+            if (value := getattr(self, key)) not in values:
+                raise ValueError(f"{key} = {value!r} is unknown; known: {', '.join(values)}")
+        for key in ("mark", "separator"):
+            text = getattr(self, key)
             fine = text.isascii() and text.isprintable() and text not in tuple("*+-.eE")
-            if not fine or len(text) > 1 or text.isalnum() or (label == "separator" and not text):
-                raise InputError(f"{label} = {text!r} must be one character that no number has")
+            if not fine or len(text) > 1 or text.isalnum() or (key == "separator" and not text):
+                raise ValueError(f"{key} = {text!r} must be one character that no number has")
         if self.mark == self.separator:
-            raise InputError(f"mark and separator are both {self.mark!r}; choose another mark")
+            raise ValueError(f"mark and separator are both {self.mark!r}; choose another mark")
         if not self.wrap > 0:
-            raise InputError(f"wrap = {self.wrap} must be positive")
+            raise ValueError(f"wrap = {self.wrap} must be positive")
+        return self
 
 
 Cells = tuple[bytes, ...]
@@ -107,12 +112,12 @@ class Parsed(NamedTuple):
     remainder: bytes
 
 
-def parsed(form: Format, remainder: bytes, new: bytes) -> Parsed:
+def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
     r"""Rows of new bytes of a stream, after the `remainder` of those before.
 
     The rows do not depend on how the stream is cut into pieces.
 
-    >>> parsed(Format(), b"", b"1,2,3\n4,x,6\n7,8").rejected
+    >>> parsed(LineProtocol(), b"", b"1,2,3\n4,x,6\n7,8").rejected
     [Rejected(line=b'4,x,6', reason='garbage')]
     """
     *lines, last = (remainder + new).split(b"\n")
@@ -126,43 +131,31 @@ def parsed(form: Format, remainder: bytes, new: bytes) -> Parsed:
     return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
 
 
-def read(form: Format, line: bytes) -> Cells | None:
+def read(form: LineProtocol, line: bytes) -> Cells | None:
     """Values of a line as they were written, or None where it is damaged."""
-    line = _candidate(form, line)
-    match = _pattern(form).fullmatch(line) if len(line) <= MAX_LINE else None
-    if match is None:
+    body, fault = _unwrapped(form, line)
+    cells = tuple(body.split(form.separator.encode()))
+    if fault or len(cells) != len(form.columns) or len(line) > MAX_LINE:
         return None
-    if form.checksum == "none":
-        return tuple(line.split(form.separator.encode()))
-    body, _, stated = line.rpartition(b"*")
-    if checksum(form.checksum, body) != stated.upper():
-        return None
-    return tuple(body.split(form.separator.encode()))
+    return cells if all(map(_CELL.fullmatch, cells)) else None
 
 
-def written(form: Format, values: Sequence[str]) -> bytes:
+def written(form: LineProtocol, values: Sequence[str]) -> bytes:
     """Line of values, one for each column."""
     return framed(form, form.separator.join(values))
 
 
-def framed(form: Format, text: str) -> bytes:
+def framed(form: LineProtocol, text: str) -> bytes:
     """Line of any text with mark and checksum, such as a command to the drive."""
     body = text.encode("ascii")
     end = b"" if form.checksum == "none" else b"*" + checksum(form.checksum, body)
     return form.mark.encode() + body + end + b"\n"
 
 
-def unframed(form: Format, line: bytes) -> str | None:
+def unframed(form: LineProtocol, line: bytes) -> str | None:
     """Text of a framed line, or None where it is damaged."""
-    body = _candidate(form, line)
-    if form.checksum != "none":
-        body, _, stated = body.rpartition(b"*")
-        if checksum(form.checksum, body) != stated.upper():
-            return None
-    try:
-        return body.decode("ascii") or None
-    except UnicodeDecodeError:
-        return None
+    body, fault = _unwrapped(form, line)
+    return None if fault or not body.isascii() else body.decode() or None
 
 
 def checksum(kind: str, body: bytes) -> bytes:
@@ -176,22 +169,15 @@ def checksum(kind: str, body: bytes) -> bytes:
     return b"%04X" % binascii.crc_hqx(body, 0xFFFF)
 
 
-def rejection_reason(form: Format, line: bytes) -> str:
+def rejection_reason(form: LineProtocol, line: bytes) -> str:
     """Why a line is damaged: wrong "checksum", wrong number of "columns", or "garbage"."""
-    body = _candidate(form, line)
-    if form.checksum != "none":
-        body, star, stated = body.rpartition(b"*")
-        digits = rb"[0-9A-Fa-f]{2}" if form.checksum == "xor" else rb"[0-9A-Fa-f]{4}"
-        if not star or not re.fullmatch(digits, stated):
-            return "garbage"
-        if checksum(form.checksum, body) != stated.upper():
-            return "checksum"
+    body, fault = _unwrapped(form, line)
     cells = body.split(form.separator.encode())
-    numbers = all(re.fullmatch(_NUMBER, cell) for cell in cells)
-    return "columns" if numbers and len(cells) != len(form.columns) else "garbage"
+    numbers = len(cells) != len(form.columns) and all(map(_CELL.fullmatch, cells))
+    return fault or ("columns" if numbers else "garbage")
 
 
-def diagnosis(form: Format, rejected: Iterable[Rejected], count: int) -> str:
+def diagnosis(form: LineProtocol, rejected: Iterable[Rejected], count: int) -> str:
     """Message where no line can be read: the expected format, what came, and what to correct.
 
     count : bytes that came
@@ -222,20 +208,16 @@ def _printable_share(line: bytes) -> float:
     return plain / len(line) if line else 0.0
 
 
-def _candidate(form: Format, line: bytes) -> bytes:
-    """The part of a line behind its last mark, without a carriage return."""
-    line = line.removesuffix(b"\r")
+def _unwrapped(form: LineProtocol, line: bytes) -> tuple[bytes, str]:
+    """Bytes of a line between its last mark and its checksum, and what is wrong with these."""
+    body = line.removesuffix(b"\r")
     if form.mark:
-        _, mark, line = line.rpartition(form.mark.encode())
-        return line if mark else b""
-    return line
-
-
-@lru_cache
-def _pattern(form: Format) -> re.Pattern[bytes]:
-    blank = rb" *"
-    value = blank + _NUMBER + blank
-    separator = re.escape(form.separator.encode())
-    body = separator.join([value] * len(form.columns))
-    ends = {"none": rb"", "xor": rb"\*[0-9A-Fa-f]{2}", "crc16": rb"\*[0-9A-Fa-f]{4}"}
-    return re.compile(body + ends[form.checksum])
+        _, mark, body = body.rpartition(form.mark.encode())
+        body = body if mark else b""
+    digits = CHECKSUMS[form.checksum]
+    if not digits:
+        return body, ""
+    body, star, stated = body.rpartition(b"*")
+    if not star or not re.fullmatch(rb"[0-9A-Fa-f]{%d}" % digits, stated):
+        return body, "garbage"
+    return body, "" if checksum(form.checksum, body) == stated.upper() else "checksum"

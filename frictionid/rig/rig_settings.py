@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from frictionid.config import Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
-from frictionid.rig.protocol import Format
+from frictionid.rig.protocol import LineProtocol
 
 # One rig.toml serves all commands: each reads its own tables of these.
 _TABLES = ("mechanism", "motor", "protocol", "angles", "markers", "links", "camera", "sync_led")
@@ -69,34 +69,6 @@ class Motor(Strict):
         return float(self.kt or 0.0) * self.gear
 
 
-class ProtocolSettings(Strict):
-    """The [protocol] table: format of a line, and the commands of the drive."""
-
-    columns: Annotated[list[str], Field(min_length=1)] = ["time", "command", "current"]
-    unit: str = "us"
-    wrap: float = 2.0**32
-    checksum: str = "none"
-    mark: str = ""
-    separator: str = ","
-    baud: Annotated[int, Field(gt=0)] = 115200
-    begin: str = ""
-    send: str = "u,{value}"
-    stop: str = "stop"
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.send.count("{value}") != 1:
-            raise ValueError(f'send = "{self.send}" must hold {{value}} once')
-        self.format()
-        return self
-
-    def format(self) -> Format:
-        """Format of the lines."""
-        return Format(
-            tuple(self.columns), self.unit, self.wrap, self.checksum, self.mark, self.separator
-        )
-
-
 @dataclass(frozen=True)
 class RigSettings:
     """Settings of a real rig.
@@ -104,13 +76,13 @@ class RigSettings:
     Attributes
     ----------
     motors : one for each driven joint
-    protocol : ProtocolSettings
+    protocol : LineProtocol
     mechanism : the [mechanism] table, or None
     file : name of the rig.toml, for errors
     """
 
     motors: tuple[Motor, ...]
-    protocol: ProtocolSettings
+    protocol: LineProtocol
     mechanism: dict[str, Any] | None
     file: str
 
@@ -173,7 +145,7 @@ def rig_settings_of(document: dict[str, Any], file: str) -> RigSettings:
     motor = document["motor"]
     tables = motor if isinstance(motor, list) else [motor]
     motors = tuple(checked(Motor, table, f"{file}: [motor]") for table in tables)
-    protocol = checked(ProtocolSettings, document.get("protocol", {}), f"{file}: [protocol]")
+    protocol = checked(LineProtocol, document.get("protocol", {}), f"{file}: [protocol]")
     for motor in motors:
         optional = ("", "command")  # a drive need not report its commands
         columns = (motor.measured, *(() if motor.command in optional else (motor.command,)))

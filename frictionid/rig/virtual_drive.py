@@ -88,7 +88,7 @@ class Controller:
     """Lines of a drive, one after the other, under the commands that it has obeyed."""
 
     def __init__(self, drive: Drive) -> None:
-        self.drive, self._form = drive, drive.rig.protocol.format()
+        self.drive, self._form = drive, drive.rig.protocol
         self._time = drive.torque.time[0] + np.arange(drive.lines) / drive.rate
         self._measured = sample(drive.torque, self._time)
         self._commanded = (sample(drive.torque, self._time + drive.lag) - drive.bias) / drive.gain

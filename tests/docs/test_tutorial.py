@@ -98,7 +98,7 @@ def test_the_settings_on_the_page_of_the_drive_are_accepted():
     blocks = re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
     rig, ros = map(tomllib.loads, blocks)
     setup = rig_settings_of(rig, "rig.toml")
-    assert written(setup.protocol.format(), ("1000", "0.05", "0.2")).decode().strip() in text
+    assert written(setup.protocol, ("1000", "0.05", "0.2")).decode().strip() in text
     checked(AngleColumns, rig["angles"], "[angles]")
     settings = {k: v for k, v in ros["reader"].items() if k != "kind"}
     checked(RosSettings, settings, "[reader]")

@@ -45,7 +45,7 @@ def sine(length=1.0, rate=200.0):
 def values(drive, controller, k):
     """Time, command and torque of the k-th line."""
     made = drive.rig
-    cells = [float(c) for c in read(made.protocol.format(), controller.line(k)[:-1])]
+    cells = [float(c) for c in read(made.protocol, controller.line(k)[:-1])]
     return cells[0] * 1e-6, cells[1], cells[2] * made.motors[0].per_measured
 
 
@@ -74,7 +74,7 @@ def test_it_reports_the_measured_torque_by_its_own_clock(offset, drift, gain, la
 
 def test_it_obeys_within_its_limits_until_the_host_is_silent():
     drive = Drive(setup(), sine(3.0), gain=0.9)
-    controller, form = Controller(drive), drive.rig.protocol.format()
+    controller, form = Controller(drive), drive.rig.protocol
     most = drive.rig.motors[0].limit
     controller.obey(500, command_line(form, "u,{value}", 0.2)[:-1])
     assert values(drive, controller, 501)[1:] == pytest.approx((0.2, 0.18), abs=1e-6)
@@ -91,7 +91,7 @@ def test_it_obeys_within_its_limits_until_the_host_is_silent():
 
 def test_a_stopped_drive_obeys_no_more_until_it_is_begun_again():
     drive = Drive(setup(), sine(3.0))
-    controller, form = Controller(drive), drive.rig.protocol.format()
+    controller, form = Controller(drive), drive.rig.protocol
 
     def torque_after(k, text):
         controller.obey(k, command_line(form, text, 0.2)[:-1])

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from frictionid.errors import InputError
 from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
-from frictionid.rig.logfile import Appender, Layout, Log, read_log
+from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
 from frictionid.rig.protocol import parsed, read, written
 from frictionid.rig.virtual_port import Terminal
 
@@ -67,7 +67,7 @@ def test_every_undamaged_line_once_and_in_order_through_three_disconnections(tmp
     log.pump(0.0)
     log.close()
     finished(drive)
-    sent = parsed(made.protocol.format(), b"", (tmp_path / "sent.txt").read_bytes())
+    sent = parsed(made.protocol, b"", (tmp_path / "sent.txt").read_bytes())
     assert not sent.rejected
     assert 0.985 * lines < len(sent.rows) < lines
     logged = read_log(tmp_path / "log.csv").columns
@@ -102,22 +102,24 @@ def test_a_log_killed_at_any_moment_loads_and_lacks_at_most_a_second(tmp_path):
 )
 @given(st.integers(0, 10_000), st.integers(1, 9))
 def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows):
-    layout, path = Layout(setup()), tmp_path / "log.csv"
+    made, path = setup(), tmp_path / "log.csv"
+    header = log_header(made)
     path.unlink(missing_ok=True)
-    text = f"{layout.header}\n" + "".join(
-        layout.row(f"{k}.000000", (str(k * 10**6).encode(), b"0.1", b"0.25")) for k in range(rows)
+    text = f"{header}\n" + "".join(
+        log_row(made, f"{k}.000000", (str(k * 10**6).encode(), b"0.1", b"0.25"))
+        for k in range(rows)
     )
     torn = text[: cut % (len(text) + 1)]
     path.write_text(torn)
     whole = max(torn.count("\n") - 1, 0)
     if whole:
         assert read_log(path).columns["time"].tolist() == list(range(whole))
-    if torn and "\n" not in torn and torn != layout.header:
+    if torn and "\n" not in torn and torn != header:
         with pytest.raises(InputError, match="has other columns"):
-            Appender(path, layout.header, append=True)
+            Appender(path, header, append=True)
         return
-    file = Appender(path, layout.header, append=True)
-    file.append([layout.row("99.000000", (b"99000000", b"0.1", b"0.25"))])
+    file = Appender(path, header, append=True)
+    file.append([log_row(made, "99.000000", (b"99000000", b"0.1", b"0.25"))])
     file.close()
     assert read_log(path).columns["time"].tolist() == [*range(whole), 99.0]
 
@@ -169,7 +171,7 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
 
 def test_rows_are_in_the_file_as_soon_as_they_are_counted(protocol, tmp_path):
     made = setup(begin="")
-    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol.format()
+    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol
     rows, seen = Rows(tmp_path / "log.csv"), 0
     for k in range(20):
         feed(protocol, written(form, (str(k), "0", "0")))
@@ -227,7 +229,7 @@ def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, p
 
 def test_garbage_behind_good_lines_does_not_end_the_log(protocol, tmp_path):
     made = setup(begin="")
-    line = written(made.protocol.format(), ("1", "2", "3"))
+    line = written(made.protocol, ("1", "2", "3"))
     log = logger(protocol.link, tmp_path / "log.csv", made)
     feed(protocol, line + b"\xff" * 6000 + b"\n" + line)
     until(lambda: log.pump(0.1) is not None and log.counts.rows == 2)
@@ -286,7 +288,7 @@ def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol,
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_request_to_stop_ends_the_log_with_all_rows_safe(protocol, tmp_path, number):
     made = setup(begin="")
-    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol.format()
+    log, form = logger(protocol.link, tmp_path / "log.csv", made), made.protocol
     feed(protocol, b"".join(written(form, (str(k), "0", "0")) for k in range(7)))
 
     def show(counts, _):
@@ -312,6 +314,6 @@ def test_what_is_shown_names_what_happens(capsys):
 
 
 def test_a_line_of_the_log_is_the_line_of_the_drive():
-    layout, form = Layout(setup()), setup().protocol.format()
+    made, form = setup(), setup().protocol
     cells = read(form, written(form, ("1500000", "0.1", "-2.5"))[:-1])
-    assert layout.row("1.000000", cells) == "1.000000,1.500000,0.1,-2.5,-0.612\n"
+    assert log_row(made, "1.000000", cells) == "1.000000,1.500000,0.1,-2.5,-0.612\n"

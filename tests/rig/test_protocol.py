@@ -5,11 +5,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from frictionid.config import checked
 from frictionid.errors import InputError
 from frictionid.rig.logfile import clock_runs, seconds, unified_time
 from frictionid.rig.protocol import (
     MAX_LINE,
-    Format,
+    LineProtocol,
     diagnosis,
     framed,
     parsed,
@@ -19,11 +20,12 @@ from frictionid.rig.protocol import (
 )
 from frictionid.rig.rig_settings import rig_settings_of
 
-SAFE = Format(checksum="crc16", mark="$")
+PLAIN, XOR, CRC = (LineProtocol(checksum=kind) for kind in ("none", "xor", "crc16"))
+SAFE = LineProtocol(checksum="crc16", mark="$")
 FORMATS = (
-    Format(),
-    Format(("time",), checksum="xor"),
-    Format(("a", "time", "b", "c"), "ms", separator=";", mark="#"),
+    PLAIN,
+    LineProtocol(columns=["time"], checksum="xor"),
+    LineProtocol(columns=["a", "time", "b", "c"], unit="ms", separator=";", mark="#"),
     SAFE,
 )
 numbers = st.one_of(
@@ -81,7 +83,7 @@ def test_with_a_mark_no_undamaged_line_is_lost_behind_garbage(case):
 
 @settings(deadline=None)
 @given(st.binary(max_size=200), st.sampled_from(FORMATS))
-@example(b"1" * 3 * MAX_LINE + b",2,3\n", Format())
+@example(b"1" * 3 * MAX_LINE + b",2,3\n", PLAIN)
 @example(b"\xff\n$\n*\n,,\n", SAFE)
 def test_garbage_never_breaks_anything(content, form):
     found = parsed(form, b"", content)
@@ -95,7 +97,7 @@ def test_garbage_never_breaks_anything(content, form):
 @settings(deadline=None)
 @given(st.tuples(*[numbers] * 3), st.integers(0, 10**6), st.sampled_from(["xor", "crc16"]))
 def test_no_flipped_bit_passes_a_checksum(values, bit, kind):
-    form = Format(checksum=kind)
+    form = LineProtocol(checksum=kind)
     line = written(form, values)[:-1]
     at, which = divmod(bit % (8 * len(line)), 8)
     broken = line[:at] + bytes([line[at] ^ (1 << which)]) + line[at + 1 :]
@@ -111,7 +113,7 @@ def test_commands_are_framed_and_read_again(text):
 
 @pytest.mark.parametrize("kind", ["xor", "crc16"])
 def test_checksums_may_be_written_in_small_letters(kind):
-    form = Format(checksum=kind)
+    form = LineProtocol(checksum=kind)
     line = written(form, ("17", "0.5", "-3"))[:-1]
     assert read(form, line.lower()) == (b"17", b"0.5", b"-3")
 
@@ -119,12 +121,20 @@ def test_checksums_may_be_written_in_small_letters(kind):
 @pytest.mark.parametrize(
     ("line", "form", "said"),
     [
-        (b"\xfe\x81\x00\xf3" * 9, Format(), "nothing but garbage in 999 bytes: the baud rate"),
-        (b"1,2,3,4", Format(), "their number of values is another: correct columns"),
+        (
+            b"\xfe\x81\x00\xf3" * 9,
+            PLAIN,
+            "nothing but garbage in 999 bytes: the baud rate",
+        ),
+        (b"1,2,3,4", PLAIN, "their number of values is another: correct columns"),
         (b"1,2,3", SAFE, "'1,2,3' do not follow the protocol '$time,command,current*crc16'"),
-        (written(Format(checksum="xor"), "123")[:-1], Format(checksum="crc16"), "correct [proto"),
+        (
+            written(LineProtocol(checksum="xor"), "123")[:-1],
+            LineProtocol(checksum="crc16"),
+            "correct [proto",
+        ),
         (b"$1,2,3*0000", SAFE, "their checksums are not crc16"),
-        (b"speed: 3", Format(), "lines such as 'speed: 3' do not follow"),
+        (b"speed: 3", PLAIN, "lines such as 'speed: 3' do not follow"),
     ],
 )
 def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
@@ -136,9 +146,9 @@ def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"columns": ("current",)}, "have no 'time'"),
-        ({"columns": ("time", "a", "a")}, "'a' is named twice"),
-        ({"columns": ("time", "host")}, "'host' is no name"),
+        ({"columns": ["current"]}, "have no 'time'"),
+        ({"columns": ["time", "a", "a"]}, "'a' is named twice"),
+        ({"columns": ["time", "host"]}, "'host' is no name"),
         ({"unit": "min"}, "unit = 'min' is unknown"),
         ({"checksum": "md5"}, "checksum = 'md5' is unknown"),
         ({"mark": "*"}, "mark = '*' must be one character"),
@@ -149,7 +159,7 @@ def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
 )
 def test_a_format_that_cannot_be_is_refused(settings, said):
     with pytest.raises(InputError, match=".") as complaint:
-        Format(**settings)
+        checked(LineProtocol, settings, "rig.toml")
     assert said in str(complaint.value)
 
 
