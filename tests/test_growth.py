@@ -19,7 +19,7 @@ from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine, window_steps, windows
-from frictionid.fitting.shooting.odd_recordings import odd_among
+from frictionid.fitting.shooting.data_checks import odd_among
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.friction import Friction, Inputs, Nodes, along, along_own, friction, memory_along
 from frictionid.friction.laws import LSTM, MLP, Dahl, FilmLag, LuGre, Stribeck, WindowMLP

@@ -26,7 +26,7 @@ from frictionid.config import checked, nearest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.method import Method
-from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
 from frictionid.friction import Law
 
 METHODS = ("one_step", "shooting", "inverse_dynamics", *RECIPES)

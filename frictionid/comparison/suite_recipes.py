@@ -24,7 +24,7 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameters import DelayBlock, ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
-from frictionid.fitting.shooting.known_calibration import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 

@@ -23,12 +23,14 @@ from frictionid.fitting.parameters.parameter_block import (
     values_of,
     with_values,
 )
-from frictionid.fitting.shooting.covariance import covariance_of
+from frictionid.fitting.shooting.covariance import covariance_of, least_significant
 from frictionid.fitting.shooting.data_checks import (
     check_blocks,
     check_data,
     explained,
     limits_of_data,
+    odd_recordings,
+    odd_sentences,
     warnings_of,
 )
 from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
@@ -38,7 +40,6 @@ from frictionid.fitting.shooting.networks import (
     torque_samples,
     with_combinations,
 )
-from frictionid.fitting.shooting.odd_recordings import odd_recordings, odd_sentences
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,
     omitted_blocks,
@@ -48,7 +49,6 @@ from frictionid.fitting.shooting.problem import ShootingProblem, shooting_proble
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo import with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
-from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment

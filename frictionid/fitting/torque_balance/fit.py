@@ -19,9 +19,8 @@ from frictionid.fitting.one_step.residual import speed_range
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
-from frictionid.fitting.shooting.covariance import grouped_covariance
+from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
 from frictionid.fitting.shooting.sandwich import FEW, Groups
-from frictionid.fitting.shooting.significance import least_significant
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
     TorqueSettings,

@@ -19,7 +19,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
-from frictionid.fitting.shooting.known_calibration import known_calibration
+from frictionid.fitting.shooting.recipe import known_calibration
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
+sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
 
 from odd_runs import BAD, named, sets_with
 
-from frictionid.fitting.shooting.odd_recordings import odd_among
+from frictionid.fitting.shooting.data_checks import odd_among
 
 NAMES = tuple(map(str, range(8)))
 

@@ -15,8 +15,8 @@ from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Settings, Shooting, refine
+from frictionid.fitting.shooting.covariance import least_significant
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
-from frictionid.fitting.shooting.significance import least_significant
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 
