@@ -19,13 +19,13 @@ from frictionid.comparison.registry import (
 )
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
+from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameters import DelayBlock, ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
-from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
@@ -33,11 +33,11 @@ Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
 SHOOTING = Kind((Settings,))
 TORQUES = Kind((TorqueSettings,))
-_REFINING: Mapping[str, Method] = {
-    method.name: method for method in (Shooting(), InverseDynamics())
+_REFINING: Mapping[str, tuple[Shooting | InverseDynamics, Kind]] = {
+    "shooting": (Shooting(), SHOOTING),
+    "inverse_dynamics": (InverseDynamics(), TORQUES),
 }
-_NAMES = (*RECIPES, *_REFINING)
-_BLOCK_KEYS = ("free", "fixed", "priors", "start")  # what these have beside their settings
+_METHODS: Mapping[str, Method] = {**RECIPES, **{n: m for n, (m, _) in _REFINING.items()}}
 
 
 class CalibrationEntry(Strict):
@@ -94,11 +94,15 @@ class RecipeEntry(Strict):
     )
 
     @property
-    def is_one_step(self) -> bool:
-        """Whether it is neither a calibrated recipe nor one of shooting or inverse dynamics."""
-        other = self.by, self.calibration, self.like, self.known
-        refines = self.name in _REFINING and self.states is None
-        return other == (None,) * 4 and not refines
+    def form(self) -> str:
+        """Which recipe it is: "one_step", "calibrated", "shooting" or "inverse_dynamics"."""
+        if self.calibration is not None or self.like is not None:
+            return "calibrated"
+        if self.by is not None:
+            return self.by
+        if self.name in _REFINING and (self.states is None or self.known is not None):
+            return self.name
+        return "one_step" if self.known is None else "shooting"
 
     def beside(self, folder: Path) -> RecipeEntry:
         """The table with its paths from a folder."""
@@ -111,16 +115,40 @@ class RecipeEntry(Strict):
         """What complaints about the recipe begin with."""
         return f"recipe {self.name!r}"
 
-    def keys(self, kind: Kind, *others: str) -> dict[str, Any]:
-        """The keys that the table has of the settings of a kind, and of others."""
-        table = {key: getattr(self, key) for key in others} | (self.model_extra or {})
-        names = (*kind.settings, *others)
-        return {k: v for k, v in table.items() if k in names and v is not None}
+    def keys(self, kind: Kind) -> dict[str, Any]:
+        """The settings of a kind that the table has."""
+        return {k: v for k, v in (self.model_extra or {}).items() if k in kind.settings}
+
+    def check_keys(self) -> None:
+        """Complain about the first key that belongs to recipes of another form."""
+        table = self.model_dump(exclude_none=True)
+        for form, keys in _KEYS.items():
+            for key in keys:
+                if key in table and key not in _KEYS[self.form]:
+                    raise InputError(f"{self.where}{_misplaced(key, form, self.form)}")
+
+
+_REFINED = ("by", "free", "fixed", "priors", "start")
+_KEYS: Mapping[str, tuple[str, ...]] = {  # beside the name
+    "one_step": ("states", *ONE_STEP.settings),
+    "shooting": (*_REFINED, *SHOOTING.settings, "known"),
+    "inverse_dynamics": (*_REFINED, *TORQUES.settings),
+    "calibrated": ("like", "calibration", "known"),
+}
+
+
+def _misplaced(key: str, home: str, form: str) -> str:
+    """What is wrong with a key of recipes of the form `home` in the table of another form."""
+    if form == "calibrated":
+        return f": {key} does not go with calibration: name a recipe by like"
+    if home == "one_step":
+        return f": {key} belongs to one-step recipes, name one as start"
+    return f': {key} needs by = "{home}"'
 
 
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
-    steps = {entry.name: one_step_of(entry) for entry in entries if entry.is_one_step}
+    steps = {entry.name: _one_step(entry) for entry in entries if entry.form == "one_step"}
     return [recipe_of(entry, steps) for entry in entries]
 
 
@@ -131,139 +159,84 @@ def recipe_of(
 ) -> Method:
     """Recipe of its table; `one_step` has those that it may name.
 
-    known : a calibration in place of that of a model file
+    held : a calibration in place of that of a model file
 
     Raises
     ------
     InputError
         For keys of different recipes in one table, unknown names, and values that do not fit.
     """
-    if entry.is_one_step:
-        return one_step_of(entry)
-    steps = list(entry.keys(ONE_STEP, "states"))
-    if entry.calibration is not None or entry.like is not None:
-        shots = list(entry.keys(SHOOTING, *_BLOCK_KEYS, "by"))
-        if steps or shots:
-            raise InputError(
-                f"{entry.where}: {[*steps, *shots][0]} does not go with calibration: "
-                "name a recipe by like"
-            )
-        return _calibrated(entry, one_step, held)
-    if steps:
-        raise InputError(
-            f"{entry.where}: {steps[0]} belongs to one-step recipes, name one as start"
-        )
-    if (entry.by or entry.name) == "inverse_dynamics":
-        return inverse_dynamics_of(entry, one_step)
-    return shooting_of(entry, one_step, held)
+    if entry.form == "one_step":
+        return _one_step(entry)
+    entry.check_keys()
+    if held is None and entry.known is not None:
+        held = known_calibration(friction_of(Path(entry.known)), entry.known)
+    steps = {**RECIPES, **(one_step or {})}
+    return (_calibrated if entry.form == "calibrated" else _refining)(entry, steps, held)
 
 
-def one_step_of(entry: RecipeEntry) -> Recipe:
+def _one_step(entry: RecipeEntry) -> Recipe:
     """One-step recipe of its table: "study" and "integral" by name, others by their keys."""
-    keys = entry.keys(ONE_STEP, "states")
-    if shots := list(entry.keys(SHOOTING, *_BLOCK_KEYS)):
-        raise InputError(f'{entry.where}: {shots[0]} needs by = "shooting"')
-    if shots := list(entry.keys(TORQUES)):
-        raise InputError(f'{entry.where}: {shots[0]} needs by = "inverse_dynamics"')
+    entry.check_keys()
+    keys, where = entry.keys(ONE_STEP), entry.where
     if entry.name in RECIPES:
-        if keys:
-            first = next(iter(keys))
-            raise InputError(f"{entry.where} has its own {first}: give yours another name")
+        if entry.states is not None or keys:
+            first = "states" if entry.states is not None else next(iter(keys))
+            raise InputError(f"{where} has its own {first}: give yours another name")
         return RECIPES[entry.name]
-    if "states" not in keys or "scheme" not in keys:
+    if entry.states is None or "scheme" not in keys:
         raise InputError(
-            f"{entry.where} is unknown; {nearest(entry.name, _NAMES)}; "
+            f"{where} is unknown; {nearest(entry.name, _METHODS)}; "
             "one's own needs states and scheme"
         )
-    states = built(keys.pop("states"), ESTIMATORS, f"{entry.where}, states")
+    states = built(entry.states, ESTIMATORS, f"{where}, states")
     try:
         return Recipe(entry.name, states, **ONE_STEP.values(keys))
     except InputError as error:
-        text = str(error).removeprefix(f"{entry.where}: ")
-        raise InputError(f"{entry.where}: {text}") from None
+        text = str(error).removeprefix(f"{where}: ")
+        raise InputError(f"{where}: {text}") from None
 
 
-def shooting_of(
-    entry: RecipeEntry,
-    one_step: Mapping[str, Recipe] | None = None,
-    held: KnownCalibration | None = None,
-) -> Shooting:
-    """Shooting with the blocks and settings of its table."""
-    start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    held = held or _calibration_in(entry.known)
-    free = entry.free or [
-        block.name for block in DEFAULT_BLOCKS if not held or block.enters == "friction"
-    ]
-    blocks = blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where)
+def _refining(
+    entry: RecipeEntry, steps: Mapping[str, Recipe], held: KnownCalibration | None
+) -> Method:
+    """Shooting or inverse dynamics with the blocks and settings of its table.
+
+    Where no blocks are named those of the default are free, without what is held; a delay only
+    where a motor's torque is sampled.
+    """
+    method, kind = _REFINING[entry.form]
+    start = _step_named(entry.start or INTEGRAL.name, steps, f"{entry.where}: start")
+    usual = [b.name for b in method.blocks if held is None or b.enters == "friction"]
+    blocks = blocks_of(entry.free or usual, entry.fixed or [], entry.priors or {}, entry.where)
     if entry.free is None:
-        blocks = _sampled(blocks)
-    settings = SHOOTING.build(_only(SHOOTING, entry), entry.where)
-    return Shooting(entry.name, blocks, settings, start, held)
-
-
-def inverse_dynamics_of(
-    entry: RecipeEntry, one_step: Mapping[str, Recipe] | None = None
-) -> InverseDynamics:
-    """Inverse dynamics with the blocks and settings of its table."""
-    if entry.known is not None:
-        raise InputError(f'{entry.where}: known needs by = "shooting"')
-    start = one_step_named(entry.start or INTEGRAL.name, one_step, f"{entry.where}: start")
-    settings = TORQUES.build(_only(TORQUES, entry), entry.where)
-    if entry.free is None:
-        default = InverseDynamics()
-        free = [block.name for block in default.blocks]
-        blocks = _sampled(blocks_of(free, entry.fixed or [], entry.priors or {}, entry.where))
-    else:
-        blocks = blocks_of(entry.free, entry.fixed or [], entry.priors or {}, entry.where)
+        blocks = tuple(
+            replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks
+        )
+    settings = kind.build(entry.keys(kind), entry.where)
+    if isinstance(method, Shooting):
+        return Shooting(entry.name, blocks, settings, start, held)
     return InverseDynamics(entry.name, blocks, settings, start)
 
 
-def _sampled(blocks: tuple[ParameterBlock, ...]) -> tuple[ParameterBlock, ...]:
-    """The blocks, a delay only where a motor's torque is sampled."""
-    return tuple(replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks)
-
-
-def _only(kind: Kind, entry: RecipeEntry) -> dict[str, Any]:
-    """The settings of a kind that the table has; it may have no other kind's."""
-    for other in (SHOOTING, TORQUES):
-        for key in entry.keys(other):
-            if key not in kind.settings:
-                by = "shooting" if other is SHOOTING else "inverse_dynamics"
-                raise InputError(f'{entry.where}: {key} needs by = "{by}"')
-    return entry.keys(kind)
-
-
 def _calibrated(
-    entry: RecipeEntry,
-    one_step: Mapping[str, Recipe] | None,
-    held: KnownCalibration | None = None,
+    entry: RecipeEntry, steps: Mapping[str, Recipe], held: KnownCalibration | None
 ) -> CalibratedRecipe:
-    """The recipe that `like` names, on data corrected by the calibration of its table."""
+    """The recipe that `like` names, on data corrected by a calibration, held or of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
-    if calibration is None and like is not None and entry.known is not None:
-        step = one_step_named(like, one_step, f"{entry.where}: like")
-        return _held(entry.name, step, held or _calibration_in(entry.known))
-    if calibration is None or like is None:
-        lost = "calibration" if calibration is None else "like"
+    if like is None or (calibration is None and held is None):
+        lost = "like" if like is None else "calibration"
         raise InputError(
             f"{entry.where}: the key {lost!r} is missing; calibration and like go together"
         )
-    step = one_step_named(like, one_step, f"{entry.where}: like")
+    step = _step_named(like, steps, f"{entry.where}: like")
+    if calibration is None:
+        shooting = Shooting(blocks=(), held=held)
+        return CalibratedRecipe(entry.name, step, shooting, Frictionless(), PARTS)
     blocks = blocks_of(calibration.free, calibration.fixed, {}, where)
     use = calibration.use or [name for name in calibration.free if name in PARTS]
     friction = built({"kind": calibration.friction}, IDENTIFIERS, where)
     return CalibratedRecipe(entry.name, step, Shooting(blocks=blocks), friction, tuple(use))
-
-
-def _held(name: str, step: Recipe, held: KnownCalibration | None) -> CalibratedRecipe:
-    """A one-step recipe on data corrected by a known calibration."""
-    nothing = IDENTIFIERS["none"].build({}, name)
-    return CalibratedRecipe(name, step, Shooting(blocks=(), held=held), nothing, PARTS)
-
-
-def _calibration_in(file: str | None) -> KnownCalibration | None:
-    """The calibration of a model file."""
-    return None if file is None else known_calibration(friction_of(Path(file)), file)
 
 
 def blocks_of(
@@ -278,13 +251,13 @@ def blocks_of(
             raise InputError(f"{where}: a prior of block {name!r}, which is not free")
     distinct(list(free), "blocks")
     stay = _fixed(fixed, free, where)
-    blocks = []
-    for name in free:
-        settings: dict[str, Any] = {"prior": priors[name]} if name in priors else {}
-        if name in stay:
-            settings["fixed"] = stay[name]
-        blocks.append(BLOCKS[name](**settings))
-    return tuple(blocks)
+    return tuple(
+        BLOCKS[name](
+            **({"prior": priors[name]} if name in priors else {}),
+            **({"fixed": stay[name]} if name in stay else {}),
+        )
+        for name in free
+    )
 
 
 _PARTLY_FIXED = ("inertia", "friction", "actuator", "gain", "bias", "offset", "backlash")
@@ -306,18 +279,16 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
     return {block: tuple(names) for block, names in parts.items()}
 
 
-def one_step_named(name: str, one_step: Mapping[str, Recipe] | None, where: str) -> Recipe:
-    """One-step recipe of a name: "study", "integral", or one of a suite."""
-    recipes = {**RECIPES, **(one_step or {})}
+def _step_named(name: str, steps: Mapping[str, Recipe], where: str) -> Recipe:
     if name in _REFINING:
         raise InputError(f"{where} = {name!r} must be a one-step recipe")
-    if name not in recipes:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, recipes)}")
-    return recipes[name]
+    if name not in steps:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, steps)}")
+    return steps[name]
 
 
 def recipe_named(name: str) -> Method:
     """Recipe that needs no settings: "study", "integral", "shooting" or "inverse_dynamics"."""
-    if name not in _NAMES:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, _NAMES)}")
-    return RECIPES[name] if name in RECIPES else _REFINING[name]
+    if name not in _METHODS:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, _METHODS)}")
+    return _METHODS[name]

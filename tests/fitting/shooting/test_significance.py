@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.comparison.suite_recipes import RecipeEntry, shooting_of
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
 from frictionid.fitting.fit import Covariance
@@ -93,7 +93,7 @@ def test_by_default_the_delay_is_free_where_a_torque_is_sampled():
     late = tiny.dataset(recordings=early)
     found = refine(START, late, settings=SHORT)
     assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
-    recipe = shooting_of(RecipeEntry(name="shooting", by="shooting"))
+    recipe = recipe_of(RecipeEntry(name="shooting", by="shooting"))
     assert recipe.blocks == Shooting().blocks == DEFAULT_BLOCKS
     assert applicable(DEFAULT_BLOCKS, late) == DEFAULT_BLOCKS
 
