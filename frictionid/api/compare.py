@@ -29,7 +29,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
     results_in_memory,
 )
-from frictionid.comparison.suite_identifiers import NamedIdentifier
+from frictionid.comparison.suite import NamedIdentifier
 from frictionid.comparison.suite_tasks import tasks_on
 from frictionid.comparison.tasks import Task, results_of
 from frictionid.config import distinct

@@ -8,9 +8,8 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from frictionid.comparison.kinds import Part
-from frictionid.comparison.registry import IDENTIFIERS, LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.registry import IDENTIFIERS, LAWS, Part
+from frictionid.comparison.suite import identifier_named
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError

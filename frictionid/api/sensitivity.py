@@ -17,8 +17,8 @@ from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_o
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
-from frictionid.comparison.sensitivity.settings import SensitivitySettings
 from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
+from frictionid.comparison.sensitivity.variations import SensitivitySettings
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.tasks import Task
 from frictionid.config import mistake

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from frictionid.comparison.kinds import Choice, Kind
-from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.comparison.registry import IDENTIFIERS, LAWS, Choice, Kind
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Law

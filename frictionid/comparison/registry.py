@@ -1,14 +1,25 @@
-"""What suites, commands and model files can name: the laws by their kinds, and other parts."""
+"""What suites, commands and model files can name: kinds of tables, and what each of them makes.
+
+A table is validated against the dataclass that it makes: names, types and defaults of settings are
+declared there and nowhere else.
+"""
 
 from __future__ import annotations
 
+import inspect
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any, Literal, NamedTuple, get_type_hints
 
-from frictionid.comparison.kinds import Choice, Kind, Part
+from pydantic import ValidationError, create_model
+
+from frictionid.config import STRICT, mistake, nearest, unknown
 from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
+from frictionid.errors import InputError
 from frictionid.fitting.identifiers import (
     BlackBox,
     Frictionless,
@@ -48,6 +59,163 @@ from frictionid.friction.laws import (
     WindowMLP,
 )
 from frictionid.friction.model_files import load_model, own_law
+
+Part = Callable[..., Any]  # a dataclass, or a function whose arguments are settings
+
+
+class Choice(NamedTuple):
+    """A setting that chooses other parts of a `Kind` where it has this value."""
+
+    key: str
+    value: bool | str
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What tables of a kind make: an object of dataclasses, or functions, one within the other.
+
+    The first argument of each part takes what the next part makes. All other arguments are settings
+    of the table, under their own names and with their own types and defaults.
+
+    parts : from the outside in
+    choices : settings that choose other parts; the first one counts that has its value
+    internal : arguments that no table sets
+
+    Examples
+    --------
+    >>> from frictionid.friction.laws import Stribeck
+    >>> from frictionid.fitting.identifiers import LeastSquares
+    >>> kind = Kind((LeastSquares, Stribeck))
+    >>> kind.build({"symmetric": False, "width": 0.1, "iterations": 9}, "identifier").law
+    Stribeck(width=0.1, shape='tanh', symmetric=False)
+    """
+
+    parts: tuple[Part, ...]
+    choices: tuple[Choice, ...] = ()
+    internal: frozenset[str] = frozenset()
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Names of all settings, whatever is chosen."""
+        names = [name for parts in self._forms() for name in self._arguments(parts)]
+        return tuple(dict.fromkeys([*(choice.key for choice in self.choices), *names]))
+
+    def defaults(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """Settings that a table may leave out, and their values then."""
+        arguments = self._arguments(self._chosen(table))
+        return {name: a.default for name, a in arguments.items() if a.default is not a.empty}
+
+    def build(self, table: Mapping[str, Any], where: str) -> Any:
+        """What a table makes; `where` it stands begins every complaint.
+
+        Raises
+        ------
+        InputError
+            For a setting that is unknown, missing, of another type, or belongs to parts that are
+            not chosen, and whatever the parts themselves complain about.
+        """
+        try:
+            values = self.values(table)
+            inner: tuple[Any, ...] = ()
+            for part in reversed(self._chosen(values)):
+                names = list(inspect.signature(part).parameters)[len(inner) :]
+                inner = (part(*inner, **{key: values[key] for key in values if key in names}),)
+            return inner[0]
+        except InputError as error:  # of a part that does not know what it is in
+            text = str(error)
+            raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+
+    def values(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of a table's settings, of the types that the parts declare.
+
+        Raises
+        ------
+        InputError
+            As from `build`.
+        """
+        parts = self._chosen(table)
+        arguments = self._arguments(parts)
+        # settings of parts that other choices lead to, by the first such choice
+        other = {key: c for c in reversed(self.choices) for key in self._arguments(c.parts)}
+        fields: dict[str, Any] = {
+            name: (a.annotation, ... if a.default is a.empty else None)
+            for name, a in arguments.items()
+        }
+        for key in {choice.key for choice in self.choices} - {*arguments, *other}:
+            fields[key] = self._type_of_choice(key), None
+        for key in table:
+            if key in other and key not in arguments:
+                _check_default(key, table[key], other[key], self._arguments(other[key].parts))
+            elif key not in fields:
+                raise InputError(unknown(key, self.settings))
+        return _validated(fields, {key: table[key] for key in table if key in fields})
+
+    def _forms(self) -> Iterator[tuple[Part, ...]]:
+        yield self.parts
+        yield from (choice.parts for choice in self.choices)
+
+    def _chosen(self, table: Mapping[str, Any]) -> tuple[Part, ...]:
+        """The parts that a table chooses."""
+        hits = (c.parts for c in self.choices if _same(table.get(c.key), c.value))
+        return next(hits, self.parts)
+
+    def _arguments(self, parts: tuple[Part, ...]) -> dict[str, inspect.Parameter]:
+        """Arguments of parts that are settings, with resolved types."""
+        out = {}
+        for part in parts:
+            types = get_type_hints(part, include_extras=True)
+            arguments = list(inspect.signature(part).parameters.values())
+            for a in arguments if part is parts[-1] else arguments[1:]:
+                if a.name not in self.internal:
+                    out[a.name] = a.replace(annotation=types[a.name])
+        return out
+
+    def _type_of_choice(self, key: str) -> Any:
+        values = tuple(choice.value for choice in self.choices if choice.key == key)
+        return bool if isinstance(values[0], bool) else Literal[values]
+
+
+def _check_default(
+    key: str, value: Any, choice: Choice, arguments: Mapping[str, inspect.Parameter]
+) -> None:
+    """Complain about a setting of parts that are not chosen, but for its default."""
+    if value != arguments[key].default:
+        raise InputError(
+            f"{key} = {json.dumps(value, default=str)} needs "
+            f"{choice.key} = {json.dumps(choice.value)}"
+        )
+
+
+def _validated(fields: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """The table's values, of the types of the fields; lists become tuples where these ask so."""
+    model = create_model("Settings", __config__=STRICT, **fields)
+    try:
+        # strict JSON: arrays become tuples, and nothing else is converted
+        settings = model.model_validate_json(json.dumps(table, default=str))
+    except ValidationError as invalid:
+        raise InputError(mistake(invalid)) from None
+    return {name: getattr(settings, name) for name in settings.model_fields_set}
+
+
+def _same(setting: Any, value: bool | str) -> bool:
+    return type(setting) is type(value) and bool(setting == value)
+
+
+def built(table: Mapping[str, Any], kinds: Mapping[str, Kind], where: str) -> Any:
+    """What the kind that the key `kind` names makes of the other keys of a table.
+
+    Raises
+    ------
+    InputError
+        For a kind or setting that is unknown, or a value that does not fit.
+    """
+    if not isinstance(table.get("kind"), str):
+        raise InputError(f"{where}: the key 'kind' is missing; {nearest('', kinds)}")
+    kind = table["kind"]
+    if kind not in kinds:
+        raise InputError(f"{where}: kind = {kind!r} is unknown; {nearest(kind, kinds)}")
+    return kinds[kind].build({k: v for k, v in table.items() if k != "kind"}, where)
 
 
 def _built_in() -> Iterator[type[Law]]:

@@ -18,7 +18,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from frictionid.errors import InputError
-from frictionid.files import plain, read_json, remove_unfinished, sync_folder
+from frictionid.files import plain, read_json, remove_unfinished, sync_folder, write_json
 from frictionid.outputs import check_unchanged, linked
 
 UNFINISHED = "unfinished"
@@ -165,6 +165,20 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     content = {key: value for key, value in plain(document).items() if key != SEAL}
     return {SEAL: _hash(content), **content}
+
+
+def write_sealed(path: Path, document: Mapping[str, Any], indent: int | None = None) -> None:
+    """Write a document as a whole, with the SHA-256 of its content."""
+    write_json(path, sealed(document), indent, durable=True)
+
+
+def finished(path: Path, digest: str) -> dict[str, Any] | None:
+    """The result in a file, None where it is of another digest, was changed, or is not there."""
+    try:
+        document = read_json(path)
+    except InputError:
+        return None
+    return document if is_sealed(document) and document.get("digest") == digest else None
 
 
 def is_sealed(document: Mapping[str, Any]) -> bool:

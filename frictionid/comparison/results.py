@@ -25,7 +25,6 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.check import check
 from frictionid.comparison.cross_validate import PreparedBenchmark, Result
-from frictionid.comparison.digests import versions
 from frictionid.comparison.result_folder import (
     DATASETS,
     PROVENANCE,
@@ -33,10 +32,10 @@ from frictionid.comparison.result_folder import (
     described,
     read_sealed,
     readable,
-    sealed,
     task_file,
+    write_sealed,
 )
-from frictionid.comparison.tasks import Task, content_of, file_name
+from frictionid.comparison.tasks import Task, content_of, file_name, versions
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -49,7 +48,7 @@ from frictionid.evaluation import (
     true_friction,
 )
 from frictionid.evaluation.curves import slow_speed
-from frictionid.files import json_text, write_json
+from frictionid.files import json_text
 from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
@@ -74,9 +73,8 @@ def describe(
 ) -> None:
     """Write provenance.json and datasets.json."""
     provenance = provenance_of(suite, title, settings, tasks)
-    datasets = descriptions_of(prepared_benchmarks)
-    write_json(folder / PROVENANCE, sealed(provenance), durable=True)
-    write_json(folder / DATASETS, sealed(datasets), None, durable=True)
+    write_sealed(folder / PROVENANCE, provenance, indent=1)
+    write_sealed(folder / DATASETS, descriptions_of(prepared_benchmarks))
 
 
 def provenance_of(suite: str, title: str, settings: Any, tasks: Sequence[Task]) -> dict[str, Any]:

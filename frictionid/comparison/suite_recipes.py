@@ -9,12 +9,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from frictionid.comparison.kinds import Kind, built
 from frictionid.comparison.registry import (
     BLOCKS,
     ESTIMATORS,
     IDENTIFIERS,
     RECIPES,
+    Kind,
+    built,
     friction_of,
 )
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.suite import DatasetEntry, Suite
-from frictionid.comparison.suite_identifiers import (
+from frictionid.comparison.suite import (
+    DatasetEntry,
     NamedIdentifier,
+    Suite,
     check_recipes,
     identifier_of,
     on_device,

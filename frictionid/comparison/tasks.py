@@ -6,8 +6,13 @@ that an interrupted comparison is finished by running what is missing.
 
 from __future__ import annotations
 
+import hashlib
+import platform
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +27,9 @@ from frictionid.comparison.cross_validate import (
     prepare_benchmark,
     run,
 )
-from frictionid.comparison.digests import digest_of, foreign_source, package_digest
 from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.result_folder import is_sealed, sealed
+from frictionid.comparison.result_folder import finished, write_sealed
 from frictionid.errors import InputError
-from frictionid.files import read_json, write_json
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
@@ -132,13 +135,14 @@ def run_tasks(
         Where a task fails, with its name.
     """
     report = done or (lambda _: None)
-    finished = {t.file for t in tasks if any(_finished(t, place / t.file) for place in kept)}
+    left = []
     for task in tasks:
-        if task.file in finished:
+        if any(finished(place / task.file, task.digest) for place in kept):
             report(task)
-    left = [task for task in tasks if task.file not in finished]
+        else:
+            left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
-        write_json(folder / task.file, sealed(document(task, result, laws)), None, durable=True)
+        write_sealed(folder / task.file, document(task, result, laws))
         report(task)
 
 
@@ -191,14 +195,6 @@ def _on_cluster(
 def _run_apart(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Result:
     benchmark, shared = data
     return _run(Task(benchmark, *settings), shared)
-
-
-def _finished(task: Task, path: Path) -> bool:
-    try:
-        document = read_json(path)
-    except InputError:
-        return False
-    return is_sealed(document) and bool(document.get("digest") == task.digest)
 
 
 def _alike(tasks: Sequence[Task]) -> list[list[Task]]:
@@ -265,3 +261,73 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],
     }
+
+
+# --- Digests: equal for equal data, settings and code
+
+_PACKAGES = (
+    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
+    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
+)
+
+
+def digest_of(value: Any) -> str:
+    """SHA-256 of a value made of arrays, mappings, sequences, numbers, texts and dataclasses.
+
+    >>> digest_of({"a": 1, "b": np.zeros(2)}) == digest_of({"b": np.zeros(2), "a": 1})
+    True
+    """
+    digest = hashlib.sha256()
+    for part in _parts(value):
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def _parts(value: Any) -> Iterator[bytes]:
+    """Bytes that are equal for equal values, in this process and the next."""
+    if isinstance(value, np.ndarray):
+        yield f"array {value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, Mapping):
+        yield f"map {len(value)}".encode()
+        for key in sorted(value, key=repr):
+            yield from _parts((key, value[key]))
+    elif isinstance(value, list | tuple):
+        yield f"list {len(value)}".encode()
+        for entry in value:
+            yield from _parts(entry)
+    elif value is None or isinstance(value, str | bytes | bool | int | float | np.generic):
+        yield f"{type(value).__name__} {value!r};".encode()
+    else:
+        kind = type(value) if not hasattr(value, "__qualname__") else value
+        yield f"{kind.__module__}.{kind.__qualname__}".encode()
+        names = (
+            [f.name for f in fields(value)]
+            if is_dataclass(value)
+            else getattr(value, "__dict__", ())
+        )
+        yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, this package, and those that its numbers come from."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+@cache
+def package_digest() -> str:
+    """SHA-256 of this package's sources: another version may find other numbers."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def foreign_source(part: Any) -> bytes:
+    """Source of an identifier, and of its law, from outside this package."""
+    name = type(part).__module__
+    place = getattr(sys.modules.get(name), "__file__", None)
+    foreign = place is not None and name.partition(".")[0] not in ("frictionid", "builtins")
+    source = Path(place).read_bytes() if foreign and place else b""
+    inner = (getattr(part, f.name) for f in fields(part)) if is_dataclass(part) else ()
+    return source + b"".join(foreign_source(value) for value in inner if is_dataclass(value))

@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check import Verdict, check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within

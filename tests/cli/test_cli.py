@@ -16,7 +16,7 @@ from frictionid.__main__ import main
 from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model

@@ -12,9 +12,14 @@ from scipy.integrate import solve_ivp
 
 import frictionid as fid
 from frictionid.comparison.results import load_results
-from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
 from frictionid.comparison.sensitivity.study import training_and_test, with_and_without_inertia
-from frictionid.comparison.sensitivity.variations import Variation, sensitive_parameters, varied
+from frictionid.comparison.sensitivity.variations import (
+    SensitivitySettings,
+    Variation,
+    sensitive_parameters,
+    variations_of,
+    varied,
+)
 from frictionid.errors import InputError
 from frictionid.fitting.shooting import Shooting
 from frictionid.report.exhibits import names_of

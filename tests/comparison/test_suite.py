@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.comparison.registry import LAWS, friction_of
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.errors import InputError

@@ -14,8 +14,7 @@ import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
-from frictionid.comparison.suite import IdentifierEntry, load_suite
-from frictionid.comparison.suite_identifiers import identifier_of
+from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tuning import study_specs, tune, tuning_tasks
 from frictionid.comparison.tuning.studies import training_benchmark

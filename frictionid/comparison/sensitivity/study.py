@@ -17,22 +17,24 @@ from joblib import cpu_count
 
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.digests import digest_of
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.result_folder import is_sealed, sealed
-from frictionid.comparison.sensitivity.settings import SensitivitySettings, variations_of
-from frictionid.comparison.sensitivity.variations import Variation, varied
+from frictionid.comparison.result_folder import finished, write_sealed
+from frictionid.comparison.sensitivity.variations import (
+    SensitivitySettings,
+    Variation,
+    variations_of,
+    varied,
+)
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tasks import Task, file_name
+from frictionid.comparison.tasks import Task, digest_of, file_name
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
 from frictionid.errors import InputError
 from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
 from frictionid.evaluation.curves import curve_error
-from frictionid.files import read_json, write_json
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
@@ -190,33 +192,21 @@ def run_cases(
     InputError
         Where a fit fails, with its variation.
     """
-    results = {case.file: _kept(case, folder) for case in cases}
-    left = []
+    kept = {c.file: folder and finished(folder / c.file, c.digest) for c in cases}
+    results = {file: result for file, result in kept.items() if result}
     for case in cases:
-        if results[case.file] is None:
-            left.append(case)
-        else:
+        if case.file in results:
             done(case.label)
+    left = [case for case in cases if case.file not in results]
     grids = {case.task.benchmark.dataset.name: _grid(case) for case in _first(left)}
     calls = [(case, grids[case.task.benchmark.dataset.name]) for case in left]
     for i, result in side_by_side(_run, calls, jobs or cpu_count()):
         case = left[i]
         results[case.file] = result
         if folder is not None:
-            document = sealed({"digest": case.digest, **result})
-            write_json(folder / case.file, document, None, durable=True)
+            write_sealed(folder / case.file, {"digest": case.digest, **result})
         done(case.label)
-    return result_frame(cases, [results[case.file] or {} for case in cases])
-
-
-def _kept(case: Case, folder: Path | None) -> dict[str, Any] | None:
-    if folder is None:
-        return None
-    try:
-        document = read_json(folder / case.file)
-    except InputError:
-        return None
-    return document if is_sealed(document) and document.get("digest") == case.digest else None
+    return result_frame(cases, [results[case.file] for case in cases])
 
 
 def _first(cases: Sequence[Case]) -> list[Case]:

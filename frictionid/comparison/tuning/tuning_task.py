@@ -14,8 +14,7 @@ import pandas as pd
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
-from frictionid.comparison.suite import IdentifierEntry, Suite
-from frictionid.comparison.suite_identifiers import identifier_of
+from frictionid.comparison.suite import IdentifierEntry, Suite, identifier_of
 from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.comparison.suite_tasks import benchmarks_of, used_recipes
 from frictionid.comparison.tasks import Task

@@ -10,7 +10,7 @@ from fixtures.black_box_pendulum import acceleration, fitted, pendulum
 
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import unit_inertia_plant
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds

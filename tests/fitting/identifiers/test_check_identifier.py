@@ -9,7 +9,7 @@ import pytest
 from fixtures.memory_laws import Sampled
 
 from frictionid.comparison.registry import IDENTIFIERS, LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import (

@@ -12,7 +12,7 @@ import torch
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.__main__ import main
-from frictionid.comparison.suite_identifiers import identifier_named, on_device
+from frictionid.comparison.suite import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.network import Network

@@ -13,8 +13,7 @@ from fixtures.paths import ROOT
 
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import IdentifierEntry, load_suite
-from frictionid.comparison.suite_identifiers import identifier_of
+from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, run_tasks
 from frictionid.data.plants import plant_of

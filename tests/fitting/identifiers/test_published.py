@@ -8,7 +8,7 @@ from fixtures.exact_problems import explained_by
 from fixtures.paths import DATA
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Published
 from frictionid.fitting.identifiers.synthetic_problem import (

@@ -12,7 +12,7 @@ from fixtures.command_line import run_command
 from frictionid.arrays import times
 from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of

@@ -8,7 +8,7 @@ from fixtures.exact_problems import assert_recovered
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.shooting import Settings, Shooting

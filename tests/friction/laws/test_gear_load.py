@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.residual import Problem

@@ -5,7 +5,7 @@ import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, Inputs

@@ -6,7 +6,7 @@ from fixtures.exact_problems import assert_recovered, everything, explained_by
 from scipy.interpolate import BSpline
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite_identifiers import identifier_named
+from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, Linear
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
