@@ -1,4 +1,4 @@
-"""Kinds: settings of tables are the fields of dataclasses; every law has a name, a file and a page."""
+"""Kinds: settings are the fields of dataclasses; every law has a name, a file and a page."""
 
 import inspect
 import re
