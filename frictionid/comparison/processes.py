@@ -1,8 +1,10 @@
-"""Calls of a function side by side, each in a process of one thread."""
+"""Calls of a function side by side, one thread each, and what their numbers depend on."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
 import signal
 import sys
 import threading
@@ -10,7 +12,10 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import version
 from multiprocessing import resource_tracker
+from pathlib import Path
 from typing import Any, TypeVar
 
 import cloudpickle
@@ -18,6 +23,11 @@ from joblib import Parallel, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
 Returned = TypeVar("Returned")
+
+_PACKAGES = (
+    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
+    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
+)
 
 
 def side_by_side(
@@ -83,3 +93,17 @@ def one_torch_thread() -> None:
     torch = sys.modules.get("torch")
     if torch is not None:
         torch.set_num_threads(1)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, this package, and those that its numbers come from."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+@cache
+def package_digest() -> str:
+    """SHA-256 of this package's sources: another version may find other numbers."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -25,6 +25,7 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.check import check
 from frictionid.comparison.cross_validate import PreparedBenchmark, Result
+from frictionid.comparison.processes import versions
 from frictionid.comparison.result_folder import (
     DATASETS,
     PROVENANCE,
@@ -35,7 +36,7 @@ from frictionid.comparison.result_folder import (
     task_file,
     write_sealed,
 )
-from frictionid.comparison.tasks import Task, content_of, file_name, versions
+from frictionid.comparison.tasks import Task, content_of, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import (

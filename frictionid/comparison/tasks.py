@@ -7,12 +7,10 @@ that an interrupted comparison is finished by running what is missing.
 from __future__ import annotations
 
 import hashlib
-import platform
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +25,7 @@ from frictionid.comparison.cross_validate import (
     prepare_benchmark,
     run,
 )
-from frictionid.comparison.processes import side_by_side
+from frictionid.comparison.processes import package_digest, side_by_side
 from frictionid.comparison.result_folder import finished, write_sealed
 from frictionid.errors import InputError
 from frictionid.fitting.fit import own_base
@@ -265,11 +263,6 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
 
 # --- Digests: equal for equal data, settings and code
 
-_PACKAGES = (
-    *("frictionid", "numpy", "scipy", "sympy", "pandas", "scikit-learn", "pysindy", "torch"),
-    *("array-api-compat", "joblib", "pyarrow", "pydantic"),
-)
-
 
 def digest_of(value: Any) -> str:
     """SHA-256 of a value made of arrays, mappings, sequences, numbers, texts and dataclasses.
@@ -307,20 +300,6 @@ def _parts(value: Any) -> Iterator[bytes]:
             else getattr(value, "__dict__", ())
         )
         yield from _parts({} if kind is value else {name: getattr(value, name) for name in names})
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python, this package, and those that its numbers come from."""
-    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
-
-
-@cache
-def package_digest() -> str:
-    """SHA-256 of this package's sources: another version may find other numbers."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def foreign_source(part: Any) -> bytes:
