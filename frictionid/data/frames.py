@@ -120,7 +120,7 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
         "torque": {"at": columns.torque_at},
     }
     if columns.motor is not None:
-        document["motor"] = {key: _toml_value(value) for key, value in columns.motor.items()}
+        document["motor"] = _plain(columns.motor)
     if columns.actuator is not None:
         document["actuator"] = _plain(columns.actuator)
     return check_dataset_toml(document, "columns of the frames"), scales
@@ -136,20 +136,11 @@ def _listed(value: Any) -> list[Any]:
     return np.atleast_1d(np.asarray(value)).tolist()
 
 
-def _toml_value(value: Any) -> Any:
-    """Numbers as TOML has them, in lists where there are several; words stay."""
-    if isinstance(value, str):
-        return value
-    return np.asarray(value, dtype=float).tolist()
-
-
 def _plain(value: Any) -> Any:
     """Tables and lists of Python's own numbers, as TOML has them."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple | np.ndarray | np.generic):
-        return np.asarray(value).tolist()
-    return value
+    return np.asarray(value).tolist()
 
 
 def _each(value: Any, names: Sequence[str]) -> list[tuple[Any, str]]:

@@ -61,12 +61,14 @@ class FilterOutput(NamedTuple):
 
     Attributes
     ----------
+    rho : array, shape (..., S), jerk ratios
     mean : array, shape (T, ..., S, 3)
     covariance : array, shape (T, 6, ..., S), upper triangles
     gain : array, shape (T, 3, ..., S)
     innovation, variance : array, shape (T, ..., S): measured minus predicted position, its variance
     """
 
+    rho: Array
     mean: Array
     covariance: Array
     gain: Array
@@ -126,6 +128,7 @@ def kalman_filter(series: Series, rho: Array) -> FilterOutput:
     mean, covariance, gain, *others = (x.reshape(*batch, *x.shape[1:]) for x in output)
     innovation, variance = (np.moveaxis(x, -1, 0) for x in others)
     return FilterOutput(
+        rho,
         np.moveaxis(mean, -2, 0),
         np.moveaxis(covariance, (-2, -1), (0, 1)),
         np.moveaxis(gain, (-2, -1), (0, 1)),

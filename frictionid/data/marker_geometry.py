@@ -111,5 +111,5 @@ def flattened(points: Array, plane: Plane) -> Array:
 
 
 def _one_turn(angle: Array) -> Array:
-    """The same directions within (-pi, pi]."""
+    """Directions as angles within (-pi, pi]."""
     return np.pi - np.mod(np.pi - angle, 2 * np.pi)

@@ -40,13 +40,6 @@ _TURNED = np.array([1.0, -1.0, 1.0])
 _TURNED_SQUARES = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 
 
-class JerkFit(NamedTuple):
-    """Jerk ratios (S,), and the filter's output at them."""
-
-    rho: Array
-    forward: FilterOutput
-
-
 class Residuals(NamedTuple):
     """Measured minus predicted positions (T, S), and the standard deviations of each.
 
@@ -61,7 +54,7 @@ class Residuals(NamedTuple):
     by_future: tuple[Array, Array]
 
 
-def prediction_residuals(series: Series, left_out: Array, fit: JerkFit) -> Residuals:
+def prediction_residuals(series: Series, left_out: Array, fit: FilterOutput) -> Residuals:
     """What the other samples, without those that are left out (T, S), leave of each one.
 
     With the predictions x, P by the samples before and y, Q by those behind, all others predict
@@ -74,7 +67,7 @@ def prediction_residuals(series: Series, left_out: Array, fit: JerkFit) -> Resid
     kept = series.without(left_out)
     x, P = _by_the_past(kept, fit)
     back = _reversed(kept, rows, inside)
-    y, Q = _by_the_past(back, JerkFit(fit.rho, kalman_filter(back, fit.rho)))
+    y, Q = _by_the_past(back, kalman_filter(back, fit.rho))
     y = np.take_along_axis(y, rows[None], axis=1) * _TURNED[:, None, None]
     Q = np.take_along_axis(Q, rows[None], axis=1) * _TURNED_SQUARES[:, None, None]
     scale = np.sqrt((P + Q)[_DIAGONAL])  # (3, T, S)
@@ -91,12 +84,12 @@ def prediction_residuals(series: Series, left_out: Array, fit: JerkFit) -> Resid
     )
 
 
-def _by_the_past(series: Series, fit: JerkFit) -> tuple[Array, Array]:
+def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     """Means (3, T, S) and covariances (6, T, S) of the state by the samples before each one."""
     x, P = initial_state(series.value[0], series.dt[min(1, len(series.dt) - 1)])
     before = (
-        np.moveaxis(fit.forward.mean[:-1], -1, 0),
-        np.moveaxis(fit.forward.covariance[:-1], 1, 0),
+        np.moveaxis(fit.mean[:-1], -1, 0),
+        np.moveaxis(fit.covariance[:-1], 1, 0),
     )
     later, wider = predict(*before, series.dt[1:], fit.rho)
     return np.concatenate([x[:, None], later], axis=1), np.concatenate([P[:, None], wider], axis=1)
@@ -170,10 +163,10 @@ def smoothed(series: Series) -> Smoothed:
 
 
 def _smoothed(series: Series) -> Smoothed:
-    """The same of all series at once."""
+    """Smoothed series, all of them in memory together."""
     left_out = np.zeros(series.valid.shape, dtype=bool)
     rho = likeliest_jerk_ratio(series)
-    fit = JerkFit(rho, kalman_filter(series, rho))
+    fit = kalman_filter(series, rho)
     judged = _judged(series, left_out, fit)
     rough = np.asarray((judged.size > _GATE).any(axis=0))
     if rough.any():
@@ -184,8 +177,8 @@ def _smoothed(series: Series) -> Smoothed:
     if changed.any():
         series = series.without(left_out)
         rho[changed] = likeliest_jerk_ratio(series.picked(changed))
-        fit = JerkFit(rho, kalman_filter(series, rho))
-    return Smoothed(smoothed_by(series, fit.forward), rho, left_out)
+        fit = kalman_filter(series, rho)
+    return Smoothed(smoothed_by(series, fit), rho, left_out)
 
 
 def _hidden(series: Series, rho: Array, cleared: Array) -> Array:
@@ -197,7 +190,7 @@ def _hidden(series: Series, rho: Array, cleared: Array) -> Array:
     deceived = robust > _DECEIVED * rho
     if deceived.any():
         searched, ratio = series.picked(deceived), robust[deceived]
-        fit = JerkFit(ratio, kalman_filter(searched, ratio))
+        fit = kalman_filter(searched, ratio)
         judged = _judged(searched, out[:, deceived], fit)
         out[:, deceived] = _outliers(searched, judged, ratio, rho[deceived])
     return out
@@ -222,7 +215,7 @@ class _Judged(NamedTuple):
     kink: Array
 
     def picked(self, which: Array) -> _Judged:
-        """Those of some series."""
+        """What was judged of some series."""
         return _Judged(self.size[:, which].copy(), self.kink[:, which].copy())
 
 
@@ -262,7 +255,7 @@ def _judge_again(
     if not which.any():
         return
     kept = series.without(left_out).picked(which)
-    fit = JerkFit(rho[which], kalman_filter(kept, rho[which]))
+    fit = kalman_filter(kept, rho[which])
     again = _judged(series.picked(which), left_out[:, which], fit)
     judged.size[:, which], judged.kink[:, which] = again
 
@@ -283,7 +276,7 @@ def _around(size: Array) -> Array:
     return np.stack([padded[k : k + T] for k in range(2 * N + 1) if k != N])
 
 
-def _judged(series: Series, left_out: Array, fit: JerkFit) -> _Judged:
+def _judged(series: Series, left_out: Array, fit: FilterOutput) -> _Judged:
     """All samples (T, S), judged by those that are not left out.
 
     Samples that repeat both their neighbours, at rest within one step of an encoder, say nothing

@@ -249,7 +249,7 @@ class Dataset:
         angle, velocity : str or list of str
             Columns, one for each joint.
         torque : str, list of str or None, or None
-            The same; None for a joint without motor, or where there is none at all.
+            Columns; None for a joint without motor, or where there is none at all.
         time : str, or mapping of "angle" and "torque" to str, where these have clocks of their own
             None: the index of the frames. Moments and durations count in seconds.
         units : str, list of str, or mapping of "time", "angle", "velocity", "torque" to these
@@ -260,7 +260,7 @@ class Dataset:
             Where the columns of `torque` hold currents, in units of "A" or "mA", or columns are of
             the motors: the keys of [motor] in a dataset.toml.
         torque_at : "motor", "link" or "command"
-            Those of the motors, of sensors at the links (which show no friction), or asked for.
+            The motors', those of sensors at the links (which show no friction), or asked for ones.
         actuator : mapping of "target", "output", "P" ... to columns and numbers
             Where torque follows from a controller: the keys of [actuator] in a dataset.toml
         hold : "previous" or "linear"

@@ -130,7 +130,7 @@ class Servo:
         return np.where(sample(self.enabled, time) > 0.5, 1.0, 0.0)
 
     def with_motor(self, kt: float, R: float) -> Servo:
-        """The same controller with other motors."""
+        """The servo with other motors under its controller."""
         return replace(self, kt=float(kt), R=float(R))
 
     def steps(self) -> Array:

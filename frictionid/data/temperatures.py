@@ -15,7 +15,7 @@ TEMPERATURE = "temperature"
 def temperature_at(recording: Recording, time: Array, joints: Sequence[str]) -> Array | None:
     """Temperature (K, n) [degC] of each joint at times (K,) [s]; None unless all have one.
 
-    That of a joint is the covariate `temperature_NAME` with its name, else `temperature_2` with its
+    A joint has the covariate `temperature_NAME` with its name, else `temperature_2` with its
     number from 1, else `temperature` of the whole machine.
 
     >>> from frictionid.data.signals import Signal

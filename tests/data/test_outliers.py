@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
-from frictionid.data.outliers import JerkFit, _roughness, prediction_residuals, smoothed
+from frictionid.data.outliers import _roughness, prediction_residuals, smoothed
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_outliers
 
@@ -46,11 +46,11 @@ def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
     series = padded_series([Signal(time, swing(time, rng))])
     rho = np.array([1e8])
     none = np.zeros(series.valid.shape, dtype=bool)
-    at_once = deletion_residuals(series, none, JerkFit(rho, kalman_filter(series, rho)))
+    at_once = deletion_residuals(series, none, kalman_filter(series, rho))
     for k in (0, 1, 2, 20, 38, 39):
         one = none.copy()
         one[k] = True
-        fit = JerkFit(rho, kalman_filter(series.without(one), rho))
+        fit = kalman_filter(series.without(one), rho)
         np.testing.assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
 
 
@@ -67,7 +67,7 @@ def test_deletion_residuals_of_noise_have_its_size():
     for k in range(1, samples):
         x[k] = F @ x[k - 1] + shocks[k]
     series = padded_series([Signal(clock(samples), x[:, :1] + rng.normal(size=(samples, 1)))])
-    fit = JerkFit(np.array([rho]), kalman_filter(series, np.array([rho])))
+    fit = kalman_filter(series, np.array([rho]))
     residual = deletion_residuals(series, np.zeros(series.valid.shape, dtype=bool), fit)
     assert residual.std() == pytest.approx(1.0, abs=0.05)
 

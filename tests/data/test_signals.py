@@ -74,38 +74,11 @@ def test_averages_are_the_integral_of_what_sample_returns(signal, edges):
 
 
 @patient
-@given(signals(), clocks(smallest=3), st.data())
-def test_finer_edges_keep_every_integral(signal, edges, data):
-    kept = sorted({0, len(edges) - 1, data.draw(st.integers(0, len(edges) - 1))})
-    fine = averages(signal, edges) * np.diff(edges)[:, None]
-    coarse = averages(signal, edges[kept]) * np.diff(edges[kept])[:, None]
-    np.testing.assert_allclose(np.add.reduceat(fine, kept[:-1]), coarse, atol=1e-11)
-
-
-@patient
 @given(clocks(), st.floats(-1e6, 1e6), st.sampled_from(HOLDS), clocks(smallest=2))
 def test_a_constant_stays_exactly(time, constant, hold, edges):
     signal = Signal(time, np.full((len(time), 2), constant), hold)
     np.testing.assert_array_equal(averages(signal, edges), np.full((len(edges) - 1, 2), constant))
     np.testing.assert_array_equal(sample(signal, edges), np.full((len(edges), 2), constant))
-
-
-@patient
-@given(clocks(smallest=2), clocks(smallest=2), st.floats(-10, 10), st.floats(-10, 10))
-def test_the_average_of_a_ramp_is_its_midpoint(time, edges, slope, level):
-    # Only within the span: outside it the ramp is held.
-    edges = time[0] + (edges - edges[0]) / (edges[-1] - edges[0]) * (time[-1] - time[0])
-    signal = Signal(time, (level + slope * time)[:, None])
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    np.testing.assert_allclose(averages(signal, edges)[:, 0], level + slope * middle, atol=1e-8)
-
-
-@patient
-@given(signals(), clocks(smallest=2))
-def test_averages_stay_between_the_extremes(signal, edges):
-    mean = averages(signal, edges)
-    assert np.all(mean >= signal.value.min(axis=0) - 1e-9)
-    assert np.all(mean <= signal.value.max(axis=0) + 1e-9)
 
 
 @patient

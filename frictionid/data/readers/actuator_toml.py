@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from frictionid.config import Strict, nearest
-from frictionid.data.readers.column_toml import Column, Names, as_list
+from frictionid.data.readers.column_toml import Column, Names, as_list, check_per_joint
 from frictionid.errors import InputError
 
 _Positive = Annotated[float, Field(gt=0)]
@@ -141,13 +141,8 @@ class Actuator(Strict):
                     f"actuator.{key} names {len(names)} columns for {joints} joints; give one "
                     "per joint"
                 )
-        for key in ("P", "D", "limit", "gear", "efficiency", "backlash"):
-            numbers = getattr(self, key)
-            if numbers is not None and len(numbers) not in (1, joints):
-                raise ValueError(
-                    f"actuator.{key} has {len(numbers)} numbers for {joints} joints; give one, or "
-                    "one per joint"
-                )
+        keys = ("P", "D", "limit", "gear", "efficiency", "backlash")
+        check_per_joint({f"actuator.{key}": getattr(self, key) for key in keys}, joints)
 
     def check_recordings(self, names: Sequence[str], where: str) -> None:
         """Check that each pattern of `recordings` is of some recording.

@@ -1,7 +1,7 @@
 """Columns of a dataset.toml: their units, and the schemas of [columns] and [motor]."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from frictionid.arrays import Array
 from frictionid.config import Strict
+from frictionid.errors import InputError
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
@@ -215,6 +216,23 @@ class Gears:
     zero: Array
     angles: bool
     torques: bool
+
+
+def check_per_joint(
+    entries: Mapping[str, Sized | None], joints: int, what: str = "numbers"
+) -> None:
+    """Check that entries, by their names in dataset.toml, are one, or one per joint.
+
+    Raises
+    ------
+    InputError
+        With the first key that is not; to pydantic it is one of the mistakes in a document.
+    """
+    for label, values in entries.items():
+        if values is not None and len(values) not in (1, joints):
+            raise InputError(
+                f"{label} has {len(values)} {what} for {joints} joints; give one, or one per joint"
+            )
 
 
 Constants = Annotated[list[float], Field(min_length=1), BeforeValidator(as_list)]

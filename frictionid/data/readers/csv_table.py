@@ -21,27 +21,32 @@ _ODD = (b'"', b"_", b"\r", b"\n\n")
 
 
 def csv_columns(
-    content: bytes, file: str, columns: Sequence[str]
+    content: bytes, file: str, columns: Sequence[str] | None
 ) -> tuple[NDArray[np.int64], dict[str, Array]]:
-    """Numbers (R,) of the rows of a CSV text, and columns (R,).
+    """Numbers (R,) of the rows of a CSV text, and columns (R,): some, or all that hold numbers.
 
-    It is read row by row: a wrong row is refused before the next is read.
-
-    Long texts of nothing but numbers are read at once, in a fifth of the time.
+    It is read row by row: a wrong row is refused before the next is read. Long texts of nothing but
+    numbers are read at once, in a fifth of the time.
     """
     lines = _csv_lines(content, file)
     _, header = next(lines)
-    check_header(file, header, columns)
-    places = [header.index(name) for name in columns]
+    names = header if columns is None else columns
+    check_header(file, header, names)
+    places = {name: header.index(name) for name in names}
     if (numbers := _numbers_alone(content, len(header))) is not None:
-        whole = {name: numbers[:, at].copy() for name, at in zip(columns, places, strict=True)}
+        whole = {name: numbers[:, at].copy() for name, at in places.items()}
         return np.arange(2, len(numbers) + 2, dtype=np.int64), whole
-    rows, cells = array("q"), [array("d") for _ in columns]
+    rows, cells = array("q"), {name: array("d") for name in places}
     for row, line in lines:
         rows.append(row)
-        for column, at, name in zip(cells, places, columns, strict=True):
-            column.append(_number(line[at], row, name, file))
-    picked = {name: np.array(column) for name, column in zip(columns, cells, strict=True)}
+        for name in list(cells):
+            try:
+                cells[name].append(_number(line[places[name]], row, name, file))
+            except InputError:
+                if columns is not None:
+                    raise
+                del cells[name]
+    picked = {name: np.array(column) for name, column in cells.items()}
     return np.array(rows, dtype=np.int64), picked
 
 
@@ -133,21 +138,6 @@ def _number(cell: str, row: int, name: str, file: str) -> float:
             f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
             "write a number, or leave the cell empty"
         ) from None
-
-
-def numeric_csv_columns(content: bytes, file: str) -> dict[str, Array]:
-    """Columns of numbers of a CSV text, read row by row; words end those that hold any."""
-    lines = _csv_lines(content, file)
-    _, names = next(lines)
-    check_header(file, names, names)
-    cells = {k: array("d") for k in range(len(names))}
-    for row, line in lines:
-        for k in list(cells):
-            try:
-                cells[k].append(_number(line[k], row, names[k], file))
-            except InputError:
-                del cells[k]
-    return {names[k]: np.array(column) for k, column in cells.items()}
 
 
 def check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import imported, nearest, read_toml
-from frictionid.data.readers.column_toml import CURRENTS, OWN
+from frictionid.data.readers.column_toml import CURRENTS, OWN, check_per_joint
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.formats import part_of
@@ -278,11 +278,7 @@ def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
         signal = getattr(recording, quantity)
         if deviations is not None and signal is not None:
             joints = signal.value.shape[1]
-            if len(deviations) not in (1, joints):
-                raise InputError(
-                    f"sigma.{quantity} has {len(deviations)} numbers for {joints} joints; "
-                    "give one, or one per joint"
-                )
+            check_per_joint({f"sigma.{quantity}": deviations}, joints)
             signals[quantity] = signal._replace(sigma=np.broadcast_to(deviations, joints).copy())
     return replace(recording, **signals)
 

@@ -28,6 +28,7 @@ from frictionid.data.readers.column_toml import (
     Names,
     TorquePlace,
     as_list,
+    check_per_joint,
     unit_named,
 )
 from frictionid.data.readers.formats import part_of
@@ -252,13 +253,8 @@ class DatasetToml(Strict):
                 )
         numbers |= {f"signs.{label}": signs for label, signs in self.signs}
         units = {f"units.{label}": each for label, each in self.units if label != "time"}
-        for label, entries in (numbers | units).items():
-            if entries is not None and len(entries) not in (1, joints):
-                what = "units" if label in units else "numbers"
-                raise ValueError(
-                    f"{label} has {len(entries)} {what} for {joints} joints; "
-                    "give one, or one per joint"
-                )
+        check_per_joint(numbers, joints)
+        check_per_joint(units, joints, "units")
         return self
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.data.readers.csv_table import check_header, csv_columns, numeric_csv_columns
+from frictionid.data.readers.csv_table import check_header, csv_columns
 from frictionid.data.readers.mat import mat_column, read_mat
 from frictionid.data.readers.unpacking import check_cells, unzip
 from frictionid.data.signals import Array, Signal, first_fault
@@ -90,13 +90,12 @@ def numeric_table(content: bytes, file: str) -> Table:
     ['t', 'q']
     """
     if file.lower().endswith(".parquet"):
-        picked = _parquet(content, file, None).columns
+        table = _parquet(content, file, None)
     else:
-        picked = numeric_csv_columns(unzip(content, file), file)
-    length = len(next(iter(picked.values()), ()))
-    if not length:
+        table = Table(file, *csv_columns(unzip(content, file), file, None))
+    if not len(table.rows) or not table.columns:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
-    return Table(file, np.arange(2, length + 2), picked)
+    return table
 
 
 def table_name(file: str) -> str:

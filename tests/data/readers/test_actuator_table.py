@@ -247,4 +247,4 @@ TABLES = re.findall(
 def test_the_tables_of_the_page_are_actuators(text):
     actuator = Actuator(**tomllib.loads(text)["actuator"])
     actuator.check_joints(1)
-    assert len(TABLES) == 4
+    assert len(TABLES) == 3
