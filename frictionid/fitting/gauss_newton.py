@@ -52,7 +52,7 @@ class Conditions(NamedTuple):
 
 
 class Problem(Protocol):
-    """Residuals of F fits at once, whatever they are of."""
+    """Residuals of the same rows for F fits at once, whatever they are of."""
 
     def residual(self, x: Array) -> Array:
         """Residuals (F, ...) at parameters (F, N)."""

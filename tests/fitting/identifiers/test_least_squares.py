@@ -1,4 +1,4 @@
-"""Least squares of any law: steps within bounds, weights, data that decide nothing, speed."""
+"""Least squares of any law: weights, data that decide nothing, speed."""
 
 import time
 from dataclasses import dataclass, replace
@@ -9,7 +9,6 @@ import pytest
 from fixtures.exact_problems import by_scipy, cost, everything, explained_by, on_problem
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
-from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 from frictionid.arrays import times
@@ -17,7 +16,6 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
-from frictionid.fitting.gauss_newton import bounded
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
@@ -32,52 +30,6 @@ STRIBECK = np.array([[0.10, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]])
 
 def fit(law, problem, weights, robust=None, **settings):
     return LeastSquares(law, robust=robust, **settings).fit(problem, weights, 0)
-
-
-# Steps within bounds.
-
-
-@pytest.mark.parametrize("N", [1, 4, 8, 12])
-def test_quadratic_problems_within_bounds_are_solved_as_scipy_does(N):
-    rng = np.random.default_rng(N)
-    A = rng.normal(size=(50, 2 * N, N)) * 10.0 ** rng.uniform(-2, 2, N)
-    A[:, :, 0] = A[:, :, -1] + 1e-3 * A[:, :, 0]  # nearly the same column twice
-    b = rng.normal(size=(50, 2 * N))
-    low = -np.abs(rng.normal(size=(50, N))) * (rng.uniform(size=(50, N)) < 0.7)
-    free = rng.uniform(size=(50, N)) < 0.5
-    high = np.where(free, np.inf, 1e-3 + np.abs(rng.normal(size=(50, N))))
-    d = bounded(np.swapaxes(A, 1, 2) @ A, np.einsum("bki,bk->bi", A, b), low, high)
-    assert ((low <= d) & (d <= high)).all()
-    for i in range(50):
-        exact = lsq_linear(A[i], b[i], (low[i], high[i]), method="bvls", tol=1e-14, max_iter=999)
-        assert np.sum((A[i] @ d[i] - b[i]) ** 2) <= 2 * exact.cost * (1 + 1e-9)
-
-
-def test_columns_that_are_nearly_alike_do_not_send_the_pivots_in_circles():
-    rng = np.random.default_rng(1)
-    for N in (3, 5, 8):
-        A = rng.normal(size=(500, N + 1, N))
-        A[:, :, 1:] += rng.uniform(0, 30, (500, 1, 1)) * A[:, :, :1]
-        H, g = np.swapaxes(A, 1, 2) @ A, 10 * rng.normal(size=(500, N))
-        low = -np.abs(rng.normal(size=(500, N))) * (rng.uniform(size=(500, N)) < 0.5)
-        high = 1e-3 + np.abs(rng.normal(size=(500, N)))
-        d = bounded(H, g, low, high)
-        slope = (g - np.einsum("bij,bj->bi", H, d)) / np.abs(g).max(axis=1, keepdims=True)
-        assert (slope[d > low] > -1e-7).all()
-        assert (slope[d < high] < 1e-7).all()
-
-
-def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
-    H = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 0.5], [0.5, 1.0]]])
-    g, wide = np.array([[1.0, 0.0], [3.0, 1.0]]), np.full((2, 2), 9.0)
-    both = bounded(H, g, -wide, wide)
-    np.testing.assert_allclose(both[0], [0.5, 0.0])
-    for i in range(2):
-        alone = bounded(H[i : i + 1], g[i : i + 1], -wide[:1], wide[:1])
-        np.testing.assert_array_equal(both[i], alone[0])
-
-
-# Any law.
 
 
 @dataclass(frozen=True)
