@@ -96,7 +96,7 @@ class Fit:
 
     @property
     def convergence(self) -> Diagnostics | None:
-        """How the fit went, where it was shot; see `frictionid.shooting.Diagnostics`."""
+        """How the fit went, where it was shot; see `frictionid.friction.provenance`."""
         return self._refined
 
     @cached_property
@@ -107,7 +107,7 @@ class Fit:
         nominal. `identified` is whether the data determine it: the interval is no wider, to either
         side, than the value.
         """
-        return estimate_frame(self._estimates, self.joints, bounded=self._known)
+        return estimate_frame(self._estimates, self.joints, bounded=self._has_intervals)
 
     @property
     def covariance(self) -> pd.DataFrame | None:
@@ -171,7 +171,7 @@ class Fit:
         DataFrame
             See `frictionid.predict`.
         """
-        data = self._given(run)
+        data = self._data_of(run)
         return predict(self.friction, data, horizon, every, start=start, whole=whole)
 
     def score(
@@ -192,7 +192,7 @@ class Fit:
         """
         scores = evaluate(
             {self.law: self},
-            self._given(test),
+            self._data_of(test),
             horizons,
             sample_time=sample_time,
             whole=whole,
@@ -225,7 +225,7 @@ class Fit:
         if kind not in PLOTS:
             raise InputError(f"plot: kind = {kind!r} is unknown; {nearest(kind, PLOTS)}")
         if kind == "motion":
-            data = self._given(run)
+            data = self._data_of(run)
             data = replace(data, recordings=data.recordings[:1])
             table = predict(self.friction, data, horizon, start=start)
             joints, units = data.mechanism.joints, data.mechanism.position_units
@@ -236,7 +236,7 @@ class Fit:
             return drawn(partial(fit_correlation, self._refined, self.joints))
         if self.friction.mechanism:
             raise InputError("plot: a model without physics has no friction torque to draw")
-        return drawn(partial(fit_figure, self.friction, self._given(run)))
+        return drawn(partial(fit_figure, self.friction, self._data_of(run)))
 
     def summary(self) -> str:
         """All that the command line says of a fit, as text."""
@@ -282,7 +282,7 @@ class Fit:
         return self.friction.provenance.refined
 
     @property
-    def _known(self) -> bool:
+    def _has_intervals(self) -> bool:
         """Whether intervals are known: not of given numbers."""
         source = self.friction.provenance
         return any(v is not None for v in (source.refined, source.pooled, source.half_widths))
@@ -294,7 +294,7 @@ class Fit:
     @property
     def _table(self) -> Any:
         alone = self.method == "one_step" and self.friction.provenance.smoothing_bias is None
-        return estimate_table(self._estimates, bounded=self._known, noise_alone=alone)
+        return estimate_table(self._estimates, bounded=self._has_intervals, noise_alone=alone)
 
     @property
     def _headline(self) -> str:
@@ -317,7 +317,7 @@ class Fit:
             notes.append(f"{len(self.friction.law.names)} weights for each joint")
         source = self.friction.provenance
         notes += (*source.equation, *source.equality)
-        if self.method == "one_step" and self._known and self._estimates:
+        if self.method == "one_step" and self._has_intervals and self._estimates:
             notes.append(interval_note(source))
         notes += [s for s in source.torque if s == AS_LOGGED]
         went = source.refined
@@ -339,7 +339,7 @@ class Fit:
             return np.asarray(self._refined.bands.velocity)
         raise InputError("the model is from a file and knows no speeds: name the velocities")
 
-    def _given(self, run: Any) -> Dataset:
+    def _data_of(self, run: Any) -> Dataset:
         """Data that a user names."""
         if run is None:
             if self.data is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
+sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
 
 from coverage_cases import case_of, sets_of
 from coverage_fits import SETTINGS

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parents[2] / "comparisons"))
+sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
 
 import arms
 
