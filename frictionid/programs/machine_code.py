@@ -27,7 +27,7 @@ _INTRINSIC = {"power": "pow", "absolute": "fabs"} | {x: x for x in ("sqrt", "exp
 _INTRINSIC |= {x: x for x in ("sin", "cos")}
 _LIBRARY = {"log1p": "log1p", "tanh": "tanh", "arctan": "atan"}
 _COMPARISON = {"less": "<", "less_equal": "<=", "equal": "=="}
-_LONG = 300  # lines
+_LONG = 50  # lines
 _numbers = count()
 _kept: list[Any] = []  # code lives as long as the process: who knows its address, no one counts
 

@@ -118,9 +118,10 @@ class TangentRow:
         """Programs that are run one after the other, in the order of `TangentMachine`."""
         law = ("straight", "rates", "aim", "slopes", "levels")
         start = ("to_middle", "dynamics", *law, "accelerate_middle", "partials")
+        crossing = "transition_crossing" if self.row.breaks else "transition"  # nothing crosses
         return {
             "differentiate": (*start, "transition", "restore"),
-            "differentiate_crossing": (*start, "transition_crossing", "restore"),
+            "differentiate_crossing": (*start, crossing, "restore"),
             "displace_row": ("to_end", "dynamics", "displace"),
         }
 
