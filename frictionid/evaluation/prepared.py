@@ -254,12 +254,12 @@ def with_parameters(prepared: Prepared, parameters: Mapping[str, float]) -> Prep
     if not parameters:
         return prepared
     plant = plant_of(prepared.dataset, parameters)
-    return _view(prepared, with_motor_torque(prepared.dataset, plant), plant)
+    return replace(prepared, dataset=with_motor_torque(prepared.dataset, plant), plant=plant)
 
 
 def without_physics(prepared: Prepared) -> Prepared:
     """The data prepared for models of the whole acceleration, see `unit_inertia_plant`."""
-    return _view(prepared, prepared.dataset, unit_inertia_plant(prepared.dataset))
+    return replace(prepared, plant=unit_inertia_plant(prepared.dataset))
 
 
 def prepared_for(prepared: Prepared, friction: Friction) -> Prepared:
@@ -277,10 +277,6 @@ def with_calibration(prepared: Prepared, calibration: Calibration | None) -> Pre
     plant = calibrated_plant(prepared.dataset, calibration)
     offset = calibration.offset if prepared.offset is None else calibration.offset + prepared.offset
     return Prepared(dataset, prepared.protocol, prepared.estimated, plant, offset)
-
-
-def _view(prepared: Prepared, dataset: Dataset, plant: Plant) -> Prepared:
-    return replace(prepared, dataset=dataset, plant=plant)
 
 
 class CalibratedView(NamedTuple):

@@ -13,8 +13,13 @@ import pandas as pd
 
 from frictionid.comparison.results import Results
 from frictionid.comparison.search_space import Objective, text_of
-from frictionid.comparison.tuning.studies import StudyResult
-from frictionid.comparison.tuning.tuned_suite import best_of, by_task, chosen_suite, own_modules
+from frictionid.comparison.tuning.studies import (
+    StudyResult,
+    best_of,
+    by_task,
+    chosen_suite,
+    own_modules,
+)
 from frictionid.errors import InputError
 from frictionid.files import file_names, json_text, read_json
 from frictionid.outputs import replace_files

@@ -17,8 +17,7 @@ from frictionid.comparison.search_space import Objective, Space, Tuning
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tuning import study_specs, tune, tuning_tasks
-from frictionid.comparison.tuning.studies import training_benchmark
-from frictionid.comparison.tuning.tuning_task import TuningTask
+from frictionid.comparison.tuning.tuning_task import TuningTask, training_benchmark
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.one_step.formulation import INTEGRAL

@@ -1,12 +1,9 @@
 """Tuning: settings of identifiers, searched without the recordings that score them.
 
-nested_folds   the recordings that tuning may see, and those held out from it
-tuning_task    what is tuned: an identifier by a recipe on one data set; the score of a trial
+tuning_task    what is tuned: an identifier by a recipe on one data set; what it may see; its score
 journal        Optuna's studies in a journal on disk, which an interrupted search is resumed from
-studies        the searches
-tuned_suite    the suite with the settings that were chosen
+studies        the searches, and the suite with the settings that were chosen
 """
 
-from frictionid.comparison.tuning.studies import StudyResult, StudySpec, study_specs, tune
-from frictionid.comparison.tuning.tuned_suite import chosen_suite
+from frictionid.comparison.tuning.studies import StudyResult, study_specs, tune
 from frictionid.comparison.tuning.tuning_task import TuningTask, tuning_tasks

@@ -65,7 +65,7 @@ class Study:
         # anew for each trial: what it proposes does not depend on interruptions
         number = len(self._finished())
         self.optuna_study.sampler = _sampler(self.sampler, _trial_seed(self.seed, number))
-        trial = self.optuna_study.ask(_distributions(self.search))
+        trial = self.optuna_study.ask({k: _distribution(s) for k, s in self.search.items()})
         return trial, self._settings(trial.params)
 
     def tell(self, trial: Any, value: float, error: str) -> None:
@@ -182,12 +182,11 @@ def open_study(storage: Any, name: str, digest: str, first: Mapping[str, Any] | 
     import optuna
 
     name = f"{name} [{digest}]"
-    if name in optuna.get_all_study_names(storage):
-        study = optuna.load_study(study_name=name, storage=storage)
+    is_new = name not in optuna.get_all_study_names(storage)
+    study = optuna.create_study(study_name=name, storage=storage, load_if_exists=True)
+    if not is_new:
         _set_unfinished_aside(study)
-        return study
-    study = optuna.create_study(study_name=name, storage=storage)
-    if first is not None:
+    elif first is not None:
         study.enqueue_trial(dict(first), user_attrs={"suite": True})
     return study
 
@@ -233,10 +232,6 @@ def _sampler(name: str, seed: int) -> Any:
         if name == "tpe":
             return samplers.TPESampler(seed=seed, n_startup_trials=AT_RANDOM)
         return samplers.RandomSampler(seed)
-
-
-def _distributions(search: Mapping[str, Space]) -> dict[str, Any]:
-    return {key: _distribution(space) for key, space in search.items()}
 
 
 def _distribution(space: Space) -> Any:

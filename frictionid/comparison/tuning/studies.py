@@ -1,18 +1,17 @@
-"""Searches for settings: a study for each tuning task, sampler and fold."""
+"""Searches for settings: a study for each task, sampler and fold; the suite with the best."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
 from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.search_space import Objective, Tuning
@@ -25,94 +24,16 @@ from frictionid.comparison.tuning.journal import (
     open_study,
     readable_journal,
 )
-from frictionid.comparison.tuning.tuning_task import TuningTask, protocol_for, score_trial
-from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal
+from frictionid.comparison.tuning.tuning_task import (
+    TuningTask,
+    protocol_for,
+    score_trial,
+    training_benchmark,
+)
+from frictionid.config import read_toml
 from frictionid.errors import InputError
-from frictionid.evaluation import Split, make_folds
-
-
-def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> Benchmark:
-    """A benchmark among the recordings that train a fold, all of them for None; held-out ones test.
-
-    The truth of simulated data is left out: nothing is tuned to it.
-
-    Raises
-    ------
-    InputError
-        For shuffled folds, where every held-out sample has neighbours in the training set.
-    """
-    dataset = benchmark.dataset
-    whole = replace(dataset, truth=None, recordings=tuple(map(_without_truth, dataset.recordings)))
-    if fold is None:
-        return _inner_benchmark(whole, benchmark, inner, ())
-    if not benchmark.folds.contiguous:
-        raise InputError(
-            "tuning is nested in the training folds, which shuffled samples do not part: set "
-            'folds.kind = "recordings" or "blocks", or tune.nested = false'
-        )
-    shortest = benchmark.protocol.history + min(benchmark.protocol.horizons)
-    seen = _pieces_in_use(whole, _training(benchmark, fold), shortest)
-    if seen is None:
-        raise InputError(
-            f"data set {dataset.name!r}: fold {fold} leaves no {shortest:g} s of motion in one "
-            "piece to tune on: use fewer folds"
-        )
-    unseen = _pieces_in_use(whole, _held_out(benchmark, fold), shortest)
-    tests = () if unseen is None else (replace(unseen, name=f"{dataset.name}, held out"),)
-    return _inner_benchmark(seen, benchmark, inner, tests)
-
-
-def _inner_benchmark(
-    dataset: Dataset, benchmark: Benchmark, inner: Split, tests: tuple[Dataset, ...]
-) -> Benchmark:
-    few = len(dataset.recordings) < inner.folds(len(dataset.recordings))
-    split = replace(inner, kind="blocks") if few else inner
-    return Benchmark(dataset, make_folds(dataset.recordings, split), benchmark.protocol, tests)
-
-
-def _without_truth(recording: Recording) -> Recording:
-    return replace(recording, truth=None)
-
-
-def _training(benchmark: Benchmark, fold: int) -> list[Array]:
-    """Whether each interval of each recording trains a fold."""
-    out = []
-    for i, time in enumerate(benchmark.folds.times):
-        rows = np.full(len(time) - 1, i)
-        out.append(benchmark.folds.training(rows, time[:-1], np.diff(time))[fold] > 0)
-    return out
-
-
-def _held_out(benchmark: Benchmark, fold: int) -> list[Array]:
-    return [label[:-1] == fold for label in benchmark.folds.labels]
-
-
-def _pieces_in_use(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:
-    """The pieces of recordings that consist of intervals in use, without those too short."""
-    pieces = [
-        piece
-        for recording, intervals in zip(dataset.recordings, use, strict=True)
-        for piece in _pieces(recording, intervals)
-        if piece.angle.time[-1] - piece.angle.time[0] >= shortest - 1e-9
-    ]
-    return replace(dataset, recordings=tuple(pieces)) if pieces else None
-
-
-def _pieces(recording: Recording, use: Array) -> Iterator[Recording]:
-    if use.all():
-        yield recording
-        return
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
-    for number, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        angle = _between(recording.angle, int(first), int(last) + 1)
-        yield replace(recording, name=f"{recording.name}, piece {number}", angle=angle)
-
-
-def _between(signal: Signal, first: int, stop: int) -> Signal:
-    each = signal.sigma is not None and np.ndim(signal.sigma) == 2
-    sigma = np.asarray(signal.sigma)[first:stop] if each else signal.sigma
-    return Signal(signal.time[first:stop], signal.value[first:stop], signal.hold, sigma)
+from frictionid.evaluation import Split
+from frictionid.files import read_bytes
 
 
 class StudySpec(NamedTuple):
@@ -307,3 +228,94 @@ def _result(spec: StudySpec, study: Study) -> StudyResult:
     scores = [math.nan if (v := held.get(key)) is None else v for key in ("chosen", "suite")]
     suite_value = of_suite[-1] if of_suite else math.nan
     return StudyResult(*spec, study.trials, suite_value, *scores)
+
+
+# --- The suite with the settings that were chosen
+
+
+def by_task(results: Sequence[StudyResult]) -> list[list[StudyResult]]:
+    """Results grouped by what they tune."""
+    return [list(group) for _, group in groupby(results, key=lambda r: r.task.title)]
+
+
+def best_of(results: Sequence[StudyResult]) -> StudyResult:
+    """Of the studies of one task on all data that of the lowest score, the first of equals."""
+    return min((r for r in results if r.fold is None), key=lambda r: r.best.value)
+
+
+def chosen_suite(
+    file: Path, results: Sequence[StudyResult], place: Path, objective: Objective | None = None
+) -> str:
+    """TOML of the suite of a file on one data set, with the settings chosen on all its data.
+
+    place : where it will be written; the paths in it lead from there
+    """
+    import tomli_w
+
+    document = read_toml(file)
+    name = results[0].task.benchmark.dataset.name
+    document["name"] = f"{document['name']}-tuned"
+    document.pop("tune", None)
+    document["datasets"] = [
+        _moved(entry, file, place) for entry in document["datasets"] if _is(entry, file, name)
+    ]
+    best = [best_of(task_results) for task_results in by_task(results)]
+    document["identifiers"] = [
+        entry for table in document["identifiers"] for entry in _chosen(table, best, file, place)
+    ]
+    head = [
+        f"# Settings tuned on {name}: {objective.words if objective else 'see summary.md'}.",
+        "# They were chosen on all recordings: held-out scores of this suite are rather too good;",
+        "# scores of tuning nested in the training folds stand in summary.md.",
+    ]
+    return "\n".join(head) + "\n" + tomli_w.dumps(document)
+
+
+def own_modules(file: Path) -> dict[str, bytes]:
+    """Modules beside a suite that its identifiers are of, by name: a copy of it needs them, too."""
+    kinds = [str(entry.get("kind")) for entry in read_toml(file)["identifiers"]]
+    names = {f"{kind.partition(':')[0].partition('.')[0]}.py" for kind in kinds if ":" in kind}
+    paths = [file.parent / name for name in sorted(names)]
+    return {path.name: read_bytes(path) for path in paths if path.is_file()}
+
+
+def _chosen(
+    table: Mapping[str, Any], best: Sequence[StudyResult], file: Path, place: Path
+) -> list[dict[str, Any]]:
+    """An identifier's table with the settings chosen, one for each recipe that tuned it."""
+    entry = {key: value for key, value in table.items() if key != "search"}
+    if entry["kind"] == "published" and "file" in entry:
+        entry["file"] = _from(file.parent / entry["file"], place)
+    name = entry.get("name", str(entry["kind"]).rpartition(":")[2])
+    chosen = [result for result in best if result.task.name == name]
+    if "search" not in table or not chosen:
+        return [entry]
+    if len(chosen) == 1:
+        return [{**entry, **chosen[0].best.settings}]
+    return [
+        {**entry, **r.best.settings, "name": f"{name}-{recipe}", "recipes": [recipe]}
+        for r in chosen
+        for recipe in [r.task.recipe.name]
+    ]
+
+
+def _is(entry: Mapping[str, Any], file: Path, name: str) -> bool:
+    """Whether an entry of a suite is the data set of a name."""
+    from frictionid.data.readers.dataset_path import dataset_path
+
+    if "name" in entry:
+        return bool(entry["name"] == name)
+    path = file.parent / entry["path"]
+    return path.name == name or read_toml(dataset_path(path)).get("name") == name
+
+
+def _moved(entry: Mapping[str, Any], file: Path, place: Path) -> dict[str, Any]:
+    out = dict(entry) | {"path": _from(file.parent / entry["path"], place)}
+    if "tests" in entry:
+        out["tests"] = [_from(file.parent / test, place) for test in entry["tests"]]
+    return out
+
+
+def _from(path: Path, place: Path) -> str:
+    """A path as it leads from the folder of a file."""
+    return Path(os.path.relpath(path.resolve(), place.parent.resolve())).as_posix()

@@ -1,16 +1,18 @@
-"""Tuning tasks: an identifier by a recipe on one data set, and the score of a trial of it."""
+"""Tuning tasks: an identifier by a recipe on a data set, scored on what tuning may see of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space
@@ -19,8 +21,10 @@ from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.comparison.suite_tasks import benchmarks_of, used_recipes
 from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import taken
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, score_value
+from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.fitting.method import Method
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
@@ -153,3 +157,75 @@ def protocol_for(objective: Objective, protocol: Protocol) -> Protocol:
         shortest = (min(protocol.horizons),)
         return replace(protocol, horizons=shortest, every=NEVER, initial_states="filter")
     return replace(protocol, horizons=(objective.horizon,))
+
+
+def training_benchmark(benchmark: Benchmark, fold: int | None, inner: Split) -> Benchmark:
+    """A benchmark among the recordings that train a fold, all of them for None; held-out ones test.
+
+    The truth of simulated data is left out: nothing is tuned to it.
+
+    Raises
+    ------
+    InputError
+        For shuffled folds, where every held-out sample has neighbours in the training set.
+    """
+    dataset = benchmark.dataset
+    recordings = tuple(replace(r, truth=None) for r in dataset.recordings)
+    whole = replace(dataset, truth=None, recordings=recordings)
+    if fold is None:
+        return _inner_benchmark(whole, benchmark, inner, ())
+    if not benchmark.folds.contiguous:
+        raise InputError(
+            "tuning is nested in the training folds, which shuffled samples do not part: set "
+            'folds.kind = "recordings" or "blocks", or tune.nested = false'
+        )
+    shortest = benchmark.protocol.history + min(benchmark.protocol.horizons)
+    seen = _pieces_in_use(whole, _training(benchmark, fold), shortest)
+    if seen is None:
+        raise InputError(
+            f"data set {dataset.name!r}: fold {fold} leaves no {shortest:g} s of motion in one "
+            "piece to tune on: use fewer folds"
+        )
+    unseen = _pieces_in_use(
+        whole, [label[:-1] == fold for label in benchmark.folds.labels], shortest
+    )
+    tests = () if unseen is None else (replace(unseen, name=f"{dataset.name}, held out"),)
+    return _inner_benchmark(seen, benchmark, inner, tests)
+
+
+def _inner_benchmark(
+    dataset: Dataset, benchmark: Benchmark, inner: Split, tests: tuple[Dataset, ...]
+) -> Benchmark:
+    few = len(dataset.recordings) < inner.folds(len(dataset.recordings))
+    split = replace(inner, kind="blocks") if few else inner
+    return Benchmark(dataset, make_folds(dataset.recordings, split), benchmark.protocol, tests)
+
+
+def _training(benchmark: Benchmark, fold: int) -> list[Array]:
+    """Whether each interval of each recording trains a fold."""
+    out = []
+    for i, time in enumerate(benchmark.folds.times):
+        rows = np.full(len(time) - 1, i)
+        out.append(benchmark.folds.training(rows, time[:-1], np.diff(time))[fold] > 0)
+    return out
+
+
+def _pieces_in_use(dataset: Dataset, use: list[Array], shortest: float) -> Dataset | None:
+    """The pieces of recordings that consist of intervals in use, without those too short."""
+    pieces = [
+        piece
+        for recording, intervals in zip(dataset.recordings, use, strict=True)
+        for piece in _pieces(recording, intervals)
+        if piece.angle.time[-1] - piece.angle.time[0] >= shortest - 1e-9
+    ]
+    return replace(dataset, recordings=tuple(pieces)) if pieces else None
+
+
+def _pieces(recording: Recording, use: Array) -> Iterator[Recording]:
+    if use.all():
+        yield recording
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], use.astype(int), [0]])))
+    for number, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        angle = taken(recording.angle, np.arange(first, last + 1))
+        yield replace(recording, name=f"{recording.name}, piece {number}", angle=angle)
