@@ -266,6 +266,11 @@ def _whole_rows(content: bytes) -> bytes:
     return b"".join(line for line in lines if b"\0" not in line)
 
 
+def column_names(content: bytes) -> list[str]:
+    """Names in the first line of a table with commas."""
+    return content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+
+
 def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     """Log of a file; an incomplete last row, and rows with zero bytes, are left out.
 
@@ -277,7 +282,7 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
         Where the file is no log, has no rows, or a row was changed by hand.
     """
     content, file = _whole_rows(read_bytes(path)), str(path)
-    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    header = column_names(content)
     for name in ("host", "time", *columns):
         if name not in header:
             raise InputError(

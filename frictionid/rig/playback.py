@@ -21,6 +21,7 @@ from frictionid.data.signals import Array, Signal, first_fault, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.rig.log import Counts, Logger
+from frictionid.rig.logfile import column_names
 from frictionid.rig.protocol import Cells
 from frictionid.rig.rig_settings import RigSettings
 
@@ -59,7 +60,7 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
         Where columns do not fit, or a torque exceeds the limit of its motor.
     """
     content = read_bytes(path)
-    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    header = column_names(content)
     names = [h for h in header if h != "time"]
     if "time" not in header or len(names) != len(rig.motors):
         raise InputError(

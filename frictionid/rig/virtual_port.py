@@ -124,23 +124,6 @@ def play(
     return _Playback(drive, terminal, speed, sent, before_unplug or terminal.drain).run()
 
 
-class _Schedule:
-    """Number of lines due at a moment, at `rate` lines per second from line `first` on."""
-
-    def __init__(self, rate: float, first: int) -> None:
-        self._rate, self._first, self._start = rate, first, time.monotonic()
-
-    def due(self) -> int:
-        """Lines due by now: all, at an infinite rate."""
-        if math.isinf(self._rate):
-            return 1 << 62
-        return self._first + int((time.monotonic() - self._start) * self._rate) + 1
-
-    def resume(self, line: int) -> int:
-        """The line to continue with after a pause: in real time the lines meanwhile are lost."""
-        return line if math.isinf(self._rate) else max(line, self.due())
-
-
 class _Playback:
     """A playback in progress: the next line, and the undamaged lines sent before it."""
 
@@ -155,21 +138,21 @@ class _Playback:
         self._drive, self._terminal, self._sent, self._drain = drive, terminal, sent, drain
         self._controller = Controller(drive)
         self._unplug_at = unplug_moments(drive)
-        self._speed = speed
-        self._next, self._good = 0, 0
+        self._rate, self._speed = drive.rate * speed, speed
+        self._first, self._start, self._next, self._good = 0, 0.0, 0, 0
 
     def run(self) -> int:
         """Play all lines; the number of undamaged ones."""
         self._wait_for_host()
-        schedule = _Schedule(self._drive.rate * self._speed, self._next)
+        self._first, self._start = self._next, time.monotonic()
         while self._next < self._drive.lines:
             for line in self._terminal.received():
                 self._controller.obey(self._next, line)
             unplug = self._unplug_at[0] if self._unplug_at else self._drive.lines
-            stop = min(schedule.due(), self._next + _BATCH, self._drive.lines, unplug)
+            stop = min(self._due(), self._next + _BATCH, self._drive.lines, unplug)
             if self._next >= unplug:
                 self._unplug()
-                self._next = schedule.resume(self._next + 1)
+                self._next = self._resumed(self._next + 1)
             elif stop <= self._next:
                 time.sleep(min(_WAIT, 0.5 / self._drive.rate / self._speed))
             elif self._send_lines(stop):
@@ -177,9 +160,19 @@ class _Playback:
             else:  # the host has closed the port
                 self._next = stop
                 self._wait_for_host()
-                self._next = schedule.resume(stop)
+                self._next = self._resumed(stop)
         self._drain()
         return self._good
+
+    def _due(self) -> int:
+        """Number of lines due by now: all, at an infinite rate."""
+        if math.isinf(self._rate):
+            return self._drive.lines
+        return self._first + int((time.monotonic() - self._start) * self._rate) + 1
+
+    def _resumed(self, line: int) -> int:
+        """The line to continue with after a pause: in real time the lines meanwhile are lost."""
+        return line if math.isinf(self._rate) else max(line, self._due())
 
     def _wait_for_host(self) -> None:
         """Wait until the port is open and, where the protocol has a begin command, that came."""

@@ -1,11 +1,10 @@
-"""One clock: offset and drift put in come back, and what cannot be document is refused."""
+"""One clock: offset and drift put in come back, and what cannot be told is refused."""
 
 import tomllib
 from functools import partial
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +17,6 @@ from frictionid.rig.align.clock import Clock, align
 from frictionid.rig.align.cross_correlation import check_spans
 from frictionid.rig.align.drive_response import drive_response
 from frictionid.rig.align.recording_folder import add_recording, check_place
-from frictionid.rig.align.sync_edges import clock_from_edges, edges_of
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
 
 TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
@@ -127,39 +125,8 @@ def test_clocks_go_both_ways(offset, drift, at, delay):
     np.testing.assert_allclose(later.to_angles(time), wanted, atol=1e-6)
 
 
-# --- Markers -------------------------------------------------------------------------------------
-
-
 def led(time, switches, start=0.0):
     return start + (np.searchsorted(switches, time) % 2).astype(float)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.floats(-50.0, 50.0), st.floats(-2e-4, 2e-4))
-def test_an_led_gives_offset_and_drift(seed, offset, drift):
-    generator = np.random.default_rng(seed)
-    switches = np.cumsum(generator.uniform(0.3, 3.0, 12))
-    camera = np.arange(0.0, switches[-1] + 1.0, 1 / 60)
-    drive = np.arange(0.0, switches[-1] + 1.0, 1e-3)
-    seen = edges_of(camera, 40.0 * led(camera, switches, 2.0), "angles.csv")
-    log = edges_of((drive - offset) / (1 + drift), led(drive, switches), "log.csv")
-    found = clock_from_edges(seen, log)
-    true = offset + drift * found.at
-    assert found.edges == 12
-    # the sum of twelve even errors lies within 4.5 of its deviations
-    assert abs(found.offset - true) < 4.5 * found.error
-    assert abs(found.drift - drift) < 4.5 * found.drift_error + 1e-9
-    assert found.error < 1 / 60 / np.sqrt(12)
-
-
-def test_leds_that_do_not_agree_are_refused():
-    time = np.arange(0.0, 10.0, 0.01)
-    with pytest.raises(InputError, match="never changes"):
-        edges_of(time, np.ones(len(time)), "angles.csv")
-    a = edges_of(time, led(time, [1.0, 2.0, 4.0, 7.0]), "a")
-    b = edges_of(time, led(time, [1.0, 3.3, 3.9, 8.0]), "b")
-    with pytest.raises(InputError, match="edges do not agree"):
-        clock_from_edges(a, b)
 
 
 # --- Command against measured torque -------------------------------------------------------------
@@ -214,10 +181,10 @@ def write_angles(path, angle, lost=()):
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(tmp_path, run):
     (tmp_path / "rig.toml").write_text(RIG)
 
-    return partial(run_command, monkeypatch, capsys, tmp_path)
+    return partial(run, tmp_path)
 
 
 def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.command_line import run_command
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -85,7 +84,7 @@ def test_a_folder_of_pictures_is_a_video(place, tmp_path):
     np.testing.assert_allclose(video.time, pictures.time, atol=1e-5)
 
 
-def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkeypatch, capsys):
+def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, run):
     words = (
         "track",
         "even.mov",
@@ -94,7 +93,7 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkey
         "--sheet",
         str(tmp_path / "s.png"),
     )
-    status, out, err = run_command(monkeypatch, capsys, place, *words)
+    status, out, err = run(place, *words)
     assert status == 0 and not err and "60 frames" in out
     (tmp_path / "dataset.toml").write_text(
         'name = "seen"\n[mechanism]\nkind = "acrobot"\n[columns]\ntime = "time"\n'
@@ -110,20 +109,20 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, monkey
     pd.testing.assert_frame_equal(same.frame, pd.read_csv(tmp_path / "a.csv"))
 
 
-def test_setup_proposes_a_rig_that_tracks(tmp_path, monkeypatch, capsys):
+def test_setup_proposes_a_rig_that_tracks(tmp_path, run):
     write_film(FILM, motion(150), tmp_path / "film")
-    status, out, _ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
+    status, out, _ = run(tmp_path, "track", "film.mov", "--setup")
     assert status == 0 and "elbow" in out
-    status, _, err = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--setup")
+    status, _, err = run(tmp_path, "track", "film.mov", "--setup")
     assert status == 2 and "rig.toml exists: choose another name" in err
-    status, *_ = run_command(monkeypatch, capsys, tmp_path, "track", "film.mov", "--out", "a.csv")
+    status, *_ = run(tmp_path, "track", "film.mov", "--out", "a.csv")
     assert status == 0
 
 
-def test_an_overlay_has_every_frame(place, tmp_path, monkeypatch, capsys):
+def test_an_overlay_has_every_frame(place, tmp_path, run):
     out = tmp_path / "new" / "over.mp4"
     words = ("track", "uneven.mov", "--out", str(tmp_path / "a.csv"), "--overlay", str(out))
-    assert run_command(monkeypatch, capsys, place, *words)[0] == 0
+    assert run(place, *words)[0] == 0
     assert open_source(str(out)).count == open_source(str(place / "uneven.mov")).count
 
 
@@ -165,42 +164,40 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("video", "rig", "words"), WRONG.values(), ids=WRONG.keys())
-def test_a_mistake_is_one_line(place, tmp_path, monkeypatch, capsys, video, rig, words):
+def test_a_mistake_is_one_line(place, tmp_path, run, video, rig, words):
     damaged(place, tmp_path)
     (tmp_path / "rig.toml").write_text(rig)
-    status, out, err = run_command(monkeypatch, capsys, tmp_path, "track", video, "--out", "a.csv")
+    status, out, err = run(tmp_path, "track", video, "--out", "a.csv")
     assert status == 2 and not out
     assert err.startswith("frictionid: ") and err.count("\n") == 1 and words in err
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_video_that_ends_early_is_refused(place, tmp_path, monkeypatch, capsys):
+def test_a_video_that_ends_early_is_refused(place, tmp_path, run):
     whole = (place / "even.mov").read_bytes()
     (tmp_path / "rig.toml").write_text(RIG)
     # the index of frames stands at the end: with it, but without the frames' bytes
     (tmp_path / "holes.mov").write_bytes(
         whole[:1000] + b"\0" * (len(whole) // 2) + whole[len(whole) // 2 + 1000 :]
     )
-    status, _, err = run_command(
-        monkeypatch, capsys, tmp_path, "track", "holes.mov", "--out", "a.csv"
-    )
+    status, _, err = run(tmp_path, "track", "holes.mov", "--out", "a.csv")
     assert status == 2 and err.count("frictionid: ") == 1
     assert "damaged" in err or "no video that can be read" in err
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_no_wrong_output_is_left(place, monkeypatch, capsys):
+def test_no_wrong_output_is_left(place, run):
     words = ("track", "even.mov", "--out", "rig.toml/a.csv")
-    status, _, err = run_command(monkeypatch, capsys, place, *words)
+    status, _, err = run(place, *words)
     assert status == 2 and "cannot be written" in err
 
 
-def test_a_camera_toml_is_checked(tmp_path, monkeypatch, capsys):
+def test_a_camera_toml_is_checked(tmp_path, run):
     (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "dataset.toml").touch()
     words = ("render", "data", "--camera", "camera.toml", "--out", "v")
-    status, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    status, _, err = run(tmp_path, *words)
     assert status == 2 and "did you mean 'noise'" in err
 
 
@@ -235,7 +232,7 @@ def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
         track(Live("film", "video", SMALL.size, 60.0, None, (film,)), setup)
 
 
-def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
+def test_nothing_that_exists_is_lost_to_an_output(place, run):
     film, rig = (place / "even.mov").read_bytes(), (place / "rig.toml").read_bytes()
     for words, said in [
         (["--out", "even.mov"], "belongs to what is read"),
@@ -244,16 +241,16 @@ def test_nothing_that_exists_is_lost_to_an_output(place, monkeypatch, capsys):
         (["--out", "lost.csv", "--sheet", "lost.csv"], "is written by two options"),
         (["--out", "lost.csv", "--sheet", "."], "is a folder"),
     ]:
-        status, out, err = run_command(monkeypatch, capsys, place, "track", "even.mov", *words)
+        status, out, err = run(place, "track", "even.mov", *words)
         assert status == 2 and said in err and err.count("\n") == 1 and not out
     assert not (place / "lost.csv").exists()
     assert (place / "even.mov").read_bytes() == film
     assert (place / "rig.toml").read_bytes() == rig
 
 
-def test_a_missing_rig_is_reported_as_missing(place, monkeypatch, capsys):
+def test_a_missing_rig_is_reported_as_missing(place, run):
     words = ["track", "even.mov", "--rig", "nosuch.toml", "--out", "lost.csv"]
-    status, _, err = run_command(monkeypatch, capsys, place, *words)
+    status, _, err = run(place, *words)
     assert status == 2 and "does not exist" in err and "TOML" not in err
 
 

@@ -199,17 +199,20 @@ def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
     assert len(np.unique(command)) > 3
 
 
-def test_the_emergency_stop_ends_everything_at_once(rig):
-    log, made, _ = rig
-    asked = iter([""] * 20)
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("emergency stop by the key ' '", "emergency stop by the key ' '"),
+        ("ramp", "stopped on request"),
+    ],
+)
+def test_a_stop_ends_everything_with_zero_torque(rig, asked, said):
+    log, _, _ = rig
+    answers, how = iter([""] * 20), PlaySettings(ramp=0.1, silence=20.0)
     reason = excite(
-        log,
-        short_signal(length=60.0),
-        PlaySettings(silence=20.0),
-        lambda: next(asked, "emergency stop by the key ' '"),
-        lambda *_: None,
+        *(log, short_signal(length=60.0), how), lambda: next(answers, asked), lambda *_: None
     )
-    assert reason == "emergency stop by the key ' '"
+    assert reason == said
     until(lambda: log.pump(0.05) and float(log.counts.last[1]) == 0.0)
 
 
@@ -224,19 +227,6 @@ def test_a_pressed_key_is_seen_and_the_terminal_left_as_it_was(monkeypatch):
             until(lambda: key() == "x")
         assert termios.tcgetattr(slave) == before
     os.close(master)
-
-
-def test_a_request_to_end_ramps_down(rig):
-    log, made, _ = rig
-    asked = iter([""] * 20)
-    reason = excite(
-        log,
-        short_signal(length=60.0),
-        PlaySettings(ramp=0.1, silence=20.0),
-        lambda: next(asked, "ramp"),
-        lambda *_: None,
-    )
-    assert reason == "stopped on request"
 
 
 def test_a_drive_that_falls_silent_is_ramped_down(rig):

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
 from fixtures.paths import ROOT
 from hypothesis import HealthCheck, given, settings
@@ -255,12 +254,12 @@ def test_a_port_that_is_missing_or_busy_is_reported_in_one_line(protocol, tmp_pa
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(tmp_path, run):
     (tmp_path / "rig.toml").write_text(
         "[motor]\nkt = 0.01\ngear = 18.0\n[protocol]\nchecksum = 'crc16'\nmark = '$'\n"
     )
 
-    return partial(run_command, monkeypatch, capsys, tmp_path)
+    return partial(run, tmp_path)
 
 
 def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol, tmp_path):

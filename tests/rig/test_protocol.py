@@ -5,7 +5,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from frictionid.config import checked
 from frictionid.errors import InputError
 from frictionid.rig.logfile import clock_runs, seconds, unified_time
 from frictionid.rig.protocol import (
@@ -143,26 +142,6 @@ def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
     assert "\n" not in text
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"columns": ["current"]}, "have no 'time'"),
-        ({"columns": ["time", "a", "a"]}, "'a' is named twice"),
-        ({"columns": ["time", "host"]}, "'host' is no name"),
-        ({"unit": "min"}, "unit = 'min' is unknown"),
-        ({"checksum": "md5"}, "checksum = 'md5' is unknown"),
-        ({"mark": "*"}, "mark = '*' must be one character"),
-        ({"separator": ""}, "separator = '' must be one character"),
-        ({"mark": ";", "separator": ";"}, "both ';'"),
-        ({"wrap": 0.0}, "wrap = 0.0 must be positive"),
-    ],
-)
-def test_a_format_that_cannot_be_is_refused(settings, said):
-    with pytest.raises(InputError, match=".") as complaint:
-        checked(LineProtocol, settings, "rig.toml")
-    assert said in str(complaint.value)
-
-
 MOTOR = {"kt": 0.01, "gear": 20.0}
 
 
@@ -177,10 +156,23 @@ MOTOR = {"kt": 0.01, "gear": 20.0}
         ({"motor": {**MOTOR, "current": "amps"}}, "names the column 'amps'"),
         ({"motor": MOTOR, "protocl": {}}, "unknown table [protocl]; did you mean 'protocol'?"),
         ({"motor": MOTOR, "protocol": {"send": "u"}}, "must hold {value} once"),
-        ({"motor": MOTOR, "protocol": {"unit": "h"}}, "unit = 'h' is unknown"),
+        *(
+            ({"motor": MOTOR, "protocol": table}, said)
+            for table, said in (
+                ({"columns": ["current"]}, "have no 'time'"),
+                ({"columns": ["time", "a", "a"]}, "'a' is named twice"),
+                ({"columns": ["time", "host"]}, "'host' is no name"),
+                ({"unit": "min"}, "unit = 'min' is unknown"),
+                ({"checksum": "md5"}, "checksum = 'md5' is unknown"),
+                ({"mark": "*"}, "mark = '*' must be one character"),
+                ({"separator": ""}, "separator = '' must be one character"),
+                ({"mark": ";", "separator": ";"}, "both ';'"),
+                ({"wrap": 0.0}, "wrap = 0.0 must be positive"),
+            )
+        ),
     ],
 )
-def test_missing_constants_are_reported_in_one_line(document, said):
+def test_a_rig_that_cannot_be_is_reported_in_one_line(document, said):
     with pytest.raises(InputError, match=".") as complaint:
         rig_settings_of(document, "rig.toml")
     assert said in str(complaint.value)

@@ -26,7 +26,7 @@ from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
 from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
 from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
-from frictionid.rig.logfile import ClockRuns, Log, read_log
+from frictionid.rig.logfile import ClockRuns, Log, column_names, read_log
 from frictionid.rig.protocol import SECOND
 from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
 
@@ -298,7 +298,7 @@ def read_angles(
     """
     columns = checked(AngleColumns, settings, "[angles]")
     content, file = read_bytes(path), str(path)
-    header = content.partition(b"\n")[0].decode("utf-8", "replace").strip().split(",")
+    header = column_names(content)
     time = columns.time or next((t for t in _TIMES if t in header), _TIMES[0])
     usual = [f"sigma{j + 1}" for j in range(joints)]
     names = columns.columns or [f"q{j + 1}" for j in range(joints)]

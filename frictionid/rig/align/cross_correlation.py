@@ -52,18 +52,6 @@ class CoarseOffset(NamedTuple):
     explained: Array
 
 
-class Correlation(NamedTuple):
-    """Share of the asked torque that the log explains at each offset.
-
-    offsets (D,) [s]; explained (D,), -inf where the log covers too little; reversed (D,), the same
-    for the log with its sign reversed
-    """
-
-    offsets: Array
-    explained: Array
-    reversed: Array
-
-
 def coarse_offset(
     mechanism: Mechanism, base: Array, rows: Rows, angle: Signal, torque: Signal
 ) -> CoarseOffset:
@@ -90,24 +78,23 @@ def coarse_offset(
     if np.ptp(torque.value, axis=0).max() <= 0:
         raise InputError("the logged torque never changes: nothing to find in the motion")
     asked = rows.required(base[None])
-    correlation = correlate(rows, asked, torque, driven)
-    peaks = _peaks(correlation)
+    offsets, explained, reversed_ = correlate(rows, asked, torque, driven)
+    peaks = _peaks(offsets, explained)
     if not len(peaks):
         raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
     refined = sorted(
         (_refined(rows, base, angle, torque, float(p)) for p in peaks),
-        key=lambda r: (r.unexplained, r.offset),
     )
     best = refined[0]
-    others = [r for r in refined[1:] if abs(r.offset - best.offset) > _SEPARATION / 2]
-    second = others[0] if others else _Refined(float("nan"), 1.0)
+    others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION / 2]
+    second = others[0] if others else (1.0, float("nan"))
     out = CoarseOffset(
-        best.offset,
-        best.unexplained,
-        (second.offset, second.unexplained),
-        float(correlation.reversed.max()),
-        correlation.offsets,
-        correlation.explained,
+        best[1],
+        best[0],
+        second[::-1],
+        float(reversed_.max()),
+        offsets,
+        explained,
     )
     _check(out)
     return out
@@ -194,8 +181,13 @@ class _Sums(NamedTuple):
     moving: float
 
 
-def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correlation:
-    """Share of the asked torque that the log explains at each offset.
+def correlate(
+    rows: Rows, asked: Array, torque: Signal, driven: Array
+) -> tuple[Array, Array, Array]:
+    """Offsets (D,) [s], and shares (D,) of the asked torque that the log explains at each.
+
+    The third are the shares that it explains with its sign reversed; all are -inf where the log
+    covers too little.
 
     With y the asked torque of the moving samples, x the log at an offset, Q an orthonormal basis of
     the shapes that friction may have, and P = 1 - Q Q',
@@ -211,7 +203,7 @@ def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correl
         np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP),
     )
     if len(grids.log) < 2:
-        return Correlation(np.zeros(0), np.zeros(0), np.zeros(1))
+        return np.zeros(0), np.zeros(0), np.zeros(1)
     sums = [_joint_sums(rows, asked, torque, grids, j) for j in range(len(driven)) if driven[j]]
     cross, energy, covered = (sum(s[k] for s in sums) for k in range(3))
     moving = sum(s.moving for s in sums)
@@ -222,7 +214,7 @@ def correlate(rows: Rows, asked: Array, torque: Signal, driven: Array) -> Correl
     explained, reversed_ = (
         np.where(enough, (sign * 2 * cross - energy) / scale, -np.inf) for sign in (1.0, -1.0)
     )
-    return Correlation(grids.offsets, explained, reversed_)
+    return grids.offsets, explained, reversed_
 
 
 def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int) -> _Sums:
@@ -270,14 +262,14 @@ def _means(torque: Signal, clock: Array) -> Array:
     return np.asarray((sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half))
 
 
-def _peaks(correlation: Correlation) -> Array:
+def _peaks(offsets: Array, explained: Array) -> Array:
     """Offsets [s] that explain most, apart from each other."""
-    left = correlation.explained.copy()
+    left = explained.copy()
     out: list[float] = []
     gap = round(_SEPARATION / STEP)
     while len(out) < _CANDIDATES and len(left) and np.isfinite(left.max()):
         k = int(np.argmax(left))
-        out.append(float(correlation.offsets[k]))
+        out.append(float(offsets[k]))
         left[max(k - gap, 0) : k + gap + 1] = -np.inf
     return np.array(out)
 
@@ -287,19 +279,17 @@ def around(torque: Signal, start: float, stop: float, margin: float = 1.0) -> Si
     return cut(torque, start - margin, stop + margin)
 
 
-class _Refined(NamedTuple):
-    """Best offset [s] near a candidate, and the share of the torque that it leaves unexplained."""
+def _refined(
+    rows: Rows, base: Array, angle: Signal, torque: Signal, offset: float
+) -> tuple[float, float]:
+    """Share that the best offset near a candidate leaves unexplained, and that offset [s].
 
-    offset: float
-    unexplained: float
-
-
-def _refined(rows: Rows, base: Array, angle: Signal, torque: Signal, offset: float) -> _Refined:
-    """Best offset near a candidate, by the exact torque integrals and a parabola through three."""
+    By the exact torque integrals and a parabola through three.
+    """
     moved = torque._replace(time=torque.time + offset)
     covered = (rows.start > moved.time[0]) & (rows.stop < moved.time[-1])
     if int(covered.sum()) < MIN_WINDOWS:
-        return _Refined(offset, 1.0)
+        return 1.0, offset
     kept = rows.where(covered)
     near = cut(angle, moved.time[0], moved.time[-1])
     late = kept.means(integrals_of([around(moved, near.time[0], near.time[-1])]), _NEAR)
@@ -313,4 +303,4 @@ def _refined(rows: Rows, base: Array, angle: Signal, torque: Signal, offset: flo
     shift = float(np.clip(0.5 * (before - behind) / curvature, -1.0, 1.0))
     # on the grid two equally good offsets need not look so
     least = max(here - 0.25 * (before - behind) * shift, 0.1 * here)
-    return _Refined(offset + float(_NEAR[k]) + shift * STEP, float(least))
+    return float(least), offset + float(_NEAR[k]) + shift * STEP

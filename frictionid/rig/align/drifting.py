@@ -64,8 +64,8 @@ class Drifting(ShootingProblem):
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
         drift = _drift_of(estimate)
-        drifting = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
-        linear = drifting.linearise(estimate, nodes, rows)
+        drifted_problem = replace(self.inner, intervals=drifted(self.intervals, drift, self.middle))
+        linear = drifted_problem.linearise(estimate, nodes, rows)
         places = {e: k for k, e in enumerate(_names(self.inner))}
         by = np.zeros((*linear.by.shape[:-1], self.count))
         angle = np.zeros((self.count, self.intervals.n))

@@ -9,8 +9,9 @@ from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
 from frictionid.data.marker_geometry import Plane, flattened, link_lengths, mirror
+from frictionid.data.two_clock_table import csv_text
 from frictionid.errors import InputError
-from frictionid.rig.camera.follow import Markers
+from frictionid.rig.camera.follow import Markers, unwrapped_direction
 from frictionid.rig.camera.marker_setup import Camera, MarkerSetup
 
 _MAX_FRAMES = 600
@@ -228,11 +229,9 @@ def _angles(
     """
     flat = flattened(markers, calibration.plane)
     link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
-    direction = np.arctan2(link[..., 0], link[..., 1])
     both = seen[:, 1:] & seen[:, :-1]
     guide = -tracks.theta if camera.mirrored else tracks.theta
-    theta = guide + (direction - guide + np.pi) % (2 * np.pi) - np.pi
-    theta = np.where(both, theta, guide) - np.radians(camera.down)
+    theta = np.where(both, unwrapped_direction(link, guide), guide) - np.radians(camera.down)
     q = np.diff(theta, axis=1, prepend=0.0)
     complete = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
     sigma = np.where(complete, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
@@ -304,21 +303,24 @@ def angles_csv(angles: Angles) -> str:
 
     Angles are empty unless found.
     """
-    n = angles.q.shape[1]
-    joints = range(1, n + 1)
-    names = ["time", *(f"{what}{j}" for what in ("q", "sigma", "predicted") for j in joints)]
-    led, brightness = angles.sync_led or ("", angles.time)
-    lines = [",".join([*names, "state", *([led] if led else [])])]
-    for k, state in enumerate(angles.state):
-        measured = [_cell(v, 7) for v in (*angles.q[k], *angles.sigma[k])]
-        predicted = [_cell(v, 4) if state == PREDICTED else "" for v in angles.predicted[k]]
-        last = [_cell(brightness[k], 5)] if led else []
-        lines.append(",".join([f"{angles.time[k]:.6f}", *measured, *predicted, state, *last]))
-    return "\n".join(lines) + "\n"
+    hidden = np.array(angles.state) == PREDICTED
+    predicted = np.where(hidden[:, None], angles.predicted, np.nan)
+    columns = {"time": _cells(angles.time, 6)}
+    for label, values, digits in (
+        ("q", angles.q, 7),
+        ("sigma", angles.sigma, 7),
+        ("predicted", predicted, 4),
+    ):
+        columns |= {f"{label}{j}": _cells(v, digits) for j, v in enumerate(values.T, start=1)}
+    columns["state"] = list(angles.state)
+    if angles.sync_led is not None:
+        name, brightness = angles.sync_led
+        columns[name] = _cells(brightness, 5)
+    return csv_text(columns)
 
 
-def _cell(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else ""
+def _cells(values: Array, digits: int) -> list[str]:
+    return [f"{v:.{digits}f}" if np.isfinite(v) else "" for v in values]
 
 
 def _ratio(lengths: Array) -> str:

@@ -292,8 +292,7 @@ class Follower:
             self.pivot = at[0].copy()
         both = seen[1:] & seen[:-1]
         link = at[1:] - at[:-1]
-        direction = np.arctan2(link[:, 0], link[:, 1])
-        direction = self.theta + (direction - self.theta + np.pi) % (2 * np.pi) - np.pi
+        direction = unwrapped_direction(link, self.theta)
         self.theta = np.where(both, direction, self.theta)
         if both.all():
             self.past.append((time, self.theta))
@@ -302,6 +301,12 @@ class Follower:
         elif not self.past or time - self.past[-1][0] > _MEMORY:
             self.past.clear()
         return Markers(time, at, sigma, seen, self.theta.copy())
+
+
+def unwrapped_direction(link: Array, near: Array) -> Array:
+    """Directions [rad] of links (..., 2) [px], 0 downwards, within half a turn of those `near`."""
+    direction = np.arctan2(link[..., 0], link[..., 1])
+    return np.asarray(near + (direction - near + np.pi) % (2 * np.pi) - np.pi)
 
 
 def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:

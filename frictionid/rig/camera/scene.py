@@ -133,9 +133,7 @@ class Scene:
     def _links(self, image: Image, exposed: Array, grey: float | None) -> None:
         """Links (or their shadow, where grey is None), averaged over the exposure."""
         reach = int(self.look.link_width) + 3
-        low = np.floor(exposed.reshape(-1, 2).min(0)).astype(int) - reach
-        high = np.ceil(exposed.reshape(-1, 2).max(0)).astype(int) + reach
-        (x0, y0), (x1, y1) = np.clip(low, 0, self.size), np.clip(high, 0, self.size)
+        x0, y0, x1, y1 = self._box(exposed.reshape(-1, 2), reach, reach)
         if x1 <= x0 or y1 <= y0:
             return
         cover = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
@@ -154,9 +152,7 @@ class Scene:
 
     def _disc(self, image: Image, path: Array, r: float, bgr: Array, shines: bool = False) -> None:
         """A disc that moves along a path during the exposure; one that shines needs no light."""
-        low = np.clip(np.floor(path.min(0) - r - 2).astype(int), 0, self.size)
-        high = np.clip(np.ceil(path.max(0) + r + 3).astype(int), 0, self.size)
-        (x0, y0), (x1, y1) = low, high
+        x0, y0, x1, y1 = self._box(path, r + 2, r + 3)
         if x1 <= x0 or y1 <= y0:
             return
         y, x = np.mgrid[y0:y1, x0:x1]
@@ -165,6 +161,12 @@ class Scene:
         part = image[y0:y1, x0:x1]
         light = 1.0 if shines else self.light[y0:y1, x0:x1]
         part[:] = np.round(part * (1 - cover) + cover * light * bgr)
+
+    def _box(self, places: Array, before: float, behind: float) -> tuple[int, int, int, int]:
+        """Corners of the part of the picture with all places (P, 2) and a margin [px] around it."""
+        low = np.clip(np.floor(places.min(0) - before).astype(int), 0, self.size)
+        high = np.clip(np.ceil(places.max(0) + behind).astype(int), 0, self.size)
+        return *low.tolist(), *high.tolist()
 
     def _lit(self, image: Array) -> Image:
         return np.asarray(np.clip(np.round(image * self.light), 0, 255), dtype=np.uint8)

@@ -158,12 +158,9 @@ def open_source(what: str, rate: float | None = None) -> Source:
 
 
 def _file(what: str) -> Source:
-    with _quiet():
-        capture = cv2.VideoCapture(what, cv2.CAP_FFMPEG)
-        there = capture.isOpened() and capture.grab()
+    with _opened(what, cv2.CAP_FFMPEG) as (capture, there):
         size, rate, count = _properties(capture)
         interval = _frame_interval(capture)
-        capture.release()
     if not there:
         raise InputError(f"{what} is no video that can be read, or has lost its end; name another")
     # variable rates are stated as the resolution of the stamps
@@ -172,24 +169,23 @@ def _file(what: str) -> Source:
 
 
 def _camera(what: str) -> Source:
-    with _quiet():
-        capture = cv2.VideoCapture(int(what))
-        there = capture.isOpened() and capture.grab()
+    with _opened(int(what), cv2.CAP_ANY) as (capture, there):
         size, rate, _ = _properties(capture)
-        capture.release()
     if not there:
         raise InputError(f"camera {what} gives no pictures; name another number or a video file")
     return Source(what, "live", size, rate, None)
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """OpenCV writes no messages of its own."""
+def _opened(what: Any, backend: int) -> Iterator[tuple[Any, bool]]:
+    """A capture, and whether it gives a picture; OpenCV writes no messages of its own meanwhile."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    capture = cv2.VideoCapture(what, backend)
     try:
-        yield
+        yield capture, capture.isOpened() and capture.grab()
     finally:
+        capture.release()
         cv2.utils.logging.setLogLevel(level)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
 from frictionid.rig.camera.angles import Angles, angles_of
-from frictionid.rig.camera.follow import Markers, follow, gather
+from frictionid.rig.camera.follow import Markers, follow, gather, unwrapped_direction
 from frictionid.rig.camera.marker_setup import Marker, MarkerSetup, SyncLed
 from frictionid.rig.camera.source import Frame, Image, Source
 
@@ -42,9 +42,8 @@ def follow_by_thresholds(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterato
         seen = np.array([p is not None for p in places])
         at = np.array([np.full(2, np.nan) if p is None else p for p in places])
         link = np.diff(at, axis=0)
-        now = np.arctan2(link[:, 0], link[:, 1])
-        now = theta + (now - theta + np.pi) % (2 * np.pi) - np.pi
-        theta = np.where(np.isfinite(now), now, theta)
+        direction = unwrapped_direction(link, theta)
+        theta = np.where(np.isfinite(direction), direction, theta)
         sigma = np.where(seen, 0.5, np.nan)  # unknown: half a pixel
         yield Markers(frame.time, at, sigma, seen, theta.copy())
 
