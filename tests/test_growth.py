@@ -9,7 +9,7 @@ import pytest
 
 from frictionid.data.kalman import alike
 from frictionid.data.plants import plant_of
-from frictionid.data.readers import table
+from frictionid.data.readers import csv_table, table
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter
@@ -205,7 +205,7 @@ def test_long_tables_are_read_as_short_ones(cell, monkeypatch):
     content = "\n".join(["time,q,u", *rows]).encode()
     found = []
     for long in (0, 10**9):
-        monkeypatch.setattr(table, "_LONG", long)
+        monkeypatch.setattr(csv_table, "_LONG", long)
         found.append(table.read_table(content, "a.csv", ["q", "time"]))
     at_once, by_rows = found
     np.testing.assert_array_equal(at_once.rows, by_rows.rows)

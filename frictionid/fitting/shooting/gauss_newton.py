@@ -133,10 +133,7 @@ def solve(
     for seconds, settled in stages:
         windows = cut_windows(problem.intervals, use, seconds)
         kinked = ended.kinked if ended and np.array_equal(windows, ended.windows) else None
-        point = linearised_at(settled, windows, estimate, nodes, sigma)
-        if kinked is not None:
-            point = point._replace(kinked=kinked, out=kinked)
-        solution = _solve_stage(settled, point, sigma)
+        solution = _solve_stage(settled, windows, estimate, nodes, sigma, kinked)
         total += solution.iterations
         estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     assert solution is not None
@@ -173,25 +170,45 @@ def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
     return np.maximum(MAD * np.median(off, axis=0), floor)
 
 
-def _solve_stage(problem: ShootingProblem, point: Point, sigma: Array) -> Solution:
-    """Gauss-Newton iterations over windows of one length, from a linearised point."""
-    settings, what = problem.settings, f"windows of {point.windows.shape[1]} samples"
+def _solve_stage(
+    problem: ShootingProblem,
+    windows: Array,
+    estimate: Estimate,
+    nodes: Array,
+    sigma: Array,
+    kinked: Array | None,
+) -> Solution:
+    """Gauss-Newton iterations over windows of one length; (W,) that are left out from the start."""
+    settings, what = problem.settings, f"windows of {windows.shape[1]} samples"
+    point = linearised_at(problem, windows, estimate, nodes, sigma)
+    if kinked is not None:
+        point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
-    path = [step]
+    begins, count = [_begin(problem, step)], 1
     report_step(what, settings.iterations - 1)
-    count = 1
-    while count < settings.iterations and not _converged(problem, path):
+    while count < settings.iterations and not _converged(problem, step, begins):
         point, damping = _accepted_or_last(problem, step)
         share = _step_share(step, before)
         before = step.solution.move
         step = _next_step(problem, point, step.solution.sigma, damping, share)
-        path, count = [*path, step][-_CIRCLE:], count + 1
+        begins, count = [*begins, _begin(problem, step)][-_CIRCLE:], count + 1
         report_step(what, settings.iterations - count)
-    converged = _converged(problem, path)
+    converged = _converged(problem, step, begins)
     return step.solution._replace(converged=converged, iterations=count)
 
 
-def _converged(problem: ShootingProblem, path: Sequence[_Step]) -> bool:
+class _Begin(NamedTuple):
+    """Damping of a step and the values (D,) it began at: its point is too large to be kept."""
+
+    damping: float
+    values: Array
+
+
+def _begin(problem: ShootingProblem, step: _Step) -> _Begin:
+    return _Begin(step.damping, values_of(step.point.estimate, problem.blocks))
+
+
+def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) -> bool:
     """Whether the last step was small, or the last few led to and fro and nowhere.
 
     Where the cost has a kink (a joint that just stops in some window), steps from either side of it
@@ -199,13 +216,13 @@ def _converged(problem: ShootingProblem, path: Sequence[_Step]) -> bool:
     none of the parameters got on by more than the tolerance, nor left by more than half a standard
     error.
     """
-    tolerance, last = problem.settings.tolerance, path[-1]
+    tolerance = problem.settings.tolerance
     if last.converged(tolerance):
         return True
-    if len(path) < _CIRCLE or any(step.damping >= _DAMPED for step in path):
+    if len(begins) < _CIRCLE or any(begin.damping >= _DAMPED for begin in begins):
         return False
-    ends = [*(step.point.estimate for step in path), last.solution.estimate]
-    way = np.stack([values_of(estimate, problem.blocks) for estimate in ends]) / last.error
+    end = values_of(last.solution.estimate, problem.blocks)
+    way = np.stack([*(begin.values for begin in begins), end]) / last.error
     onward = np.abs(way[-1] - way[0]).max(initial=0.0)
     return bool(onward <= tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _NEAR)
 
