@@ -239,12 +239,10 @@ class DatasetToml(Strict):
         numbers = {f"sigma.{label}": deviations for label, deviations in self.sigma}
         if self.motor is not None:
             motor = self.motor
-            numbers |= {
-                "motor.kt": motor.kt,
-                "motor.gear": motor.gear,
-                "motor.offset": motor.offset,
-            }
-            names = ("rated_torque", "rated_current", "counts_per_turn")
+            names = (
+                *("kt", "gear", "offset"),
+                *("rated_torque", "rated_current", "counts_per_turn"),
+            )
             numbers |= {f"motor.{name}": getattr(motor, name) for name in names}
             if motor.coupling is not None and len(motor.coupling) != joints:
                 raise ValueError(
@@ -266,45 +264,38 @@ class DatasetToml(Strict):
         return self
 
     @model_validator(mode="after")
-    def _motor_of_own_units(self) -> Self:
-        """Units of the motor's own, and the constants that they need, come together."""
-        motor = self.motor
-        counts = any(
-            u in OWN[key] for key in ("angle", "velocity") for u in getattr(self.units, key)
-        )
-        if counts != (motor is not None and motor.counts_per_turn is not None):
+    def _motor_of_units(self) -> Self:
+        """Units of the motor and currents, and the constants that they need, come together."""
+        motor, units = self.motor or Motor(), self.units
+        counted = motor.counts_per_turn is not None
+        if counted != any(
+            u in OWN[key] for key in ("angle", "velocity") for u in getattr(units, key)
+        ):
             raise ValueError(
                 'units of "counts" or "counts/s" and counts_per_turn in the table [motor] need '
                 "each other; add what is missing"
             )
-        rated = motor is not None and (motor.rated_torque or motor.rated_current) is not None
-        if ("permille" in self.units.torque) != rated:
+        permille = "permille" in units.torque
+        if permille != ((motor.rated_torque or motor.rated_current) is not None):
             raise ValueError(
                 'units.torque = "permille" and the table [motor] with rated_torque [N m], or '
                 "rated_current [A] and kt, need each other; add what is missing"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _motor_of_currents(self) -> Self:
-        currents = [unit for unit in self.units.torque if unit in CURRENTS]
-        if currents and self.motor is not None and self.motor.kt is None:
-            raise ValueError("the key 'motor.kt' is missing; add it")
+        currents = [unit for unit in units.torque if unit in CURRENTS]
         if currents and self.motor is None:
             raise ValueError(
                 f'units.torque = "{currents[0]}" needs the table [motor]: add it with kt [N m/A] '
                 "and gear; torque at the joint = kt gear current"
             )
-        motor_units = "permille" in self.units.torque or (
-            self.motor is not None and self.motor.counts_per_turn is not None
-        )
-        if self.motor is not None and not currents and not motor_units:
-            if self.motor.kt is not None:
+        if currents and motor.kt is None:
+            raise ValueError("the key 'motor.kt' is missing; add it")
+        if self.motor is not None and not (currents or permille or counted):
+            if motor.kt is not None:
                 raise ValueError(
-                    f'[motor] needs currents, but units.torque = "{self.units.torque[0]}": delete '
+                    f'[motor] needs currents, but units.torque = "{units.torque[0]}": delete '
                     'kt, or correct the unit to "A"'
                 )
-            if self.motor.angle == self.motor.torque == "joint":
+            if motor.angle == motor.torque == "joint":
                 raise ValueError(
                     "[motor] changes nothing where torques and angles are those of the joints: "
                     'delete it, or say torque = "motor" or angle = "motor" in it'
