@@ -18,7 +18,7 @@ from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.formats import part_of
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import Table, read_table, table_name
+from frictionid.data.readers.table import read_table, table_name
 from frictionid.data.readers.table_recording import recorded
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
@@ -252,23 +252,21 @@ def _recordings(
 
 
 def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> list[Recording]:
-    assert toml.columns is not None
-    file = str(folder / name)
+    """Recording of each table in a file, named as the file and the part that the table is."""
+    file, asked = str(folder / name), toml.asked
     if toml.reader is None:
-        tables = {"": read_table(content, file, toml.asked.names())}
+        tables = {"": read_table(content, file, asked.names())}
     else:
-        tables = part_of(toml.reader.kind, "tables")(
-            content, file, toml.reader.settings, toml.asked
-        )
-    return [_from_table(table, name, part, toml) for part, table in tables.items()]
-
-
-def _from_table(table: Table, name: str, part: str, toml: DatasetToml) -> Recording:
-    """Recording of a table; part : what the name of its file is extended by."""
-    title = table_name(name) + part
-    signals = recorded(table, toml, title)._asdict()
-    signals["truth"] = signals["truth"] and TrueMotion(*signals["truth"])
-    return Recording(title, parameters=toml.recordings.parameters.get(name, {}), **signals)
+        read_tables = part_of(toml.reader.kind, "tables")
+        tables = read_tables(content, file, toml.reader.settings, asked)
+    recordings = []
+    for part, table in tables.items():
+        title = table_name(name) + part
+        signals = recorded(table, toml, title)._asdict()
+        signals["truth"] = signals["truth"] and TrueMotion(*signals["truth"])
+        parameters = toml.recordings.parameters.get(name, {})
+        recordings.append(Recording(title, parameters=parameters, **signals))
+    return recordings
 
 
 def _with_sigma(recording: Recording, toml: DatasetToml) -> Recording:
