@@ -13,7 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from frictionid.errors import InputError, needs
 from frictionid.rig.logfile import Appender, log_header, log_row
@@ -114,12 +114,6 @@ _MAX_BYTES, _MAX_REJECTED = 4096, 20
 _KEPT = 20  # rejected lines that are kept for the diagnosis
 
 
-def host_clock() -> Callable[[], float]:
-    """A clock [s] that starts at Unix time and ignores later corrections of it."""
-    wall, steady = time.time(), time.monotonic()
-    return lambda: wall + (time.monotonic() - steady)
-
-
 @dataclass
 class Counts:
     """Statistics of a log.
@@ -148,12 +142,11 @@ class Logger:
         port: Callable[[], Port],
         rig: RigSettings,
         out: Appender,
-        clock: Callable[[], float] | None = None,
     ) -> None:
         self.counts = Counts()
         self.rig = rig
         self._open, self._out = port, out
-        self._clock = clock or host_clock()
+        self._zero = time.time() - time.monotonic()  # later corrections of the clock are ignored
         self._at = rig.protocol.columns.index("time")
         self._remainder, self._bad = b"", deque[Rejected](maxlen=_KEPT)
         self._port: Port | None = None
@@ -204,7 +197,7 @@ class Logger:
     def _take(self, new: bytes) -> list[Cells]:
         lines = parsed(self.rig.protocol, self._remainder, new)
         self._remainder = lines.remainder
-        host = f"{self._clock():.6f}"
+        host = f"{self._zero + time.monotonic():.6f}"
         self._out.append([log_row(self.rig, host, cells) for cells in lines.rows])
         self._count(lines.rows, lines.rejected, len(new))
         return lines.rows
@@ -291,8 +284,8 @@ _SHOW = 0.5  # [s] between two lines that are shown
 class ProgressLine:
     """One line that is rewritten on a terminal; elsewhere only connections are reported."""
 
-    def __init__(self, columns: Sequence[str], stream: TextIO | None = None) -> None:
-        self._columns, self._stream = columns, stream or sys.stderr
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._columns, self._stream = columns, sys.stderr
         self._live = self._stream.isatty()
         self._at, self._rows, self._rate = time.monotonic(), 0, 0.0
         self._connected = True

@@ -40,8 +40,8 @@ LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
 # the fit does not converge, and its error exceeds its interval (simulated acrobots). Then the
 # shorter windows count.
-SHORT_WINDOWS = Settings(windows=(5 / 60, 10 / 60), iterations=25)
-LONG_WINDOWS = Settings(windows=(20 / 60,), iterations=25)
+_SHORT_WINDOWS = Settings(windows=(5 / 60, 10 / 60), iterations=25)
+_LONG_WINDOWS = Settings(windows=(20 / 60,), iterations=25)
 # Friction's shape and sticking joints move the offset by more than the scatter between stretches of
 # the motion shows: calibrated on 68 simulated acrobots of 30 s.
 _WIDENING = 1.4
@@ -141,19 +141,17 @@ def align(
     mechanism: Mechanism,
     angle: Signal,
     torque: Signal,
-    settings: Settings | None = None,
     start: Clock | None = None,
 ) -> Alignment:
     """Offset and drift of a torque log against angles of the same motion.
 
     First by cross-correlation, then by the momentum balances, then by shooting from the measured
-    angles with friction and base parameters free.
+    angles with friction and base parameters free, over long windows where that converges.
 
     Parameters
     ----------
     mechanism : with its nominal values
     angle : n columns, by the camera's clock; torque : n columns, by the log's
-    settings : of the shooting; by default short windows, then long ones where these converge
     start : Clock, optional, such as a marker's, in place of the cross-correlation
 
     Raises
@@ -177,7 +175,7 @@ def align(
         if max(abs(d) for _, d in delays) < _CLOSE:
             break
     data = _together(dataset, angle, torque, clock)
-    return _by_shooting(data, clock, coarse, settings)
+    return _by_shooting(data, clock, coarse)
 
 
 def by_marker(
@@ -284,16 +282,14 @@ class _Fit(NamedTuple):
         return [p.block for p in self.covariance.parameters].index(block)
 
 
-def _by_shooting(
-    data: Dataset, clock: Clock, coarse: CoarseOffset, settings: Settings | None
-) -> Alignment:
+def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset) -> Alignment:
     """The clock corrected by delay and drift of the torque, estimated by shooting.
 
     With theta = (friction, base parameters, delay, drift), the squares of the angle residuals plus
     those of the priors are minimised. Delay and drift correct the clock; their covariance is
     clustered by stretches of the motion, the offset's widened (`_WIDENING`).
     """
-    fit = _solved(data, clock, settings)
+    fit = _solved(data, clock)
     k = [fit.place("delay"), fit.place("drift")]
     delay, drift = fit.covariance.values[k]
     pair = fit.covariance.matrix[np.ix_(k, k)]
@@ -319,19 +315,18 @@ def _by_shooting(
     )
 
 
-def _solved(data: Dataset, clock: Clock, settings: Settings | None) -> _Fit:
+def _solved(data: Dataset, clock: Clock) -> _Fit:
     """Shooting with short windows, then from there with long ones, kept where these converge."""
     estimate, intervals = _start(data)
     blocks: tuple[ParameterBlock, ...] = (FrictionBlock(), InertiaBlock(prior=PARAMETER_PRIOR))
     middle = float(clock.to_angles(np.array(clock.at)))
     use = _used(intervals)
-    short = drifting(intervals, estimate, blocks, settings or SHORT_WINDOWS, middle)
+    short = drifting(intervals, estimate, blocks, _SHORT_WINDOWS, middle)
     solution = solve(short, estimate, use)
-    if settings is None:
-        long = replace(short, settings=LONG_WINDOWS)
-        longer = solve(long, solution.estimate, use, solution)
-        if longer.converged:
-            return _Fit(long, longer, covariance_of(long, longer))
+    long = replace(short, settings=_LONG_WINDOWS)
+    longer = solve(long, solution.estimate, use, solution)
+    if longer.converged:
+        return _Fit(long, longer, covariance_of(long, longer))
     return _Fit(short, solution, covariance_of(short, solution))
 
 

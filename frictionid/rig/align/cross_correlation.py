@@ -274,9 +274,9 @@ def _peaks(offsets: Array, explained: Array) -> Array:
     return np.array(out)
 
 
-def around(torque: Signal, start: float, stop: float, margin: float = 1.0) -> Signal:
-    """The torque from `start` to `stop` and for a margin [s] on either side."""
-    return cut(torque, start - margin, stop + margin)
+def around(torque: Signal, start: float, stop: float) -> Signal:
+    """The torque from `start` to `stop` and for a second on either side."""
+    return cut(torque, start - 1.0, stop + 1.0)
 
 
 def _refined(

@@ -75,7 +75,8 @@ def propose(source: Source) -> MarkerSetup:
             "strong colours, light them better, or write rig.toml by hand"
         )
     first, group = _elbow(moving, len(pictures), source)
-    chain, used = [_dots(group, first.chosen)], {id(b) for b in chosen_regions(group, first.chosen)}
+    circled = [group[k] for k in first.chosen if k >= 0]
+    chain, used = [{b.frame: b for b in circled}], {id(b) for b in circled}
     pixels = [first.radius]
     while (child := _next(chain[-1], moving, used)) is not None:
         dots, length, taken = child
@@ -223,15 +224,6 @@ def _arc(places: Array, centre: Array) -> float:
     angle = np.sort(np.arctan2(*(places - centre).T))
     gaps = np.diff(np.append(angle, angle[0] + 2 * np.pi))
     return float(2 * np.pi - gaps.max())
-
-
-def chosen_regions(group: Sequence[ColourRegion], chosen: Array) -> list[ColourRegion]:
-    """The regions of a group that were chosen."""
-    return [group[k] for k in chosen if k >= 0]
-
-
-def _dots(group: Sequence[ColourRegion], chosen: Array) -> dict[int, ColourRegion]:
-    return {b.frame: b for b in chosen_regions(group, chosen)}
 
 
 def _next(
