@@ -150,10 +150,7 @@ def test_terms_of_the_field_are_no_retired_words(tmp_path):
 PRONOUNS = {"own", "found", "known", "one", "given", "of", "some", "made", "more"}
 KEYS = {("suite_recipes.py", "known")}  # names that files of users have
 # Rooms that still have them. The list only gets shorter.
-UNCLEARED = {
-    "api",
-    *("fitting", "friction"),
-}
+UNCLEARED = {"fitting"}
 
 
 def pronouns(path):
