@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.suite import (
@@ -145,10 +145,7 @@ def benchmarks_of(
 
 def _own_mechanism(reference: str | None, folder: Path) -> Mechanism | None:
     """What a function of one's own gives, of a module beside the suite or of a package."""
-
-    def code(kind: str) -> Any:
-        return imported_for_suite(kind, folder, "datasets")
-
+    code = partial(imported_for_suite, folder=folder, where="datasets")
     return None if reference is None else mechanism_of({"kind": reference}, code)
 
 

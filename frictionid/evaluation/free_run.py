@@ -22,13 +22,13 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
-from frictionid.data.temperatures import temperature_at
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import step
 from frictionid.dynamics.step_size import substeps
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
+from frictionid.evaluation.initial_states import padded, temperatures
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_last_joints
@@ -109,44 +109,27 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
                 "history, or leave the recording out"
             )
     T = max(map(len, times)) - 1
+    clocks = [_lengthened(time, T + 1) for time in times]
+    each, mechanism = temperatures(dataset, clocks), dataset.mechanism
+    temperature = None if each is None else of_last_joints(mechanism, np.stack(each, axis=1))
     pairs = list(zip(dataset.recordings, times, strict=True))
     servos = [r.servo for r in dataset.recordings if r.servo is not None]
     return Trajectory(
         names=tuple(r.name for r in dataset.recordings),
-        time=np.stack([_lengthened(time, T + 1) for time in times], axis=1),
+        time=np.stack(clocks, axis=1),
         q=np.stack([s.q[k] for s, k in zip(states, first, strict=True)]),
         w=np.stack([s.w[k] for s, k in zip(states, first, strict=True)]),
-        u=_side_by_side([averages(r.torque, time) for r, time in pairs], T, 0.0),
-        measured=_side_by_side([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
+        u=padded([averages(r.torque, time) for r, time in pairs], T, 0.0),
+        measured=padded([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
         servos=tuple(servos) if len(servos) == len(times) else (),
-        temperature=_temperature(dataset, times, T + 1),
+        temperature=temperature,
     )
-
-
-def _temperature(dataset: Dataset, times: Sequence[Array], length: int) -> Array | None:
-    """Temperatures (length, R, m) [degC]; the last one is kept behind a recording's end."""
-    mechanism = dataset.mechanism
-    each = [
-        temperature_at(recording, _lengthened(time, length), mechanism.joints)
-        for recording, time in zip(dataset.recordings, times, strict=True)
-    ]
-    measured = [T for T in each if T is not None]
-    if len(measured) < len(each):
-        return None
-    return of_last_joints(mechanism, np.stack(measured, axis=1))
 
 
 def _lengthened(time: Array, length: int) -> Array:
     """A clock that ticks on behind its end at its usual interval."""
     after = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
     return np.concatenate([time, time[-1] + after])
-
-
-def _side_by_side(series: Sequence[Array], length: int, fill: float) -> Array:
-    out = np.full((length, len(series), series[0].shape[1]), fill)
-    for i, part in enumerate(series):
-        out[: len(part), i] = part
-    return out
 
 
 def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:

@@ -174,26 +174,33 @@ def _truths(dataset: Dataset, states: Sequence[States]) -> list[Array]:
 def _windows(
     series: Sequence[Array], pairs: Sequence[tuple[int, int]], length: int, fill: float
 ) -> Array:
-    out = np.full((length, len(pairs), series[0].shape[1]), fill)
-    for i, (r, k) in enumerate(pairs):
-        part = series[r][k : k + length]
+    return padded([series[r][k : k + length] for r, k in pairs], length, fill)
+
+
+def padded(parts: Sequence[Array], length: int, fill: float) -> Array:
+    """Parts (T_i, n) side by side, shape (length, S, n), with a number behind their ends."""
+    out = np.full((length, len(parts), parts[0].shape[1]), fill)
+    for i, part in enumerate(parts):
         out[: len(part), i] = part
     return out
+
+
+def temperatures(dataset: Dataset, times: Sequence[Array]) -> list[Array] | None:
+    """Temperatures (T_i, n) [degC] of each recording at its times; None where one is not known."""
+    joints, pairs = dataset.mechanism.joints, zip(dataset.recordings, times, strict=True)
+    each = [temperature_at(recording, time, joints) for recording, time in pairs]
+    measured = [T for T in each if T is not None]
+    return measured if len(measured) == len(each) else None
 
 
 def _temperatures(
     dataset: Dataset, states: Sequence[States], pairs: Sequence[tuple[int, int]]
 ) -> Array | None:
     """Temperature (S, m) [degC] at each start."""
-    mechanism = dataset.mechanism
-    each = [
-        temperature_at(recording, s.time, mechanism.joints)
-        for recording, s in zip(dataset.recordings, states, strict=True)
-    ]
-    measured = [T for T in each if T is not None]
-    if len(measured) < len(each):
+    each = temperatures(dataset, [s.time for s in states])
+    if each is None:
         return None
-    return of_last_joints(mechanism, np.stack([measured[r][k] for r, k in pairs]))
+    return of_last_joints(dataset.mechanism, np.stack([each[r][k] for r, k in pairs]))
 
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
