@@ -149,8 +149,6 @@ def test_terms_of_the_field_are_no_retired_words(tmp_path):
 # Words that say nothing of a thing, as names of variables, arguments, fields and functions.
 PRONOUNS = {"own", "found", "known", "one", "given", "of", "some", "made", "more"}
 KEYS = {("suite_recipes.py", "known")}  # names that files of users have
-# Rooms that still have them. The list only gets shorter.
-UNCLEARED = {"fitting"}
 
 
 def pronouns(path):
@@ -178,8 +176,5 @@ def test_pronouns_are_found(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("room", sorted({p.name for p in PACKAGE.iterdir() if p.suffix != ".pyc"}))
-def test_names_are_nouns_of_the_thing(room):
-    files = [PACKAGE / room] if room.endswith(".py") else list((PACKAGE / room).rglob("*.py"))
-    left = [line for path in sorted(files) for line in pronouns(path)]
-    assert bool(left) == (room in UNCLEARED), left[:20]
+def test_names_are_nouns_of_the_thing():
+    assert [line for path in sorted(PACKAGE.rglob("*.py")) for line in pronouns(path)] == []

@@ -93,9 +93,9 @@ class Covariance:
         Nor does a parameter count that means nothing where others may be zero, such as a Stribeck
         velocity, nor these others: a peak that is not there is found at some velocity by chance.
         """
-        return self.known() & ~self.meaningless
+        return self.significant() & ~self.meaningless
 
-    def known(self, trials: int = 1) -> Array:
+    def significant(self, trials: int = 1) -> Array:
         """True (D,) for parameters with an interval that tells them from zero, where that matters.
 
         trials : in so many independent ones together chance exceeds the interval in 5 % of cases

@@ -152,7 +152,7 @@ def grouped_covariance(
         *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
         meaningless=np.zeros(D, dtype=bool),
     )
-    weak = ~out.known(), ~out.known(_TRIALS)
+    weak = ~out.significant(), ~out.significant(_TRIALS)
     needs = meaningless(friction, parameters, *weak)
     words += tuple(_needs(parameters, k, others) for k, others in needs.items())
     ends = [
