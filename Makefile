@@ -27,7 +27,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 	@for suite in acrobot acrobot_all acrobot_study; do \
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
 
-test: $(TEST) ## add the test tools to .venv, then run all tests (under 10 minutes)
+test: $(TEST) ## add the test tools to .venv, then run all tests (8 minutes on two cores)
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 

@@ -2,9 +2,15 @@
 
 import gc
 import os
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
+from fixtures.command_line import run_command
+from fixtures.paths import DATA
+
+from frictionid.data.readers.dataset import load_dataset
 
 pytest_plugins = ["pytester"]
 
@@ -21,6 +27,20 @@ def real_data():
     if not Path(named).is_dir():
         pytest.skip(f"FRICTIONID_DATA names {named}, which is no folder")
     return Path(named)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """A function of a folder and words: exit code, output, error output of `frictionid WORDS`."""
+    return partial(run_command, monkeypatch, capsys)
+
+
+@pytest.fixture(scope="session")
+def clean():
+    """Three recordings of the acrobot without faults."""
+    data = load_dataset(DATA / "acrobot_clean")
+    names = ("03_decay", "04_sine", "14_steps")
+    return replace(data, recordings=tuple(r for r in data.recordings if r.name in names))
 
 
 def pytest_collection():

@@ -60,9 +60,9 @@ def test_reports_know_all_places_with_friction(arm):
     described = descriptions_of(prepared)[name]
     assert described["joints"] == places
     refined = document(*results["coulomb_viscous"], LAWS)["refined"]
-    found = [p.name for p in refined.parameters if p.block == "friction"]
+    found = [p.name for p in refined["parameters"] if p.block == "friction"]
     assert found == [f"{own} of {place}" for place in places for own in ("coulomb", "viscous")]
-    assert np.shape(refined.bands.simultaneous) == np.shape(described["velocity"])
+    assert np.shape(refined["bands"].simultaneous) == np.shape(described["velocity"])
 
 
 @pytest.mark.parametrize("arm", ["tx40"], indirect=True)

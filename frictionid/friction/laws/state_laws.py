@@ -52,6 +52,7 @@ class StateLibrary(Law):
 
     Examples
     --------
+    >>> import numpy as np
     >>> law = StateLibrary(joints=1, degree=1)
     >>> law.names
     ('1', 'sin1', 'cos1', 'w1', 's1', 'u1')
