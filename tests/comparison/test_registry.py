@@ -90,7 +90,7 @@ def test_every_law_has_its_equation_and_a_source(name):
     words = f"{inspect.getdoc(LAWS[name])} {inspect.getdoc(inspect.getmodule(LAWS[name]))}"
     assert re.search(r"\bTf(_j)? = ", words)
     sources = re.findall(r"\[([A-Z][A-Za-z]+\d{4})\]", words)
-    assert sources or name in OF_THEIR_LAWS
+    assert sources or name in OF_THEIR_LAWS, "name a source in the docstring, as [Olsson1998]"
     listed = REFERENCES.read_text(encoding="utf-8")
     assert all(f"- [{source}]" in listed for source in sources)
 

@@ -50,7 +50,7 @@ def export(
     settings: ExportSettings | None = None,
     replace: bool = False,
 ) -> Exported:
-    """Write a fitted friction in a format; see `frictionid.deploy.export.formats.FORMATS`.
+    """Write a fitted friction in a format; see `FORMATS`.
 
     Parameters
     ----------

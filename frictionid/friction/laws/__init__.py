@@ -1,4 +1,4 @@
-"""Friction laws, one per file."""
+"""Friction laws; those that share their terms stand in one file."""
 
 from frictionid.friction.laws.check_law import check_law
 from frictionid.friction.laws.combined import PerJoint, Sum
