@@ -7,10 +7,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from fixtures.command_line import run_command
-from fixtures.paths import DATA
-
-from frictionid.data.readers.dataset import load_dataset
 
 pytest_plugins = ["pytester"]
 
@@ -32,12 +28,18 @@ def real_data():
 @pytest.fixture
 def run(monkeypatch, capsys):
     """A function of a folder and words: exit code, output, error output of `frictionid WORDS`."""
+    from fixtures.command_line import run_command
+
     return partial(run_command, monkeypatch, capsys)
 
 
 @pytest.fixture(scope="session")
 def clean():
     """Three recordings of the acrobot without faults."""
+    from fixtures.paths import DATA
+
+    from frictionid.data.readers.dataset import load_dataset
+
     data = load_dataset(DATA / "acrobot_clean")
     names = ("03_decay", "04_sine", "14_steps")
     return replace(data, recordings=tuple(r for r in data.recordings if r.name in names))
