@@ -289,7 +289,8 @@ def _moving(robot: Robot, choice: Choice, reached: list[Joint]) -> tuple[str, ..
         if by_name[name].kind not in MOVING:
             raise InputError(
                 f"{robot.place}: joint {name!r} is {by_name[name].kind}, but joints that move are "
-                f"{', '.join(MOVING)}; name others in joints = [...] or the link beyond it as base"
+                f"{', '.join(MOVING)}; name others in joints = [...], or what stands still where "
+                f"the machine is held: base = {by_name[name].child!r}"
             )
     if not chosen:
         raise InputError(f"{robot.place}: no joint moves; friction needs at least one")
@@ -325,7 +326,7 @@ def _check_locked(
         if joint.kind in ("floating", "planar") and joint.name not in moving:
             raise InputError(
                 f"{robot.place}: joint {joint.name!r} is {joint.kind}, so that nothing holds what "
-                "it carries; name the link beyond it as base"
+                f"it carries; where the machine is held, name it: base = {joint.child!r}"
             )
 
 

@@ -159,11 +159,14 @@ def _numbers(
     return values
 
 
+_ALWAYS = 1  # of mjtInertiaFromGeom: shapes replace stated inertias
 _KINDS = ("floating", "ball", "prismatic", "revolute")  # in the order of mjtJoint
 
 
 def read_mjcf(path: Path) -> Robot:
     """Robot of an MJCF file: bodies, hinges, slides, armatures, gravity; actuators are left out.
+
+    Files of meshes, height fields, textures and skins need not be there where inertias are stated.
 
     Raises
     ------
@@ -180,7 +183,7 @@ def read_mjcf(path: Path) -> Robot:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = _without_shapes(mujoco.MjSpec.from_file(str(path))).compile()
     except (ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: MuJoCo cannot read it: {reason}") from None
@@ -195,6 +198,23 @@ def read_mjcf(path: Path) -> Robot:
         links |= {joint.child: np.zeros(10) for joint in carrying}
         links[names[b]] = _body_inertia(model, b, anchor[b])
     return Robot(path.stem, str(path), links, tuple(joints), tuple(model.opt.gravity.tolist()))
+
+
+def _without_shapes(spec: Any) -> Any:
+    """The model without what only pictures and contacts need, and with it the files of that."""
+    for element in (*spec.textures, *spec.skins, *spec.pairs, *spec.sensors):
+        spec.delete(element)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    by_shapes = spec.compiler.inertiafromgeom == _ALWAYS
+    for body in spec.bodies:
+        if body.name == "world" or (body.explicitinertial and not by_shapes):
+            for shape in [g for g in body.geoms if g.meshname or g.hfieldname]:
+                spec.delete(shape)
+    used = {shape.meshname for shape in spec.geoms}
+    for asset in (*(mesh for mesh in spec.meshes if mesh.name not in used), *spec.hfields):
+        spec.delete(asset)
+    return spec
 
 
 def _joints_of(

@@ -36,6 +36,7 @@ SETS = {
     "dfki_c1": 7,
     "dfki_c1_swingup": 4,
     "emps": 1,
+    "go2": 1,
     "ibm": 6,
     "phy180": 1,
     "simple_pendulum": 2,

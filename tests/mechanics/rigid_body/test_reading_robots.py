@@ -218,6 +218,32 @@ def test_mjcf_that_is_none_is_said_in_a_line(tmp_path):
         assert "\n" not in str(error.value)
 
 
+def test_shapes_and_a_free_root_do_not_matter_where_inertias_are_stated(tmp_path):
+    pytest.importorskip("mujoco", reason="the test extra installs it")
+    body = (
+        '<mujoco><compiler inertiafromgeom="{rule}"/>{assets}<worldbody><body name="trunk">{root}'
+        '<inertial mass="5" pos="0 0 0" diaginertia="1 1 1"/>{shape}<body name="leg" pos="0 0.1 0">'
+        '<joint name="hip" axis="1 0 0"/><inertial mass="1" pos="0 0 -0.2" diaginertia=".1 .1 .1"/>'
+        "{shape}</body></body></worldbody></mujoco>"
+    )
+    assets = (
+        '<asset><mesh name="m" file="gone.obj"/><hfield name="h" file="gone.png" size="1 1 1 1"/>'
+        '<texture name="t" type="2d" file="gone.png"/><material name="s" texture="t"/></asset>'
+    )
+    shape = '<geom type="mesh" mesh="m" material="s"/><geom size="0.1" material="s"/>'
+    bare, full = tmp_path / "bare.xml", tmp_path / "full.xml"
+    bare.write_text(body.format(rule="auto", assets="", root="", shape=""))
+    full.write_text(body.format(rule="auto", assets=assets, root="<freejoint/>", shape=shape))
+    with pytest.raises(InputError, match="where the machine is held: base = 'trunk'"):
+        mjcf(full)
+    held, legs = mjcf(full, base="trunk"), mjcf(bare)
+    assert held.joints == legs.joints == ("hip",)
+    np.testing.assert_array_equal(held.tree.inertia, legs.tree.inertia)
+    full.write_text(body.format(rule="true", assets=assets, root="", shape=shape))
+    with pytest.raises(InputError, match=r"gone\.obj"):
+        mjcf(full)
+
+
 SOUND = urdf_text(random_robot(np.random.default_rng(0), 3, fixed=1))
 NASTY = st.sampled_from(
     ["", "nan", "1e400", "-1", "0 0", "x", "link_0", "base", "fixed", "floating", "\u2603", "0 0 0"]
