@@ -187,7 +187,8 @@ def _fastest(dataset: Dataset) -> float:
             continue
         time, q = r.angle.time, np.asarray(r.angle.value)
         M = np.asarray(plant.mechanism.inertia(np.asarray(plant.p)[k], q))
-        rate = r.servo.damping_at(time, q, 0.0 * q) / np.diagonal(M, axis1=-2, axis2=-1)
+        B = r.servo.at(time).linear(q, 0.0 * q).feedback[:, 1]
+        rate = B / np.diagonal(M, axis1=-2, axis2=-1)
         most = max(most, float(np.median(rate, axis=0).max() * np.median(np.diff(time))))
     return most
 

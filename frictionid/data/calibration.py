@@ -148,4 +148,11 @@ def _calibrated(recording: Recording, calibration: Calibration, driven: Array) -
     else:
         torque = torque._replace(time=torque.time + calibration.delay)
     true = (calibration.gain * torque.value + calibration.bias) * driven
+    if servo is not None:
+        servo = replace(
+            servo,
+            efficiency=calibration.gain * servo.efficiency,
+            bias=calibration.gain * servo.bias + calibration.bias,
+            delay=servo.delay + float(calibration.delay),
+        )
     return replace(recording, angle=angle, torque=torque._replace(value=true), servo=servo)

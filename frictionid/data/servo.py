@@ -14,7 +14,7 @@ connected (back-EMF). In a prediction u depends on the predicted w.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,51 @@ from frictionid.programs.loops import compiled
 
 Output = Literal["duty", "voltage", "current", "torque"]
 _JUST = 1e-6  # of a sample, by which a value stands before the step that follows
+_AFTER = 1e-10  # [s] behind a step, where rounding does not decide whether it has come
+
+
+class Linear(NamedTuple):
+    """Torque u (K, n) at a motion, and its slopes: du = by_command dc - K dq - B dw.
+
+    feedback (K, 2, n) : K [N m/rad] and B [N m s/rad]; nothing of what a limit holds
+    """
+
+    torque: Array
+    by_command: Array
+    feedback: Array
+
+
+class Controller(NamedTuple):
+    """Torque of servos at some instants as a function of the motion (K, n), piecewise linear in it.
+
+        u = scale clip(share clip(command - by_q q - by_w w, limit) - back_emf w, most) + bias
+
+    Entries broadcast to (K, n); clip(x, a) is x within +-a.
+    """
+
+    command: Array
+    by_q: float | Array
+    by_w: float | Array
+    limit: float | Array
+    share: float | Array
+    back_emf: float | Array
+    most: float | Array
+    scale: float | Array
+    bias: float | Array
+
+    def output(self, q: Array, w: Array | float) -> Array:
+        """What the controller puts out, within its limit."""
+        return np.clip(self.command - self.by_q * q - self.by_w * w, -self.limit, self.limit)
+
+    def linear(self, q: Array, w: Array) -> Linear:
+        """Torque at a motion, and its slopes there: none of what a limit holds."""
+        out = self.output(q, w)
+        u = self.share * out - self.back_emf * w
+        moves = np.where(np.abs(u) < self.most, self.scale, 0.0) + 0.0 * u
+        by_command = np.where(np.abs(out) < self.limit, moves * self.share, 0.0)
+        feedback = by_command * self.by_q, by_command * self.by_w + moves * self.back_emf
+        torque = self.scale * np.clip(u, -self.most, self.most) + self.bias
+        return Linear(torque, by_command, np.stack(feedback, axis=-2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +91,8 @@ class Servo:
     current_limit : [A]; ratio : (n,) turns of the motor for one of the joint; efficiency : (n,)
     target_delay : [s] by which targets act later than by the clock of the angles
     backlash : (n,) [rad] between the joint and the encoder that the controller reads, see `play`
+    delay : [s] by which the torque acts later than by the clock of the angles
+    bias : (n,) [N m] constant torque beside it
 
     Examples
     --------
@@ -73,61 +120,51 @@ class Servo:
     efficiency: float | Array = 1.0
     target_delay: float = 0.0
     backlash: float | Array = 0.0
+    delay: float = 0.0
+    bias: float | Array = 0.0
 
     @property
     def has_motor(self) -> bool:
         """Whether torque follows from a voltage, by kt and R."""
         return self.output in ("duty", "voltage")
 
-    def command(self, time: Array, q: Array, w: Array | float = 0.0) -> Array:
-        """Output (K, n) of the controller before its limit, with the joints seen at q and w."""
-        then = time - self.target_delay
-        aim = sample(self.goal, then)
-        if self.target == "velocity":
-            out = self.gain * (aim - w)
-        else:
-            rate = 0.0 if self.goal_velocity is None else sample(self.goal_velocity, then)
-            out = self.gain * (aim - q) + self.damping * (rate - w)
-        return out if self.feedforward is None else out + sample(self.feedforward, then)
+    @property
+    def targets(self) -> tuple[tuple[float | Array, Signal], ...]:
+        """Signals, and what one of each adds to the controller's output."""
+        by_rate = self.goal_velocity is not None and self.target == "position"
+        rate = ((self.damping, self.goal_velocity),) if by_rate else ()
+        ahead = () if self.feedforward is None else ((1.0, self.feedforward),)
+        return ((self.gain, self.goal), *rate, *ahead)
+
+    def at(self, time: Array) -> Controller:
+        """The torque at times (K,), as a function of the motion."""
+        then, has_motor = time - self.target_delay, self.has_motor
+        K, volts = self.ratio * self.kt, 1.0 if self.output == "voltage" else self._supply(time)
+        share = {"torque": 1.0, "current": K}.get(self.output, volts * K / self.R)
+        return Controller(
+            command=np.sum([factor * _sampled(x, then) for factor, x in self.targets], axis=0),
+            by_q=self.gain if self.target == "position" else 0.0,
+            by_w=self.damping if self.target == "position" else self.gain,
+            limit=self.limit,
+            share=share,
+            back_emf=K**2 / self.R if has_motor else 0.0,
+            most=K * self.current_limit if has_motor else float("inf"),
+            scale=self.efficiency * self.connected(time),
+            bias=self.bias,
+        )
 
     def voltage(self, time: Array, q: Array, w: Array | float = 0.0) -> Array:
         """Voltage (K, n) [V] of the controller at times (K,) with the joints at q (K, n)."""
         volts = 1.0 if self.output == "voltage" else self._supply(time)
-        return volts * np.clip(self.command(time, q, w), -self.limit, self.limit)
+        return volts * self.at(time).output(q, w)
 
     def torque(self, time: Array, q: Array, w: Array) -> Array:
         """Torque (K, n) [N m] at times (K,), joints seen at q (K, n), moving at w (K, n)."""
-        on = self.connected(time)
-        if not self.has_motor:
-            out = np.clip(self.command(time, q, w), -self.limit, self.limit)
-            share = self.ratio * self.kt if self.output == "current" else 1.0
-            return self.efficiency * share * out * on
-        K = self.ratio * self.kt
-        u = np.clip(
-            motor_torque(self.voltage(time, q, w), w, K, self.R),
-            -K * self.current_limit,
-            K * self.current_limit,
-        )
-        return self.efficiency * u * on
-
-    def damping_at(self, time: Array, q: Array, w: Array) -> Array:
-        """How much torque (K, n) [N m s/rad] a velocity takes off; none where a limit holds."""
-        command, on = self.command(time, q, w), self.connected(time)
-        by_w = self.gain if self.target == "velocity" else self.damping
-        by_w = np.where(np.abs(command) < self.limit, by_w, 0.0)
-        if not self.has_motor:
-            share = self.ratio * self.kt if self.output == "current" else 1.0
-            return self.efficiency * share * by_w * on
-        K, volts = self.ratio * self.kt, 1.0
-        if self.output == "duty":
-            volts = float(np.median(self._supply(time)))
-        u = motor_torque(self.voltage(time, q, w), w, K, self.R)
-        on = on * (np.abs(u) < K * self.current_limit)
-        return self.efficiency * K * (K + volts * by_w) / self.R * on
+        return self.at(time).linear(q, w).torque
 
     def connected(self, time: Array) -> Array:
         """Whether the motors are connected at times (K,): 1 or 0, shape (K, n)."""
-        return np.where(sample(self.enabled, time) > 0.5, 1.0, 0.0)
+        return np.where(_sampled(self.enabled, time) > 0.5, 1.0, 0.0)
 
     def with_motor(self, kt: float, R: float) -> Servo:
         """The servo with other motors under its controller."""
@@ -143,6 +180,18 @@ class Servo:
 
     def _supply(self, time: Array) -> float | Array:
         return sample(self.supply, time) if isinstance(self.supply, Signal) else self.supply
+
+
+def open_loop(torque: Signal) -> Servo:
+    """A servo that makes a torque, whatever the motion.
+
+    >>> torque = Signal(np.array([0.0, 1.0]), np.array([[0.5], [0.7]]), hold="previous")
+    >>> open_loop(torque).torque(np.array([0.9]), np.ones((1, 1)), np.ones((1, 1)))
+    array([[0.5]])
+    """
+    zero = torque._replace(value=0.0 * torque.value)
+    on = zero._replace(value=zero.value + 1.0)
+    return Servo(zero, on, 0.0, float("inf"), output="torque", feedforward=torque)
 
 
 def motor_torque(volts: Array, w: Array, kt: float | Array, R: float | Array) -> Array:
@@ -199,9 +248,10 @@ def servo_torque(
 ) -> Signal:
     """Torque [N m] along recorded angles.
 
-    delay : [s] by which the voltage acts later than by the clock of the angles
+    delay : [s] by which the voltage acts later than by the clock of the angles, beside the servo's
     rate : velocities [rad/s], those by central differences where there are none
     """
+    delay = delay + servo.delay
     time, seen = angle.time, seen_by_encoder(servo, angle)
     if rate is None:
         rate = Signal(time, np.gradient(angle.value, time, axis=0))
@@ -218,8 +268,13 @@ def with_steps(time: Array, steps: Array) -> Array:
     array([0.      , 0.999999, 1.      , 1.499999, 1.5     , 2.      ])
     """
     inside = steps[(steps > time[0]) & (steps <= time[-1])]
-    just = inside - _JUST * float(np.median(np.diff(time)))
+    just = inside - max(_JUST * float(np.median(np.diff(time))), 10 * _AFTER)
     return np.unique(np.concatenate([time, just, inside]))
+
+
+def _sampled(signal: Signal, time: Array) -> Array:
+    """Values (K, n), at the time of a step those behind it, whatever rounding says."""
+    return sample(signal, time + _AFTER if holds(signal) else time)
 
 
 def _changes(signal: Signal) -> Array:

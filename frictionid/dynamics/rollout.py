@@ -79,26 +79,29 @@ def rollout(
     many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         counts = np.array(sizes, dtype=int)
-        return Rollout(*rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY))
+        return Rollout(
+            *rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)[:2]
+        )
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             if method == "rk4":
-                state = _sample_ahead(plant, friction, state, u[k], dt[k], sizes[k], many)
+                compiled = many and friction.law.sample_time is not None
+                state = ahead(plant, friction, state, u[k], dt[k], sizes[k], compiled)
             else:
                 state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
         wild = diverged(plant, state)
         if bool(wild.any()):
-            state, alive = _freeze(state, wild, alive)
+            state, alive = freeze(state, wild, alive)
         # a memory of samples takes in the newest one with the torque logged with it
         newest = u[min(k + 1, u.shape[0] - 1)]
         state = sampled(plant, friction, state, newest, dt[k][..., None])
-        q.append(_masked(state.q, alive))
-        w.append(_masked(state.w, alive))
+        q.append(masked(state.q, alive))
+        w.append(masked(state.w, alive))
     return Rollout(xp.stack(q), xp.stack(w))
 
 
-def _sample_ahead(
+def ahead(
     plant: Plant,
     friction: Friction,
     state: State,
@@ -107,20 +110,25 @@ def _sample_ahead(
     size: StepSize,
     many: bool,
 ) -> State:
-    """State after a sample interval, in which a memory of samples stands still."""
-    law, memory = friction.law, state.memory
-    still = None
-    if memory and law.sample_time is not None:
-        still = law.while_held(friction.theta, memory)
-    if still is None:
+    """State after dt (...) within a sample interval, in which a memory of samples stands still.
+
+    many : whether there is enough to do for compiled loops
+    """
+    law = friction.law
+    if state.memory and law.sample_time is not None:
+        still = law.while_held(friction.theta, state.memory)
+        if still is not None:
+            friction = replace(friction, law=still[0], theta=still[1])
+            after = ahead(plant, friction, state._replace(memory=()), u, dt, size, many)
+            return after._replace(memory=state.memory)
+    machine = machine_of(plant, friction, state.q, u) if many else None
+    if machine is None:
         return adaptive_step(plant, friction, state, u, dt[..., None], size)
-    friction = replace(friction, law=still[0], theta=still[1])
-    if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
-        begin, sizes = state._replace(memory=()), np.array([size])
-        q, w = rolled_out(machine, plant, friction.theta, begin, u[None], dt[None], sizes, _RUNAWAY)
-        return State(q[1], w[1], memory)
-    after = adaptive_step(plant, friction, state._replace(memory=()), u, dt[..., None], size)
-    return after._replace(memory=memory)
+    sizes = np.array([size])
+    q, w, memory = rolled_out(
+        machine, plant, friction.theta, state, u[None], dt[None], sizes, _RUNAWAY
+    )
+    return State(q[1], w[1], memory)
 
 
 def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
@@ -162,7 +170,7 @@ def sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array)
     return state._replace(memory=law.advance(friction.theta, x, state.memory, dt))
 
 
-def _freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Array]:
+def freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Array]:
     """Put diverged motions to rest, so that they stay finite, and remember them."""
     xp = namespace(state.w)
     still = xp.where(wild[..., None], xp.zeros_like(state.w), state.w)
@@ -171,6 +179,7 @@ def _freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Arra
     return State(place, still, state.memory), alive
 
 
-def _masked(value: Array, alive: Array | None) -> Array:
+def masked(value: Array, alive: Array | None) -> Array:
+    """Values (..., n), NaN in rows (...) that are not alive."""
     xp = namespace(value)
     return value if alive is None else xp.where(alive[..., None], value, float("nan"))

@@ -28,6 +28,8 @@ class State(NamedTuple):
 class Instant(NamedTuple):
     """What determines accelerations: plant, friction, state, and motor torques u (..., n) [N m].
 
+    Of a plant with feedback, u is what a controller commands beside it.
+
     All batch axes broadcast against each other.
     """
 
@@ -62,9 +64,11 @@ class Instant(NamedTuple):
         q, w, memory = self.state
         warm = self.plant.temperature
         warm = None if warm is None else rows_of(warm, which, 1)
+        loop = self.plant.feedback
+        loop = None if loop is None else rows_of(loop, which, 2)
         p = rows_of(self.plant.p, which, 1)
         return Instant(
-            replace(self.plant, parameters=physical, p=p, temperature=warm),
+            replace(self.plant, parameters=physical, p=p, temperature=warm, feedback=loop),
             replace(self.friction, theta=rows_of(self.friction.theta, which, 2)),
             State(q[which], w[which], tuple(rows_of(z, which, 1) for z in memory)),
             rows_of(self.u, which, 1),
@@ -82,6 +86,7 @@ def rows_of(x: Array, which: Array, axes: int) -> Array:
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
     """What friction may depend on at a state (..., m); the load only for laws that use it."""
+    u = torque_in_loop(plant, state, u)
     load = plant.load(state.q, state.w, u) if friction.law.uses_load else 0.0 * state.w
     return at_places(plant.mechanism, Inputs(state.q, state.w, u, load, plant.temperature))
 
@@ -91,6 +96,13 @@ def velocities(plant: Plant, state: State) -> Array:
     return resting_parts(state.w, turns_of(plant.mechanism, state.w))
 
 
-def driven(plant: Plant, u: Array) -> Array:
-    """Torques B u (..., n) [N m]: those of joints that have a motor."""
-    return u * like(plant.mechanism.motors, u)
+def torque_in_loop(plant: Plant, state: State, u: Array) -> Array:
+    """Motor torques u - K q - B w (..., n) [N m], or u where the plant has no feedback."""
+    if plant.feedback is None:
+        return u
+    return u - plant.feedback[..., 0, :] * state.q - plant.feedback[..., 1, :] * state.w
+
+
+def driven(plant: Plant, state: State, u: Array) -> Array:
+    """Torques B u (..., n) [N m] of joints that have a motor, in closed loop."""
+    return torque_in_loop(plant, state, u) * like(plant.mechanism.motors, u)

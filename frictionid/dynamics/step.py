@@ -2,7 +2,8 @@
 
     M(q) dw/dt = h(q, w) + B u - A' Tf
 
-integrated by RK4 on the friction law, in substeps that its slope needs, and finely where a part
+under held u, or u - K q - B w of a controller, see `Plant.feedback`. It is integrated by RK4 on
+the friction law, in substeps that its slope and the controller need, and finely where a part
 comes near rest. Parts are the joints (A = 1), and those that turn with several of them. Around
 A w = 0 friction is set-valued: `stiction` says which parts stick, `zero_crossing` which stop,
 `break_away` which begin to move.
@@ -185,7 +186,7 @@ def acceleration(
 ) -> Array:
     """Joint accelerations dw/dt (..., n) [rad/s^2]."""
     M, h = plant.dynamics(state.q, state.w)
-    f = h + driven(plant, u)
+    f = h + driven(plant, state, u)
     Tf = friction_torque(friction, inputs(plant, friction, state, u), state.memory, stiction)
     turns = turns_of(plant.mechanism, state.w)
     left = f - onto_joints(Tf, turns)

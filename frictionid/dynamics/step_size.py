@@ -1,4 +1,4 @@
-"""How a step is divided: by the slope of friction, and finely where a joint comes near rest."""
+"""How a step is divided: by friction and feedback, and finely where a joint comes near rest."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from frictionid.mechanics import Plant, configurations
 from frictionid.mechanics.plant import SLOW
 
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
+_RESOLVED = 0.25  # [rad] of a feedback's oscillation, to 1e-5 of its amplitude per substep
 _LONGEST = 0.005  # [s], resolves 30 rad/s of motion to 1e-7 rad per substep
 _FINE = 0.0007  # [s], near rest: joints lose some 0.05 rad/s in it
 _FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
@@ -52,7 +53,8 @@ def step_size_of(
     )
     away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
     longest = min(longest, friction.law.longest_substep)
-    pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, 1.0)))
+    loop = dt * feedback_rate(plant) / _RESOLVED
+    pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, loop, 1.0)))
     near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
     return StepSize(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
@@ -68,7 +70,8 @@ def substeps(plant: Plant, friction: Friction, dt: float) -> int:
     """
     rate = stiffness(plant, friction)
     longest = min(_LONGEST, friction.law.longest_substep)
-    count = int(np.ceil(max(dt / longest, dt * rate / _STABLE, 1.0)))
+    loop = dt * feedback_rate(plant) / _RESOLVED
+    count = int(np.ceil(max(dt / longest, dt * rate / _STABLE, loop, 1.0)))
     if rate > _FASTEST:
         raise TooSteepError(
             f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
@@ -87,11 +90,28 @@ def stiffness(plant: Plant, friction: Friction, beyond: Array | float = 0.0) -> 
     speeds `beyond` some, (n,) [rad/s]; where friction grows with the load or the motor torque,
     under those that hold the joints still.
     """
-    q, mechanism = configurations(plant.n, 9), plant.mechanism
-    p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
-    W = mobility(mechanism.inertia(p[:, None], q), turns_of(mechanism, q))
+    q, p, W = _mobilities(plant)
     root = np.sqrt(slopes(friction, beyond, *_holding(plant, friction, p, q)))
     return float(np.linalg.eigvalsh(root[:, None] * W * root).max())
+
+
+def feedback_rate(plant: Plant) -> float:
+    """Fastest rate [rad/s] of a plant's feedback: (K/M)^.5 of stiffness, B/(2 M) of damping."""
+    if plant.feedback is None:
+        return 0.0
+    n = plant.n
+    most = np.maximum(plain(plant.feedback).reshape(-1, 2, n).max(axis=0), 0.0)
+    W = _mobilities(plant)[2][..., :n, :n]
+    roots = np.sqrt(most * plant.mechanism.motors)
+    K, B = (np.linalg.eigvalsh(root[:, None] * W * root).max() for root in roots)
+    return float(max(np.sqrt(K), B / 2))
+
+
+def _mobilities(plant: Plant) -> tuple[Array, Array, Array]:
+    """Angles q (C, n), all different base parameters p (B, nb), and mobilities (B, C, m, m)."""
+    q, mechanism = configurations(plant.n, 9), plant.mechanism
+    p = np.unique(plain(plant.p).reshape(-1, plant.p.shape[-1]), axis=0)
+    return q, p, mobility(mechanism.inertia(p[:, None], q), turns_of(mechanism, q))
 
 
 def _holding(plant: Plant, friction: Friction, p: Array, q: Array) -> tuple[Array, Array]:

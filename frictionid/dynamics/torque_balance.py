@@ -137,7 +137,7 @@ def balance(now: Instant, stiction: Stiction | None) -> Balance:
     low, high = (law.limit(theta, x._replace(w=s * side), memory) for s in (-1.0, 1.0))
     Tf = friction_torque(friction, x, memory, stiction)
     turns = turns_of(plant.mechanism, state.w)
-    return Balance(M, h + driven(plant, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf, turns)
+    return Balance(M, h + driven(plant, state, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf, turns)
 
 
 def has_break_away(friction: Friction) -> bool:

@@ -15,28 +15,23 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages
 from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States
+from frictionid.dynamics.closed_loop import closed_loop, controllers_of
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.state import State, inputs
-from frictionid.dynamics.step import step
-from frictionid.dynamics.step_size import substeps
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.initial_states import padded, temperatures
+from frictionid.evaluation.initial_states import padded, servos_of, temperatures
 from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_last_joints
 from frictionid.mechanics import Plant
 
-# A servo's torque is held for so long [s]; with 0.5 ms in its place the mean errors of published
-# models on real logs are the same to 1e-4 of 0.06 rad
-_PIECE = 4e-3
 _AT_ONE_TEMPERATURE = 100  # intervals
 
 
@@ -44,7 +39,7 @@ class Trajectory(NamedTuple):
     """Whole recordings side by side, R over at most T intervals.
 
     names; time (T + 1, R) [s]; q, w (R, n): initial states; u (T, R, n) [N m] recorded torque;
-    measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: empty, or one for each;
+    measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: see `servos_of`;
     temperature (T + 1, R, m) [degC] of parts with friction, None where it is not known.
     """
 
@@ -113,7 +108,6 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
     each, mechanism = temperatures(dataset, clocks), dataset.mechanism
     temperature = None if each is None else of_last_joints(mechanism, np.stack(each, axis=1))
     pairs = list(zip(dataset.recordings, times, strict=True))
-    servos = [r.servo for r in dataset.recordings if r.servo is not None]
     return Trajectory(
         names=tuple(r.name for r in dataset.recordings),
         time=np.stack(clocks, axis=1),
@@ -121,7 +115,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
         w=np.stack([s.w[k] for s, k in zip(states, first, strict=True)]),
         u=padded([averages(r.torque, time) for r, time in pairs], T, 0.0),
         measured=padded([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
-        servos=tuple(servos) if len(servos) == len(times) else (),
+        servos=servos_of(dataset),
         temperature=temperature,
     )
 
@@ -135,16 +129,15 @@ def _lengthened(time: Array, length: int) -> Array:
 def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
     """Angles (T + 1, R, n) [rad] of all recordings, simulated from their initial state only.
 
-    plant, friction : with one batch entry for each recording, or one for all; what the friction's
-        calibration does to a servo's torque is done here, the rest is in the recordings already
+    plant, friction : with one batch entry for each recording, or one for all
     """
     start = State(trajectory.q, trajectory.w)
-    if not trajectory.servos and friction.law.uses_temperature:
+    if trajectory.servos:
+        controllers = controllers_of(trajectory.servos, trajectory.time)
+        return closed_loop(plant, friction, start, controllers, trajectory.temperature).q
+    if friction.law.uses_temperature:
         return _warming(plant, friction, trajectory)
-    if not trajectory.servos:
-        return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
-    with np.errstate(all="ignore"):  # a motion that diverges is infinitely wrong, no warning
-        return _run(plant, friction, start, trajectory)
+    return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
 
 
 def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
@@ -161,71 +154,6 @@ def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
         state = State(motion.q[-1], motion.w[-1])
         q.append(motion.q[1:])
     return np.concatenate(q)
-
-
-class _Drive(NamedTuple):
-    """The servos of R recordings, and what the calibration makes of their torque.
-
-    gain, bias (R, n) or (n,); delay [s], (R,) or one: so much later the voltage acts.
-    """
-
-    servos: tuple[Servo, ...]
-    gain: Array
-    bias: Array
-    delay: Array
-
-    def torque(self, time: Array, seen: Array, w: Array) -> Array:
-        """Torque (R, n) [N m] of each recording's servo at its own time (R,) and state (R, n)."""
-        later = self.delay + 0.0 * time
-        time, seen = time - later, seen - later[:, None] * w
-        states = zip(self.servos, time[:, None], seen[:, None], w[:, None], strict=True)
-        each = [servo.torque(t, q, v) for servo, t, q, v in states]
-        return self.gain * np.concatenate(each) + self.bias
-
-    @property
-    def backlash(self) -> Array:
-        """Backlash (R, n) [rad] before the encoders."""
-        n = self.servos[0].goal.value.shape[1]
-        return np.array([s.backlash + np.zeros(n) for s in self.servos])
-
-
-def _drive_of(trajectory: Trajectory, calibration: Calibration | None) -> _Drive:
-    calibration = calibration or Calibration.ideal(trajectory.q.shape[-1])
-    return _Drive(trajectory.servos, calibration.gain, calibration.bias, calibration.delay)
-
-
-def _run(plant: Plant, friction: Friction, start: State, trajectory: Trajectory) -> Array:
-    drive = _drive_of(trajectory, friction.calibration)
-    longest = trajectory.dt.max(axis=1)
-    pieces = np.maximum(np.ceil(longest / _PIECE - 1e-9), 1.0).astype(int)
-    T, part = trajectory.temperature, float((longest / pieces).max())
-    extremes = None if T is None else np.stack([T.min(axis=0), T.max(axis=0)])
-    count = substeps(plant, friction.at_temperature(extremes), part)
-    u = drive.torque(trajectory.time[0], start.q, start.w)
-    x = inputs(plant, friction, start, u)
-    state = start._replace(memory=friction.law.start(friction.theta, x))
-    before, q, half = state, [state.q], drive.backlash / 2
-    z = 0.0 * state.q
-    for k, number in enumerate(pieces):
-        h = trajectory.dt[k][:, None] / number
-        there = friction.at_temperature(None if T is None else T[k])
-        for piece in range(number):
-            w = state.w + (state.w - before.w) / 2  # that of the piece's middle
-            time = trajectory.time[k] + (piece + 0.5) * h[:, 0]
-            u = drive.torque(time, state.q + w * h / 2 - z, w)
-            before, state = state, step(plant, there, state, u, h, count)
-            z = np.clip(z + state.q - before.q, -half, half)
-        state = _sampled(plant, friction, state, u, trajectory.dt[k][:, None])
-        q.append(state.q)
-    return np.stack(q)
-
-
-def _sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
-    """Memory of laws that advance once a sample."""
-    if not state.memory or friction.law.sample_time is None:
-        return state
-    x = inputs(plant, friction, state, u)
-    return state._replace(memory=friction.law.advance(friction.theta, x, state.memory, dt))
 
 
 def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:

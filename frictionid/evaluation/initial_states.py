@@ -9,16 +9,18 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
-from frictionid.data.integrals import averages
+from frictionid.data.integrals import averages, pieces_of
 from frictionid.data.recordings import Dataset
-from frictionid.data.signals import sample
+from frictionid.data.servo import Servo, open_loop, seen_by_encoder
+from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
 from frictionid.data.temperatures import temperature_at
+from frictionid.dynamics.closed_loop import Controllers, controllers_of
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.evaluation.folds import Folds
 from frictionid.fitting.one_step.residual import GAP
-from frictionid.fitting.shooting import SampleWindows, intervals_of, logged_torque, solve_states
+from frictionid.fitting.shooting import SampleWindows, drive_of, intervals_of, solve_states
 from frictionid.friction import Friction, Inputs, Nodes
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.mechanics import Plant
@@ -31,7 +33,8 @@ class InitialStates(NamedTuple):
     dt (T, S) [s]; measured (T + 1, S, n) [rad]; truth the same or None; horizons (H,) [s] and
     last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
     nodes: motion of all recordings before, for the friction's memory; temperature (S, m) [degC] of
-    parts with friction at the start, None where it is not known.
+    parts with friction at the start, None where it is not known; servos: empty, or one for each,
+    with time (S,) [s] and the play (S, n) [rad] of their encoders at the start.
     """
 
     recording: Array
@@ -46,6 +49,17 @@ class InitialStates(NamedTuple):
     last: Array
     nodes: Nodes
     temperature: Array | None = None
+    servos: tuple[Servo, ...] = ()
+    time: Array | None = None
+    play: Array | None = None
+
+    @property
+    def controllers(self) -> Controllers | None:
+        """Controllers that act on the rollouts, None where recorded torque does."""
+        if not self.servos or self.time is None:
+            return None
+        clock = np.concatenate([np.zeros((1, len(self.q))), np.cumsum(self.dt, axis=0)])
+        return controllers_of(self.servos, self.time + clock, self.play)
 
     def take(self, rows: Array) -> InitialStates:
         """Some (k,) of the rollouts, as often as they are asked for."""
@@ -53,14 +67,24 @@ class InitialStates(NamedTuple):
         second = {name: getattr(self, name)[:, rows] for name in ("u", "dt", "measured", "last")}
         truth = None if self.truth is None else self.truth[:, rows]
         temperature = None if self.temperature is None else self.temperature[rows]
-        return self._replace(**first, **second, truth=truth, temperature=temperature)
+        servos = tuple(self.servos[i] for i in rows) if self.servos else ()
+        time, play = (None if x is None else x[rows] for x in (self.time, self.play))
+        part = self._replace(**first, **second, truth=truth, temperature=temperature)
+        return part._replace(servos=servos, time=time, play=play)
 
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
         q, u, measured = self.q.copy(), self.u.copy(), self.measured.copy()
         q[rows], u[:, rows] = other.q[rows], other.u[:, rows]
         measured[:, rows] = other.measured[:, rows]
-        return self._replace(q=q, u=u, measured=measured)
+        new = self._replace(q=q, u=u, measured=measured)
+        if self.play is None or other.play is None:
+            return new
+        play, servos = self.play.copy(), list(self.servos)
+        play[rows] = other.play[rows]
+        for row in rows:
+            servos[row] = other.servos[row]
+        return new._replace(play=play, servos=tuple(servos))
 
 
 def make_initial_states(
@@ -90,6 +114,7 @@ def make_initial_states(
     measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
     true = all(r.truth is not None for r in dataset.recordings)
     steps = [np.diff(s.time)[:, None] for s in states]
+    servos = servos_of(dataset)
     return InitialStates(
         recording=owner,
         index=index,
@@ -103,7 +128,37 @@ def make_initial_states(
         last=last,
         nodes=_nodes(dataset, states, plant),
         temperature=_temperatures(dataset, states, pairs),
+        servos=tuple(servos[r] for r in owner) if servos else (),
+        time=np.array([states[r].time[k] for r, k in pairs]),
+        play=_play(servos, dataset, states, pairs) if servos else None,
     )
+
+
+def servos_of(dataset: Dataset) -> tuple[Servo, ...]:
+    """Servos of all recordings, none where no recording has one.
+
+    Recordings without servo among others have one that makes their torque, whatever the motion.
+    """
+    recordings = dataset.recordings
+    if all(r.servo is None for r in recordings):
+        return ()
+    return tuple(r.servo or open_loop(r.torque) for r in recordings)
+
+
+def _play(
+    servos: Sequence[Servo],
+    dataset: Dataset,
+    states: Sequence[States],
+    pairs: Sequence[tuple[int, int]],
+) -> Array:
+    """Play (S, n) [rad] of encoders at the starts, by the motion before."""
+    play = []
+    for servo, recording, s in zip(servos, dataset.recordings, states, strict=True):
+        angle = recording.angle
+        seen = seen_by_encoder(servo, angle, Signal(s.time, s.q, "linear"))
+        lag = Signal(angle.time, angle.value - seen.value, "linear")
+        play.append(sample(lag, s.time))
+    return np.stack([play[r][k] for r, k in pairs])
 
 
 def true_states(dataset: Dataset, states: Sequence[States]) -> list[States] | None:
@@ -266,10 +321,14 @@ def preceding_samples(
     part = intervals.take(index)
     pieces = int(np.ceil(float(np.median(part.dt)) / _PIECE - 1e-6))
     share = np.arange(max(pieces, 1) + 1) / max(pieces, 1)
-    u = logged_torque(part, Calibration.ideal(intervals.n), np.arange(len(index)), share).mean
+    ideal = Calibration.ideal(intervals.n)
+    drive = drive_of(intervals, ideal, dataset.mechanism)
+    edges = part.time[:, None] + part.dt[:, None] * share
+    u = pieces_of(drive.torque, part.recording, edges).mean
+    loop = None if drive.loop is None else drive.loop.feedback[index]
     driven = np.array([np.any(r.torque.value, axis=0) for r in dataset.recordings]).any(axis=0)
     sigma = 1.4826 * np.median(np.abs(intervals.before - intervals.q), axis=0)
-    return SampleWindows(part, windows, u * driven, np.maximum(sigma, 1e-6))
+    return SampleWindows(part, windows, u * driven, np.maximum(sigma, 1e-6), loop)
 
 
 def estimate_initial_states(

@@ -12,6 +12,7 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import TURN, joint_sizes, norm_of
 from frictionid.data.recordings import Dataset
+from frictionid.dynamics.closed_loop import closed_loop
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
@@ -47,6 +48,9 @@ def predict(
         state = State(initial.q, initial.w, _memory(friction, initial))
     else:
         state = estimate_initial_states(plant, friction, preceding, initial)
+    controllers = initial.controllers
+    if controllers is not None:
+        return closed_loop(plant, friction, state, controllers)
     return rollout(plant, friction, state, initial.u, initial.dt)
 
 

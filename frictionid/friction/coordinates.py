@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array, inverse, like, namespace, times
-from frictionid.errors import InputError
 from frictionid.friction.friction import Friction
 from frictionid.friction.law import Inputs
 from frictionid.mechanics import Mechanism, Plant
@@ -130,13 +129,3 @@ def with_units_of(mechanism: Mechanism, friction: Friction) -> Friction:
     """Friction with the units of the places where it acts, and of the load there."""
     load = "N m" if mechanism.loads_of_gears else "N"
     return replace(friction, position_units=mechanism.friction_units, load_unit=load)
-
-
-def refuse_coupled(mechanism: Mechanism, what: str) -> None:
-    """Raise InputError where motors turn with several joints, for what takes friction by joint."""
-    if mechanism.coupled:
-        name = mechanism.coupled[0][0]
-        raise InputError(
-            f"{what} takes friction joint by joint, but {name!r} turns with several: leave the "
-            "block out, or coupled out of [mechanism]"
-        )

@@ -21,7 +21,9 @@ class Plant:
     `parameters` are arrays of one batch shape (...), often one entry per recording or row; p has
     shape (..., nb). An index into a plant picks from the batch. `slow` has a speed of each joint
     [rad/s or m/s], below which it may come to rest: 0.1 where no motion says better. `temperature`
-    (..., n) [degC] is that of the joints, for friction that depends on it.
+    (..., n) [degC] is that of the joints, for friction that depends on it. `feedback` (..., 2, n)
+    is what a controller takes off the motor torque: u - K q - B w with stiffness K [N m/rad] and
+    damping B [N m s/rad].
 
     >>> import numpy as np
     >>> from frictionid.mechanics import pendulum
@@ -34,6 +36,7 @@ class Plant:
     p: Array
     slow: tuple[float, ...] = ()
     temperature: Array | None = None
+    feedback: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.slow:
@@ -57,7 +60,8 @@ class Plant:
     def __getitem__(self, index: Any) -> Plant:
         physical = {k: v[index] for k, v in self.parameters.items()}
         warm = None if self.temperature is None else self.temperature[index]
-        return Plant(self.mechanism, physical, self.p[index], self.slow, warm)
+        loop = None if self.feedback is None else self.feedback[index]
+        return Plant(self.mechanism, physical, self.p[index], self.slow, warm, loop)
 
     @property
     def n(self) -> int:

@@ -11,7 +11,7 @@ from fixtures.tiny_pendulums import recordings as torque_driven_recordings
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.cross_validate import Benchmark, run
-from frictionid.data.calibration import Calibration
+from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque
@@ -134,7 +134,7 @@ def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs
     data, states = logs
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
     calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
-    told, _ = run_of(weak, states, replace(TRUTH, calibration=calibration))
+    told, _ = run_of(calibrated_dataset(weak, calibration), states)
     np.testing.assert_allclose(told, run_of(data, states)[0], atol=1e-9)
 
 
@@ -149,7 +149,7 @@ def test_a_bias_of_the_rig_is_a_constant_torque(logs):
         return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
 
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    told, _ = run_of(free, states, replace(TRUTH, calibration=calibration))
+    told, _ = run_of(calibrated_dataset(free, calibration), states)
     np.testing.assert_allclose(told, run_of(servoed(data, raised), states)[0], atol=1e-9)
     assert np.abs(told - run_of(free, states)[0]).max() > 1e-3
 
@@ -158,9 +158,8 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
     data, states, d = subset(logs[0], 0), logs[1][:1], 0.004
     servo = data.recordings[0].servo
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    told, _ = run_of(
-        free, states, replace(TRUTH, calibration=replace(Calibration.ideal(1), delay=np.array(d)))
-    )
+    calibration = replace(Calibration.ideal(1), delay=np.array(d))
+    told, _ = run_of(calibrated_dataset(free, calibration), states)
 
     def later(servo):
         goal, on = (x._replace(time=x.time + d) for x in (servo.goal, servo.enabled))
@@ -188,7 +187,8 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
             for r in data.recordings
         ),
     )
-    np.testing.assert_array_equal(run_of(data, states)[0], run_of(spoilt, states)[0])
+    runs = (free_run(plant_of(data), TRUTH, make_trajectory(d, states)) for d in (data, spoilt))
+    np.testing.assert_array_equal(*runs)
 
 
 # --- Routes that must agree ----------------------------------------------------------------------

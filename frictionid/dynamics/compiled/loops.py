@@ -13,6 +13,7 @@ from frictionid.dynamics.compiled.tangent import TangentMachine
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.dynamics.torque_balance import SWEEPS
+from frictionid.friction import Memory
 from frictionid.mechanics import Plant
 from frictionid.programs.loops import called, compiled, kept
 from frictionid.programs.machine_code import run_at
@@ -90,8 +91,8 @@ def rolled_out(
     dt: Array,
     sizes: Array,
     runaway: float,
-) -> tuple[Array, Array]:
-    """Motion q, w (T + 1, ..., n) from start states (..., n); NaN after a divergence.
+) -> tuple[Array, Array, Memory]:
+    """Motion q, w (T + 1, ..., n) from start states (..., n), NaN after a divergence; last memory.
 
     Parameters
     ----------
@@ -114,7 +115,9 @@ def rolled_out(
     each = rows(np.moveaxis(dt, 0, -1), T)
     numbers = rows_of_numbers(machine, plant, theta, start.memory, rows)
     _rollout(machine, numbers, plant.slow_like(np.zeros(n)), *flat, driven, each, sizes, runaway)
-    return q, w
+    first, parts = machine.at.memory, plant.parts
+    last = (numbers[:, first + k * parts :][:, :parts] for k in range(len(start.memory)))
+    return q, w, tuple(z.reshape(*batch, parts) for z in last)
 
 
 def rows_of_numbers(
@@ -124,6 +127,8 @@ def rows_of_numbers(
     at, slow = machine.at, plant.slow_like(np.zeros(plant.parts))
     columns = {at.slow: rows(slow, plant.parts), at.p: rows(plant.p, plant.p.shape[-1])}
     columns[at.theta] = rows(theta, *theta.shape[-2:])
+    if plant.feedback is not None:
+        columns[at.feedback] = rows(plant.feedback, 2, plant.n)
     for k, z in enumerate(memory):
         columns[at.memory + k * plant.parts] = rows(z, plant.parts)
     physical = (
@@ -168,6 +173,7 @@ def _rollout(
             for j in range(n):
                 q[k + 1, b, j] = row[at.q + j] if alive else np.nan
                 w[k + 1, b, j] = row[at.w + j] if alive else np.nan
+        numbers[b] = row[: machine.head]
 
 
 def end_states_of(

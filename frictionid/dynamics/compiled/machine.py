@@ -43,6 +43,7 @@ class Places(NamedTuple):
     q: int
     w: int
     u: int
+    feedback: int
     p: int
     theta: int
     physical: int
@@ -90,7 +91,8 @@ def row_of(plant: Plant, friction: Friction, *states: Array) -> Row | None:
         return None
     if friction.theta.shape[-2] != plant.parts or law.uses_temperature or law.sample_time:
         return None
-    return Row(plant.mechanism, law, has_break_away(friction))
+    loop = plant.feedback is not None
+    return Row(plant.mechanism, law, has_break_away(friction), loop)
 
 
 @lru_cache(maxsize=64)

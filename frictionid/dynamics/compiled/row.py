@@ -70,6 +70,7 @@ class Row:
     mechanism: Mechanism
     law: Law
     breaks: bool
+    feedback: bool = False
 
     @property
     def sharp(self) -> bool:
@@ -102,6 +103,7 @@ class Row:
         single = "is_slow is_near crosses loosens turns_back at_stake moved"
         return {
             **{"q": n, "w": n, "memory": memory, "u": n, "dt": 1, "slow": m},
+            "feedback": 2 * n if self.feedback else 0,
             **{"p": len(self.mechanism.base_names), "theta": m * len(self.law.names)},
             "physical": len(self.mechanism.defaults) if self.law.uses_load else 0,
             **dict.fromkeys(joints.split(), n),
@@ -140,9 +142,14 @@ class Row:
 
     # ------------------------------------------------------------ torques
 
+    def motor_torque(self, x: Any) -> Array:
+        """Motor torques (n,), in closed loop where there is a feedback."""
+        n = len(x.u)
+        return x.u - x.feedback[:n] * x.at_q - x.feedback[n:] * x.at_w if self.feedback else x.u
+
     def inputs(self, x: Any) -> Inputs:
         """What friction may depend on, where the row is evaluated."""
-        return at_places(self.mechanism, Inputs(x.at_q, x.at_w, x.u, x.load))
+        return at_places(self.mechanism, Inputs(x.at_q, x.at_w, self.motor_torque(x), x.load))
 
     def memory(self, x: Any) -> tuple[Array, ...]:
         """Entries (m,) of the memory."""
@@ -170,10 +177,11 @@ class Row:
 
     def dynamics(self, x: Any) -> dict[str, Array]:
         M, h = self.mechanism.dynamics(x.p, x.at_q, x.at_w)
-        out = {"M": M, "f": h + x.u * self.mechanism.motors}
+        u = self.motor_torque(x)
+        out = {"M": M, "f": h + u * self.mechanism.motors}
         if self.law.uses_load:
             physical = {k: x.physical[i] for i, k in enumerate(self.mechanism.defaults)}
-            out["load"] = self.mechanism.load(physical, x.at_q, x.at_w, x.u)
+            out["load"] = self.mechanism.load(physical, x.at_q, x.at_w, u)
         return out
 
     def aim(self, x: Any) -> dict[str, Array]:

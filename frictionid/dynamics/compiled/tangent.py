@@ -251,7 +251,8 @@ class TangentRow:
         M, by_q, by_w = (y.reshape(n, n) for y in (x.M, x.partial_q, x.partial_w))
         partials = Partials(by_q, by_w, x.partial_p.reshape(n, -1))
         motors = self.row.mechanism.motors
-        here = linear(M, self.slopes_of(x), partials, self.base, motors, turns, rates)
+        loop = x.feedback.reshape(2, n) if self.row.feedback else None
+        here = linear(M, self.slopes_of(x), partials, self.base, motors, turns, rates, loop)
         size = 2 * n + e * m
         T = np.eye(size, size + len(self.free) + len(self.base) + n) + 0.0 * x.dt
         start = without_held(T[n : 2 * n], x.sticking, x.M0.reshape(n, n), turns)

@@ -128,11 +128,12 @@ def _advanced(
         minimum = stiction.braking
         friction = at_break_away(friction, minimum, _limit_slopes(model, at, u, minimum))
     M, h0 = plant.dynamics(at.q, at.w)
-    force = h0 + driven(plant, u) - onto_joints(friction.torque, turns)
+    force = h0 + driven(plant, at, u) - onto_joints(friction.torque, turns)
     a = solve(M, force) if held is None else constrained(M, force, held, turns)
     partials = plant.mechanism.partials(plant.p, at.q, at.w, a)
     rates = memory_rates(model, at, u, dt / 2)
-    here = linear(M, friction, partials, model.base, plant.mechanism.motors, turns, rates)
+    motors = plant.mechanism.motors
+    here = linear(M, friction, partials, model.base, motors, turns, rates, plant.feedback)
     start, T = T, advanced(T, by, here, held, h, turns)
     if crossing is not None:
         rows, cross = crossing

@@ -38,8 +38,8 @@ class FreeTheta(NamedTuple):
 class Slopes(NamedTuple):
     """Friction torque (K, m) [N m] of all parts and its partial derivatives.
 
-    by_q, by_w, by_u (K, m, n) by those of the joints; by_memory (K, e, m), of each part's own
-    entries; by_theta (K, m, F), by each free entry of theta.
+    by_q, by_w, by_u (K, m, n) by those of the joints, of motor torques in closed loop; by_memory
+    (K, e, m), of each part's own entries; by_theta (K, m, F), by each free entry of theta.
     """
 
     torque: Array
@@ -120,6 +120,9 @@ def slopes(
             by_w = np.stack(columns, axis=-1) * moves @ A
         else:
             by_w = diagonal("w") * moves @ A
+        if reads.u and plant.feedback is not None:
+            by_q = by_q - by_u * plant.feedback[..., 0, None, :]
+            by_w = by_w - by_u * plant.feedback[..., 1, None, :]
     gradient, of_memory = _own_slopes(law, theta, x, memory, len(free.place) > 0)
     of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
     entries = np.stack(of_memory, axis=-2) if memory else np.zeros((K, 0, w.shape[-1]))

@@ -69,6 +69,9 @@ def _by_inputs(
     if model.reads.u:
         by = np.zeros((len(before), n, before.shape[-1]))
         by[..., before.shape[-1] - motor.by.shape[1] :] = np.moveaxis(motor.by[0], 0, -1)
+        if model.plant.feedback is not None:
+            K, B = np.moveaxis(model.plant.feedback, -2, 0)[..., None]
+            by = by - K * before[:, :n] - B * before[:, n : 2 * n]
         changes["u"] = torque_map(mechanism) @ by
     for name, change in changes.items():
         value = getattr(x, name)

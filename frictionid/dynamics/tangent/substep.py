@@ -73,12 +73,20 @@ def linear(
     motors: Array,
     turns: Array | None,
     rates: MemoryRates | None,
+    feedback: Array | None = None,
 ) -> Linear:
-    """Torques of the joints, of the slopes of friction at m parts and partials of M a - h."""
+    """Torques of the joints, of the slopes of friction at m parts and partials of M a - h.
+
+    feedback : (..., 2, n), see `Plant.feedback`
+    """
+    by_q, by_w = partials.by_q, partials.by_w
+    if feedback is not None:
+        by_q = by_q + np.diag(motors) * feedback[..., 0, None, :]
+        by_w = by_w + np.diag(motors) * feedback[..., 1, None, :]
     return Linear(
         M,
-        partials.by_q + _onto_joints(friction.by_q, turns),
-        partials.by_w + _onto_joints(friction.by_w, turns),
+        by_q + _onto_joints(friction.by_q, turns),
+        by_w + _onto_joints(friction.by_w, turns),
         _onto_joints(friction.by_u, turns) - np.diag(motors),
         friction.by_memory,
         _onto_joints(friction.by_theta, turns),

@@ -17,6 +17,7 @@ from frictionid.fitting.shooting.gauss_newton import Solution, solve
 from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.recipe import Shooting, refine_folds
 from frictionid.fitting.shooting.refine import refine
-from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of, logged_torque
+from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
+from frictionid.fitting.shooting.servo import drive_of
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.fitting.shooting.window_states import SampleWindows, solve_states

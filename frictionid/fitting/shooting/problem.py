@@ -32,11 +32,10 @@ from frictionid.fitting.parameters.parameter_block import (
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.servo import (
     Drive,
+    changes_of,
     check_servo,
     drive_of,
     has_actuator,
-    inside,
-    refuse_open,
 )
 from frictionid.fitting.shooting.settings import Settings
 from frictionid.friction import Inputs, Nodes, memory_along
@@ -96,40 +95,32 @@ class ShootingProblem:
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
-        out = Linearisation.zeros(nodes, self._angle())
-        drive = drive_of(self.intervals, estimate, self.blocks)
-        if drive.B is None:
-            self._linearise(out, estimate, drive, nodes, rows)
-            return out
-        for B in np.unique(drive.B[rows], axis=0):
-            alike = rows[(drive.B[rows] == B).all(axis=1)]
-            self._linearise(out, inside(estimate, B), drive, nodes, alike)
-        return out
-
-    def _linearise(
-        self, out: Linearisation, estimate: Estimate, drive: Drive, nodes: Array, rows: Array
-    ) -> None:
-        """Set the rows (k,) of a linearisation."""
-        intervals, n = self.intervals, self.intervals.n
-        plant = self._plant(estimate)
+        out, intervals = Linearisation.zeros(nodes, self._angle()), self.intervals
+        n, plant = intervals.n, self._plant(estimate)
+        drive = drive_of(intervals, estimate.calibration, estimate.mechanism)
+        changes = changes_of(intervals, estimate, self.blocks, drive)
+        drive = drive._replace(changes=tuple(changes))
+        feedback = self._feedback(estimate, drive)
         model = self._model(estimate, plant)
-        pieces = self._pieces(estimate, plant)
+        pieces = self._pieces(estimate, replace(plant, feedback=feedback))
         for count in np.unique(pieces[rows]):
             alike = rows[pieces[rows] == count]
             for part in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
                 start = State(nodes[part, :n], nodes[part, n : 2 * n], self._memory(nodes[part]))
-                here = model._replace(plant=self._plant_at(estimate, plant, part))
+                here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))
                 fine = int(np.ceil(float(intervals.dt[part].max()) / count / self.settings.fine))
                 end = end_states(here, start, motor, intervals.dt[part], fine)
                 if start.memory and estimate.friction.law.sample_time is not None:
                     after = self._following(part)
                     later = self._torque_between(estimate, drive, after, _WHOLE)
+                    here = model._replace(plant=self._plant_at(estimate, plant, after, feedback))
                     end = memory_after_sample(here, end, later, intervals.dt[part])
                 out.end[part] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
                 out.by_start[part] = end.by_start
                 by = self._shared(end.by_parameters)
                 out.by[part, :, : by.shape[-1]] = by
+        return out
 
     def initial_nodes(self, estimate: Estimate) -> Array:
         """Nodes (K, s) from the smoothed motion."""
@@ -186,9 +177,20 @@ class ShootingProblem:
         # only bearing loads need the physical parameters
         return plant if estimate.friction.law.uses_load else replace(plant, parameters={})
 
-    def _plant_at(self, estimate: Estimate, plant: Plant, rows: Array) -> Plant:
+    def _feedback(self, estimate: Estimate, drive: Drive) -> Array | None:
+        """Stiffness and damping (K, 2, n) of servos in each interval."""
+        if drive.loop is None:
+            return None
+        calibration = estimate.calibration
+        return calibration.gain * drive.loop.late(float(calibration.delay))
+
+    def _plant_at(
+        self, estimate: Estimate, plant: Plant, rows: Array, feedback: Array | None
+    ) -> Plant:
         """The plant of some intervals, with their temperature where friction depends on it."""
         plants = plant[self.intervals.recording[rows]]
+        if feedback is not None:
+            plants = replace(plants, feedback=feedback[rows])
         if self.intervals.temperature is None or not estimate.friction.law.uses_temperature:
             return plants
         return replace(plants, temperature=self.intervals.temperature[rows])
@@ -221,10 +223,17 @@ class ShootingProblem:
         """Motor torque of some intervals between shares (S + 1,) of their time."""
         intervals, calibration = self.intervals, estimate.calibration
         recording, driven = intervals.recording[rows], estimate.mechanism.motors
+        offset, loop = calibration.offset, drive.loop
         edges = intervals.time[rows, None] + intervals.dt[rows, None] * share
         edges = edges - float(calibration.delay)
         logged = pieces_of(drive.torque, recording, edges)
-        u = (calibration.gain * logged.mean + calibration.bias) * driven
+        commanded, recorded = logged.mean, Logged(logged.mean, logged.mean_later)
+        if loop is not None:  # the controller sees angles as they are recorded
+            K, B = np.moveaxis(loop.feedback[rows], 1, 0)
+            along = logged.mean - K * loop.q[rows] - B * loop.w[rows]
+            recorded = Logged(along, logged.mean_later + K * loop.w[rows])
+            commanded = commanded - K * offset
+        u = (calibration.gain * commanded + calibration.bias) * driven
         moment = calibration.gain * logged.moment * driven
 
         def slope(u: Logged) -> Array:
@@ -233,7 +242,7 @@ class ShootingProblem:
 
         # without what a bias adds: that has no moment
         zero = Logged(0.0 * moment, 0.0 * moment)
-        by = slope(Logged(logged.mean, logged.mean_later))
+        by = slope(recorded)
         moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
         by, moment_by = (np.moveaxis(x * driven, 0, 1) for x in (by, moment_by))
         for above, below, apart in drive.changes:
@@ -242,25 +251,37 @@ class ShootingProblem:
             by = np.append(by, ((up.mean - down.mean) * scale / apart)[:, None], axis=1)
             change = ((up.moment - down.moment) * scale / apart)[:, None]
             moment_by = np.append(moment_by, change, axis=1)
-        motor = MotorTorque(u, by, moment, moment_by)
-        return motor if drive.B is None else self._damped(estimate, drive.B, motor, rows, edges)
+        motor, feedback = MotorTorque(u, by, moment, moment_by), self._feedback(estimate, drive)
+        if feedback is None:
+            return motor
+        motor = self._with_offsets(motor, feedback[rows, 0] * driven)
+        return self._damped(estimate, feedback[rows], motor, rows, edges)
+
+    def _with_offsets(self, motor: MotorTorque, K: Array) -> MotorTorque:
+        """The torque of intervals, with derivatives -K (k, n) by free offsets of angles."""
+        joints = [p.place[0] for p in self._entering("angle")]
+        if not joints:
+            return motor
+        assert motor.moment_by is not None
+        S, _, k, n = motor.by.shape
+        offset = np.broadcast_to(-K * np.eye(n)[joints][:, None], (S, len(joints), k, n))
+        still = np.concatenate([motor.moment_by, 0.0 * offset], axis=1)
+        return motor._replace(by=np.concatenate([motor.by, offset], axis=1), moment_by=still)
 
     def _damped(
-        self, estimate: Estimate, B: Array, motor: MotorTorque, rows: Array, edges: Array
+        self, estimate: Estimate, feedback: Array, motor: MotorTorque, rows: Array, edges: Array
     ) -> MotorTorque:
-        """The torque of intervals (k,), less what damping B (K, n) takes off between edges.
+        """The torque of intervals (k,), less what a feedback (k, 2, n) takes off between edges.
 
-        A varies within a piece of time, and moves a joint by M^-1 moment further than its mean
-        would: the damping acts on that, too, and takes B M^-1 moment off its impulse.
+        A varies within a piece of time h, and moves a joint by M^-1 moment further than its mean
+        would: the feedback acts on that, too, and takes (B + K h/2) M^-1 moment off its impulse.
         """
-        emf = estimate.calibration.gain * B[rows]
-        if not emf.any():
-            return motor
         assert motor.moment is not None and motor.moment_by is not None
         plant = self._plant(estimate)[self.intervals.recording[rows]]
         M = plant.mechanism.inertia(plant.p, self.intervals.q[rows])
-        width = np.diff(edges, axis=1).T
-        share = emf[..., None] * inverse(M) / width[..., None, None]
+        width = np.diff(edges, axis=1).T[..., None]
+        K, B = np.moveaxis(feedback, 1, 0)
+        share = (B / width + K / 2)[..., None] * inverse(M)
         off = (share @ motor.moment[..., None])[..., 0]
         off_by = (share[:, None] @ motor.moment_by[..., None])[..., 0]
         return motor._replace(u=motor.u - off, by=motor.by - off_by)
@@ -290,15 +311,12 @@ def shooting_problem(
     InputError
         For blocks of servos that no data, or not these, can tell apart.
     """
-    servo, free, friction = has_actuator(blocks), free_blocks(blocks, estimate), estimate.friction
-    if servo:
-        refuse_open(estimate, blocks)
-        friction = inside(estimate, np.zeros(intervals.n)).friction
+    free, friction = free_blocks(blocks, estimate), estimate.friction
     law = friction.law
     check_temperature(law, intervals.temperature if law.uses_temperature else None)
     q, w = intervals.q[:64], intervals.w[:64]
     x = at_places(estimate.mechanism, Inputs(q, w, 0.0 * q, 0.0 * q))
     reads = reads_of(law, np.asarray(friction.theta), x)
-    if servo:
+    if has_actuator(blocks):
         check_servo(intervals, estimate, free, reads.u)
     return ShootingProblem(intervals, free, settings, reads)

@@ -1,19 +1,20 @@
-"""Torque of servos in shooting: u = A(t) - B w of target, recorded angle and predicted velocity.
+"""Torque of servos in shooting: their controllers act on the predicted motion.
 
-A controller's torque u(t, q, w) is taken at the recorded angles, but at the predicted velocity:
+A controller's torque u(t, q, w) is piecewise linear in the motion. In each sample interval
 
-    u = A(t) - B w,    A(t) = u(t, q_recorded, w_recorded) + B w_recorded
+    u = A(t) - K q - B w,    A(t) = u(t, q_recorded, w_recorded) + K q_recorded + B w_recorded
 
-with B = -du/dw of each sample interval, so that D gains and back-EMF damp the prediction, and
-nothing where a limit holds or the motor is disconnected. A is a torque like any other; B acts like
-a friction, with `BackEMF`. What is free of the servo changes A, by differences; what that changes
-in B acts on the difference of predicted and recorded velocity only, and has no derivative.
+with K = -du/dq and B = -du/dw at the recorded motion, none where a limit holds or the motor is
+disconnected. A is a torque like any other, and knows nothing of the recorded motion while no limit
+holds; K and B are a feedback in the physics step. A controller that is late by d sees q - d w. What
+is free of the servo changes A, by differences; what that changes in K and B acts on the difference
+of predicted and recorded motion only, and has no derivative.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,18 +26,14 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, seen_by_encoder, with_steps
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
-from frictionid.dynamics.tangent.tensor_law import SmoothedLaw
 from frictionid.errors import InputError
 from frictionid.fitting.parameters.blocks import MOTOR
 from frictionid.fitting.parameters.parameter_block import Estimate, FreeBlock, ParameterBlock
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.friction import Inputs, LawParameter, Memory
-from frictionid.friction.coordinates import refuse_coupled
-from frictionid.friction.law import NUMERICAL_WIDTH
+from frictionid.mechanics import Mechanism
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference
 _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero
-_SHARPER = 0.2  # of the smoothing of the other law
 _PARTS = 8  # of an interval, in which the torque goes from line to line
 
 
@@ -48,51 +45,78 @@ class Change(NamedTuple):
     apart: float
 
 
+class Loop(NamedTuple):
+    """Servos in closed loop in K intervals, before gain and bias.
+
+    feedback (K, 2, n) : K and B; q, w (K, n) : recorded motion in the middle of each
+    """
+
+    feedback: Array
+    q: Array
+    w: Array
+
+    def late(self, delay: float) -> Array:
+        """Feedback (K, 2, n) of controllers that see q - delay w."""
+        K, B = np.moveaxis(self.feedback, 1, 0)
+        return np.stack([K, B - delay * K], axis=1)
+
+
 class Drive(NamedTuple):
     """Motor torque of K intervals, before gain and bias: integrals of A, or of what was logged.
 
-    changes : of A by each free parameter of the servos; B : (K, n) [N m s/rad], None without servos
+    loop : None without servos; changes : of A by each free parameter of the servos
     """
 
     torque: SignalIntegrals
+    loop: Loop | None = None
     changes: tuple[Change, ...] = ()
-    B: Array | None = None
 
 
-def drive_of(intervals: Intervals, estimate: Estimate, blocks: Sequence[FreeBlock]) -> Drive:
-    """The torque of an estimate's servos where blocks free these, else the logged one."""
-    servos = [free.block for free in blocks if free.block.enters == "actuator"]
-    if not servos:
+def drive_of(intervals: Intervals, calibration: Calibration, mechanism: Mechanism) -> Drive:
+    """The torque of the recordings' servos, where there are any, else the logged one."""
+    if all(r.servo is None for r in intervals.dataset.recordings):
         return Drive(intervals.torque)
-    B, changes = damping(intervals, estimate.calibration, estimate.mechanism.motors), []
-    for block in servos:
+    loop = loop_of(intervals, calibration, mechanism.motors)
+    return Drive(torques_of(intervals, calibration, loop.feedback), loop)
+
+
+def changes_of(
+    intervals: Intervals, estimate: Estimate, blocks: Sequence[FreeBlock], drive: Drive
+) -> Iterator[Change]:
+    """What free parameters of servos change in the torque of an estimate, one after the other."""
+    if drive.loop is None:
+        return
+    for block in (free.block for free in blocks if free.block.enters == "actuator"):
         for parameter in block.parameters(estimate):
             value = parameter.value
             step = _CHANGE.get(parameter.unit, _SHARE * abs(value))
             ends = value + step, max(value - step, parameter.low)
             changed = (block.with_values(estimate, [(parameter, end)]) for end in ends)
-            above, below = (torque_signals(intervals, e.calibration, B) for e in changed)
-            changes.append(Change(above, below, ends[0] - ends[1]))
-    return Drive(torque_signals(intervals, estimate.calibration, B), tuple(changes), B)
+            feedback = drive.loop.feedback
+            above, below = (torques_of(intervals, e.calibration, feedback) for e in changed)
+            yield Change(above, below, ends[0] - ends[1])
 
 
-def damping(intervals: Intervals, calibration: Calibration, motors: Array) -> Array:
-    """B (K, n) [N m s/rad] of the servos in each interval, by the motion in its middle."""
-    out = np.zeros((len(intervals.dt), intervals.n))
-    middle = intervals.time + intervals.dt / 2 - float(calibration.delay)
+def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Loop:
+    """The servos' feedback by the recorded motion in the middle of each interval."""
+    n, middle = intervals.n, intervals.time + intervals.dt / 2 - float(calibration.delay)
+    feedback, (q, w) = np.zeros((len(middle), 2, n)), np.zeros((2, len(middle), n))
     for r, (recording, states) in enumerate(_pairs(intervals)):
         if recording.servo is not None:
             rows = intervals.recording == r
             servo = calibrated_servo(recording.servo, calibration)
-            motion = ServoMotion.along(recording, states, servo)
-            out[rows] = servo.damping_at(middle[rows], *motion.at(middle[rows])) * motors
-    return out
+            motion, then = ServoMotion.along(recording, states, servo), middle[rows] - servo.delay
+            seen, w[rows] = motion.at(then)
+            q[rows] = seen + motion.play_at(then)
+            feedback[rows] = servo.at(then).linear(seen, w[rows]).feedback * motors
+            feedback[rows, 1] -= servo.delay * feedback[rows, 0]
+    return Loop(feedback, q, w)
 
 
-def torque_signals(intervals: Intervals, calibration: Calibration, B: Array) -> SignalIntegrals:
+def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) -> SignalIntegrals:
     """Integrals of A along all recordings; those without a servo have the torque as it is logged.
 
-    B : (K, n), of each interval
+    feedback : (K, 2, n), of each interval
     """
     signals = []
     for r, (recording, states) in enumerate(_pairs(intervals)):
@@ -101,21 +125,24 @@ def torque_signals(intervals: Intervals, calibration: Calibration, B: Array) -> 
             continue
         servo = calibrated_servo(recording.servo, calibration)
         rows = intervals.recording == r
-        edges = intervals.time[rows] - float(calibration.delay)
+        edges = intervals.time[rows] - float(calibration.delay) - servo.delay
         motion = ServoMotion.along(recording, states, servo)
-        signals.append(torque_signal(servo, motion, edges, B[rows]))
+        signals.append(torque_signal(servo, motion, edges, feedback[rows]))
     return integrals_of(signals)
 
 
-def torque_signal(servo: Servo, motion: ServoMotion, edges: Array, B: Array) -> Signal:
-    """A along one recording, B (K, n) from each of the edges (K,) [s] on."""
-    changes = edges[1:][(np.diff(B, axis=0) != 0).any(axis=1)]
+def torque_signal(servo: Servo, motion: ServoMotion, edges: Array, feedback: Array) -> Signal:
+    """A along one recording, with feedback (K, 2, n) from each of the edges (K,) [s] on."""
+    changes = edges[1:][(np.diff(feedback, axis=0) != 0).any(axis=(1, 2))]
     clock, share = motion.seen.time, np.arange(_PARTS) / _PARTS
     fine = np.append((clock[:-1, None] + np.diff(clock)[:, None] * share).ravel(), clock[-1])
     time = with_steps(fine, np.concatenate([servo.steps(), changes]))
     q, w = motion.at(time)
     place = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 1)
-    return Signal(time, servo.torque(time, q, w) + B[place] * w, "linear")
+    K, B = np.moveaxis(feedback[place], 1, 0)
+    q_joint, B = q + motion.play_at(time), B + servo.delay * K
+    torque = servo.torque(time, q, w) + K * q_joint + B * w
+    return Signal(time + servo.delay, torque, "linear")
 
 
 class ServoMotion(NamedTuple):
@@ -124,11 +151,13 @@ class ServoMotion(NamedTuple):
     curve : (T - 1, n, 2) [rad] of each interval, its Hermite cubic less its chord at s is
         s (1 - s) ((1 - s) curve[..., 0] - s curve[..., 1]); without it a stiff gain would act on
         the chords, which looks like inertia
+    play : [rad] by which the encoder lags behind the angles, None where there is no backlash
     """
 
     seen: Signal
     w: Signal
     curve: Array | None = None
+    play: Signal | None = None
 
     @staticmethod
     def along(recording: Recording, states: States, servo: Servo) -> ServoMotion:
@@ -138,10 +167,13 @@ class ServoMotion(NamedTuple):
         ends = states.w[:-1] * dt, states.w[1:] * dt
         curve = np.stack(ends, axis=-1) - np.diff(states.q, axis=0)[..., None]
         same = np.array_equal(states.time, seen.time)
-        return ServoMotion(seen, Signal(states.time, states.w, "linear"), curve if same else None)
+        lag = recording.angle.value - seen.value
+        play = Signal(seen.time, lag, "linear") if np.any(lag) else None
+        w = Signal(states.time, states.w, "linear")
+        return ServoMotion(seen, w, curve if same else None, play)
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """Both (K, n) at times (K,)."""
+        """Angles and velocities (K, n) at times (K,)."""
         q, w, clock = sample(self.seen, time), sample(self.w, time), self.seen.time
         if self.curve is None:
             return q, w
@@ -150,66 +182,13 @@ class ServoMotion(NamedTuple):
         first, last = np.moveaxis(self.curve[k], -1, 0)
         return q + s * (1 - s) * ((1 - s) * first - s * last), w
 
+    def play_at(self, time: Array) -> Array | float:
+        """Play (K, n) at times (K,), zero without backlash."""
+        return 0.0 if self.play is None else sample(self.play, time)
+
 
 def _pairs(intervals: Intervals) -> list[tuple[Recording, States]]:
     return list(zip(intervals.dataset.recordings, intervals.states, strict=True))
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class BackEMF(SmoothedLaw):
-    """Tf = Tf_law + back_emf w, where the other law sees the torque u - back_emf w of the motor.
-
-    u is the torque that the voltage alone would make. The last number of a joint is back_emf =
-    kt^2/R [N m s/rad], all others are the other law's. The step must not narrow its smoothing, see
-    `with_back_emf`.
-    """
-
-    @property
-    def parameters(self) -> tuple[LawParameter, ...]:
-        return (*self.law.parameters, LawParameter("back_emf", "N m s/rad"))
-
-    @property
-    def initial(self) -> tuple[tuple[float, ...], ...]:
-        return tuple((*start, 0.0) for start in self.law.initial)
-
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return self.law.start(theta[..., :-1], _felt(theta, x))
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return np.asarray(
-            self.law.torque(theta[..., :-1], _felt(theta, x), memory) + _emf(theta, x)
-        )
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        return self.law.advance(theta[..., :-1], _felt(theta, x), memory, dt)
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        # w says nothing but the direction here: the joint is at rest
-        return np.asarray(self.law.limit(theta[..., :-1], x, memory))
-
-
-def _felt(theta: Array, x: Inputs) -> Inputs:
-    return x._replace(u=x.u - _emf(theta, x))
-
-
-def _emf(theta: Array, x: Inputs) -> Array:
-    return np.asarray(theta[..., -1] * x.w)
-
-
-def inside(estimate: Estimate, B: Array) -> Estimate:
-    """The estimate whose friction has back-EMF with damping B (n,) of the servos.
-
-    Its law is so narrow that the step asks at the joint's velocity: where the step goes round a
-    law's smoothing it asks for the torque at a speed just beyond. That does not matter for
-    friction, which hardly changes there, but back-EMF changes more.
-    """
-    friction, law = estimate.friction, estimate.friction.law
-    if 0 < law.width <= NUMERICAL_WIDTH:
-        law = law.with_width(_SHARPER * law.width)
-    back_emf = (np.asarray(estimate.calibration.gain) * B)[:, None]
-    theta = np.concatenate([np.asarray(friction.theta, dtype=float), back_emf], axis=-1)
-    law = BackEMF(law, law.width, "")
-    return estimate._replace(friction=replace(friction, law=law, theta=theta, constraints=None))
 
 
 def has_actuator(blocks: Sequence[ParameterBlock]) -> bool:
@@ -263,24 +242,6 @@ def _motor(estimate: Estimate, servos: Sequence[Servo], where: str, remedy: str)
     parameters = estimate.friction.parameters
     motor = np.array([parameters.get("kt") or 0.0, parameters.get("R") or 0.0])
     return motor if (motor > 0).all() else np.array(motors.pop())
-
-
-def refuse_open(estimate: Estimate, blocks: Sequence[ParameterBlock]) -> None:
-    """Refuse mechanisms and laws with which no servo's loop can be closed.
-
-    Raises
-    ------
-    InputError
-        With the first of the servo's blocks.
-    """
-    name = next(b.name for b in blocks if b.enters == "actuator")
-    refuse_coupled(estimate.mechanism, f"block {name!r}")
-    law = estimate.friction.law
-    if hasattr(estimate.friction.theta, "detach") or law.sample_time is not None:
-        raise InputError(
-            f"block {name!r}: {law} learns by reverse mode, which knows no voltages: leave the "
-            "block out"
-        )
 
 
 def check_servo(

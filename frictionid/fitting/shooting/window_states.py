@@ -42,12 +42,14 @@ class SampleWindows(NamedTuple):
 
     intervals : K of them; windows (S, N), their indices, -1 behind a window's end
     u : (pieces, K, n) [N m]; sigma : (n,) [rad], noise of the angles
+    feedback : (K, 2, n) of servos, see `Plant.feedback`; None without
     """
 
     intervals: Intervals
     windows: Array
     u: Array
     sigma: Array
+    feedback: Array | None = None
 
     @property
     def owner(self) -> Array:
@@ -61,7 +63,8 @@ class SampleWindows(NamedTuple):
         windows = np.full(chosen.shape, -1)
         windows[chosen >= 0] = np.arange(len(index))
         intervals = self.intervals.take(index)
-        return self._replace(intervals=intervals, windows=windows, u=self.u[:, index])
+        loop = None if self.feedback is None else self.feedback[index]
+        return SampleWindows(intervals, windows, self.u[:, index], self.sigma, loop)
 
     def with_rows(self, other: SampleWindows, rows: Array) -> SampleWindows:
         """The windows with some (K,) rows of another calibration of the same data."""
@@ -71,7 +74,10 @@ class SampleWindows(NamedTuple):
             new[name][rows] = getattr(other.intervals, name)[rows]
         u = self.u.copy()
         u[:, rows] = other.u[:, rows]
-        return self._replace(intervals=replace(self.intervals, **new), u=u)
+        loop = None if self.feedback is None else self.feedback.copy()
+        if loop is not None and other.feedback is not None:
+            loop[rows] = other.feedback[rows]
+        return self._replace(intervals=replace(self.intervals, **new), u=u, feedback=loop)
 
 
 def _initial_nodes(samples: SampleWindows, friction: Friction) -> Array:
@@ -138,7 +144,9 @@ def _linearised(
     fine = max(1, int(np.ceil(part / _FINE)))
     out = Linearisation.zeros(nodes, np.zeros((0, n)))
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
-        model = MotionModel(plant[owner[rows]], friction[place[rows]], _NO_PARAMETER, (), reads)
+        loop = None if samples.feedback is None else samples.feedback[rows]
+        here = replace(plant[owner[rows]], feedback=loop)
+        model = MotionModel(here, friction[place[rows]], _NO_PARAMETER, (), reads)
         memory = memory_of(nodes[rows], mechanism)
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
         motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))

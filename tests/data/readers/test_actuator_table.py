@@ -105,7 +105,7 @@ def test_how_much_a_velocity_takes_off_is_the_slope_of_the_torque():
         q, w = rng.normal(size=(2, len(TIME), 1))
         up, down = (servo.torque(TIME, q, w + s * 1e-6) for s in (1, -1))
         slope = -(up - down) / 2e-6
-        np.testing.assert_allclose(servo.damping_at(TIME, q, w), slope, atol=1e-6)
+        np.testing.assert_allclose(servo.at(TIME).linear(q, w).feedback[:, 1], slope, atol=1e-6)
 
 
 def test_play_follows_late_and_by_no_more_than_its_width():

@@ -12,10 +12,8 @@ from fixtures.wrist import motion, wrist
 
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
-from frictionid.fitting.parameters import ActuatorBlock, DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.refine import prepare_fit
@@ -82,11 +80,3 @@ def test_derivatives_are_those_of_central_differences(dataset, law):
 def agree(ours, theirs):
     size, off = (np.linalg.norm(x, axis=0) for x in (theirs, ours - theirs))
     assert size.any() and (off <= 2e-2 * size + 1e-9).all(), off / size
-
-
-def test_voltages_of_motors_that_turn_with_several_joints_are_refused(dataset):
-    first = dataset.recordings[0]
-    servo = Servo(first.angle, first.angle, gain=1.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
-    driven = replace(dataset, recordings=(replace(first, servo=servo),))
-    with pytest.raises(InputError, match="'actuator' takes friction joint by joint, but 'motor'"):
-        refine(BEGIN, driven, (FrictionBlock(), ActuatorBlock()), Settings(windows=(0.1,)))

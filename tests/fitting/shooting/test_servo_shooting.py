@@ -173,8 +173,11 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), motor)
     data = believed([DRIVEN[0], DROPPED[1]], KT, R)
     problem, estimate = prepare_fit(Friction(law, theta), intervals_of(data), blocks, SHORT)
-    away = np.flatnonzero(np.abs(problem.intervals.w[:, 0]) > 1.0)[::9]
-    B = drive_of(problem.intervals, estimate, problem.blocks).B[away]
+    intervals = problem.intervals
+    u = np.concatenate([r.torque.value[:-1, 0] for r in data.recordings])
+    kink = (u != 0.0) & (np.abs(u) < 0.01)  # of |u|
+    away = np.flatnonzero((np.abs(intervals.w[:, 0]) > 1.0) & ~kink)[::9]
+    B = drive_of(intervals, estimate.calibration, estimate.mechanism).loop.feedback[away, 1]
     assert (B == 0).any() and (B > 0).any()  # disconnected and connected
     nodes = problem.initial_nodes(estimate)
     lines = problem.linearise(estimate, nodes, away)
@@ -186,7 +189,13 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
         ends = [problem.linearise(other, nodes, away).end[away] for other in estimates]
         slope = (ends[0] - ends[1]) / (2 * step)
         scale = np.abs(slope).max(axis=0) + 1e-12
+        # what velocities make of angles in an interval: the loop's jerk adds to angles alone
+        scale[0] = max(scale[0], scale[1] / RATE)
         assert (np.abs(lines.by[away, :, k] - slope).max(axis=0) < 0.02 * scale).all()
+
+
+def feedback(B):
+    return np.stack([0.0 * B, B], axis=1)
 
 
 def test_voltage_falls_at_once_where_the_motor_is_switched_off():
@@ -194,7 +203,7 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
     time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
     emf = KT**2 / R * servo.connected((time[1:] + time[:-1]) / 2)
     motion = ServoMotion(angle, Signal(time, rate))
-    torque = torque_signal(servo.with_motor(KT, R), motion, time[:-1], emf)
+    torque = torque_signal(servo.with_motor(KT, R), motion, time[:-1], feedback(emf))
     volts = torque._replace(value=R / KT * torque.value)  # what remains without the motion
     off = angle.time[np.argmin(servo.enabled.value[:, 0])]
     before, after = sample(volts, [off - 2e-5, off])[:, 0]
@@ -215,8 +224,8 @@ def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
     middle = len(time) // 2
     B = np.where(np.arange(len(time) - 1) < middle, 0.5 - 0.1 * way, 0.5 + 0.1 * way)[:, None]
     motion = ServoMotion(angle, Signal(time, rate + 1.0))
-    torque = torque_signal(servo, motion, time[:-1], B)
-    beside = torque_signal(servo, motion, time[:-1], 0.0 * B)
+    torque = torque_signal(servo, motion, time[:-1], feedback(B))
+    beside = torque_signal(servo, motion, time[:-1], feedback(0.0 * B))
     edge = time[middle]
     for at, share in ((edge - 1e-4, B[0, 0]), (edge, B[-1, 0])):
         own = sample(torque, [at]) - sample(beside, [at])

@@ -1,0 +1,181 @@
+"""Prediction in closed loop: a servo's controller acts on the predicted motion.
+
+Its torque is piecewise linear in the motion, see `Controller`. In each piece of a sample interval
+
+    u = A - K q - B w
+
+where the motion that is expected in the middle says what a limit holds; the command is that of the
+targets there. K and B are the feedback of the physics step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array, times
+from frictionid.data.integrals import integrals_of, pieces_of
+from frictionid.data.servo import Controller, Linear, Servo
+from frictionid.dynamics.rollout import (
+    MANY,
+    Rollout,
+    ahead,
+    begin,
+    diverged,
+    freeze,
+    masked,
+    sampled,
+)
+from frictionid.dynamics.state import State, velocities
+from frictionid.dynamics.step_size import step_size_of
+from frictionid.dynamics.torque_balance import inverse_of_free
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import turns_of
+from frictionid.mechanics import Plant
+
+_PIECE = 4e-3  # [s], in which a limit holds or does not
+
+
+class Controllers(NamedTuple):
+    """Servos that drive S motions in pieces of T sample intervals, P pieces in all.
+
+    owner (P,) : interval of each piece; dt (P, S) [s]; controller : arrays (P, S, n), its command
+    the mean of a piece; moment (P, S, n) : of the command, see `pieces_of`;
+    delay (S, 1) [s]; play (S, n) [rad] : by which encoders lag at first; half (S, n) : of backlash
+    """
+
+    owner: Array
+    dt: Array
+    controller: Controller
+    moment: Array
+    delay: Array
+    play: Array
+    half: Array
+
+    def linear(self, k: int, q: Array, w: Array) -> Linear:
+        """Torques (S, n) of a piece at a motion as encoders show it."""
+        return Controller(*(np.asarray(x)[k] for x in self.controller)).linear(q, w)
+
+    @property
+    def stiffest(self) -> Array:
+        """Largest feedback (2, n) at any time."""
+        free = self.controller._replace(limit=np.inf, most=np.inf)
+        zero = 0.0 * self.moment
+        return np.abs(free.linear(zero, zero).feedback).max(axis=(0, 1))
+
+
+def controllers_of(servos: Sequence[Servo], time: Array, play: Array | None = None) -> Controllers:
+    """Controllers of the servos of S motions whose samples are at times (T + 1, S) [s].
+
+    play : (S, n) [rad] by which their encoders lag at first, in the middle of the backlash if None
+    """
+    dt = np.diff(time, axis=0)
+    count = np.maximum(np.ceil(dt.max(axis=1) / _PIECE - 1e-9), 1.0).astype(int)
+    owner = np.repeat(np.arange(len(dt)), count)
+    share = (np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)) / count[owner]
+    edges = np.concatenate([time[owner] + dt[owner] * share[:, None], time[-1:]])
+    n = servos[0].goal.value.shape[1]
+    whole = np.empty((len(Controller._fields) + 1, len(owner), len(servos), n))
+    for servo in {id(s): s for s in servos}.values():
+        rows = np.flatnonzero([s is servo for s in servos])
+        whole[:, :, rows] = _along(servo, edges[:, rows])
+    half = np.array([s.backlash / 2 + np.zeros(n) for s in servos])
+    delay = np.array([[s.delay] for s in servos])
+    play = np.zeros_like(half) if play is None else play
+    part = np.diff(edges, axis=0)
+    return Controllers(owner, part, Controller(*whole[:-1]), whole[-1], delay, play, half)
+
+
+def _along(servo: Servo, edges: Array) -> Array:
+    """Controller and moment of its command (10, P, k, n), between edges (P + 1, k) [s]."""
+    then = edges - servo.delay
+    middle = (then[1:] + then[:-1]) / 2
+    (P, k), n = middle.shape, servo.goal.value.shape[1]
+    mean, moment = np.zeros((2, P, k, n))
+    for factor, target in servo.targets:
+        log = integrals_of([target._replace(time=target.time + servo.target_delay)])
+        pieces = pieces_of(log, np.zeros(k, dtype=int), then.T)
+        mean, moment = mean + factor * pieces.mean, moment + factor * pieces.moment
+    at = servo.at(middle.ravel())._replace(command=mean)
+    fields = (np.reshape(x, (P, k, -1)) if np.ndim(x) == 2 else x for x in at)
+    return np.stack([np.broadcast_to(x, mean.shape) for x in (*fields, moment)])
+
+
+def closed_loop(
+    plant: Plant,
+    friction: Friction,
+    start: State,
+    controllers: Controllers,
+    temperature: Array | None = None,
+) -> Rollout:
+    """Motion from start states (S, n) under servos that act on it; NaN after a divergence.
+
+    plant, friction : with one entry for each start, or one for all
+    temperature : (T, S, m) [degC] of parts with friction in each interval, for laws that need it
+    """
+    drive = controllers
+    first = np.searchsorted(drive.owner, np.arange(drive.owner[-1] + 2))
+    stiffest = replace(plant, feedback=drive.stiffest)
+    size = step_size_of(
+        stiffest, friction.at_temperature(_extremes(temperature)), float(drive.dt.max())
+    )
+    many = len(drive.dt) * len(start.q) >= MANY
+    before, state, play, alive = start, start, drive.play, None
+    q, w = [start.q], [start.w]
+    for k, (begins, ends) in enumerate(pairwise(first.tolist())):
+        there = friction if temperature is None else friction.at_temperature(temperature[k])
+        for piece in range(begins, ends):
+            dt = drive.dt[piece]
+            loop, u, moment = _loop_at(plant, drive, piece, state, before, play)
+            before = begin(loop, there, state, u, dt) if piece == 0 else state
+            with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
+                after = ahead(loop, there, before, u, dt, size, many)
+                state = _displaced(loop, after, moment, dt[:, None])
+            play = np.clip(play + state.q - before.q, -drive.half, drive.half)
+        wild = diverged(plant, state)
+        if wild.any():
+            state, alive = freeze(state, wild, alive)
+        state = sampled(loop, there, state, u, drive.dt[begins:ends].sum(axis=0)[:, None])
+        q.append(masked(state.q, alive))
+        w.append(masked(state.w, alive))
+    return Rollout(np.stack(q), np.stack(w))
+
+
+def _extremes(temperature: Array | None) -> Array | None:
+    if temperature is None:
+        return None
+    return np.stack([temperature.min(axis=0), temperature.max(axis=0)])
+
+
+def _loop_at(
+    plant: Plant, drive: Controllers, piece: int, state: State, before: State, play: Array
+) -> tuple[Plant, Array, Array]:
+    """The plant with the feedback of a piece, its torque A, and the moment (S, n) of that."""
+    w = state.w + (state.w - before.w) / 2  # those expected in the middle
+    q = state.q + w * drive.dt[piece][:, None] / 2
+    at = drive.linear(piece, q - play - drive.delay * w, w)
+    motors = plant.mechanism.motors
+    K, B = np.moveaxis(at.feedback * motors, -2, 0)
+    B = B - drive.delay * K
+    u = at.torque * motors + K * q + B * w
+    loop = replace(plant, feedback=np.stack([K, B], axis=-2))
+    return loop, u, at.by_command * motors * drive.moment[piece]
+
+
+def _displaced(plant: Plant, state: State, moment: Array, dt: Array) -> State:
+    """The state after dt (S, 1) moved by M^-1 moment (S, n), as A varies about its mean.
+
+    The feedback acts on that, too: its impulse is that of (B + K dt/2) on the way.
+    """
+    if plant.feedback is None or not moment.any():
+        return state
+    turns = turns_of(plant.mechanism, state.q)
+    M = plant.mechanism.inertia(plant.p, state.q)
+    inner = inverse_of_free(M, velocities(plant, state) == 0.0, turns)
+    way = times(inner, moment)
+    K, B = np.moveaxis(plant.feedback, -2, 0)
+    return state._replace(q=state.q + way, w=state.w - times(inner, (B + K * dt / 2) * way))
