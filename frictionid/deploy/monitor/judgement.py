@@ -9,8 +9,9 @@ a normal distribution [Hotelling1931].
 
 from __future__ import annotations
 
-from itertools import combinations
-from math import comb
+from collections.abc import Iterator
+from itertools import combinations, islice
+from math import ceil, comb
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -19,7 +20,8 @@ from frictionid.arrays import Array
 from frictionid.deploy.monitor.baseline import Baseline
 from frictionid.deploy.monitor.changes import PARTS, Changes, curve_changes
 
-MOST_CHOICES = 5_000  # all of them up to here, else so many at random
+CHOICES = 5_000  # all of them up to here, else so many at random
+MOST_CHOICES = 10_000_000  # where a small rate needs more than these, a minute's work
 
 
 class Difference(NamedTuple):
@@ -40,29 +42,36 @@ class Difference(NamedTuple):
 def least_rate(healthy: int, new: int) -> float:
     """Smallest rate of false alarms that a permutation test can promise.
 
-    >>> least_rate(99, 1), round(least_rate(20, 5), 6)
-    (0.01, 0.0002)
+    >>> least_rate(99, 1), round(1 / least_rate(20, 5))
+    (0.01, 53130)
     """
     return 1.0 / min(comb(healthy + new, new), MOST_CHOICES)
 
 
 def needed_recordings(rate: float, new: int) -> int:
-    """Healthy recordings that are needed to promise a rate of false alarms for some new ones.
+    """Healthy recordings N that promise a rate for k new ones: the least of C(N + k, k) >= 1/rate.
 
-    >>> needed_recordings(0.01, 1), needed_recordings(0.01, 5)
-    (99, 4)
+    >>> needed_recordings(0.01, 1), needed_recordings(0.01, 5), needed_recordings(1e-9, 1)
+    (99, 4, 999999999)
     """
-    healthy = 1
-    while least_rate(healthy, new) > rate * (1 + 1e-9):
-        healthy += 1
-    return healthy
+    choices = (1.0 - 1e-12) / max(rate, 1e-300)
+    low, high = 0, 1  # too few, enough
+    while comb(high + new, new) < choices:
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if comb(middle + new, new) >= choices else (middle, high)
+    return high
 
 
-def permutation_test(healthy: Array, new: Array, seed: int = 0) -> Difference:
+def permutation_test(
+    healthy: Array, new: Array, seed: int = 0, rate: float = 1.0 / CHOICES
+) -> Difference:
     """Difference of new recordings (k, n, d) from healthy ones (N, n, d) by permutation.
 
     The distance of a joint is Mahalanobis', with the covariance of all N + k recordings, which
-    no permutation changes; its correlations are shrunk where recordings are few.
+    no permutation changes; its correlations are shrunk where recordings are few. As many choices
+    are compared as a `rate` of false alarms needs, at most `MOST_CHOICES`.
 
     >>> rng = np.random.default_rng(0)
     >>> found = permutation_test(rng.normal(size=(99, 2, 3)), rng.normal(size=(1, 2, 3)) + 9.0)
@@ -72,13 +81,20 @@ def permutation_test(healthy: Array, new: Array, seed: int = 0) -> Difference:
     rows = np.concatenate([healthy, new])
     count, k = len(rows), len(new)
     white = white_rows(rows)
-    chosen = _choices(count, k, seed)
-    means = white[chosen].mean(axis=1)  # (B, n, d), those of the new ones first
-    distance = k * count / (count - k) * (means**2).sum(axis=-1)
-    # rounding must not tell equal choices apart
-    as_far = distance.max(axis=1)[:, None] >= distance[0] * (1 - 1e-9)
-    p_of_joint = as_far.mean(axis=0)
-    return Difference(float(p_of_joint.min()), p_of_joint, distance[0], len(chosen))
+    most = min(max(CHOICES, ceil((1.0 - 1e-12) / rate)), MOST_CHOICES)
+
+    def distances(chosen: Array) -> Array:
+        means = white[chosen].mean(axis=1)  # (B, n, d)
+        return np.asarray(k * count / (count - k) * (means**2).sum(axis=-1))
+
+    distance = distances(np.arange(count - k, count)[None])[0]
+    as_far, choices = np.zeros(rows.shape[1]), 0
+    for chosen in _choices(count, k, most, seed):
+        # rounding must not tell equal choices apart
+        as_far += (distances(chosen).max(axis=1)[:, None] >= distance * (1 - 1e-9)).sum(axis=0)
+        choices += len(chosen)
+    p_of_joint = as_far / choices
+    return Difference(float(p_of_joint.min()), p_of_joint, distance, choices)
 
 
 def white_rows(rows: Array) -> Array:
@@ -99,15 +115,21 @@ def _white(rows: Array) -> Array:
     return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), centred.T).T)
 
 
-def _choices(count: int, k: int, seed: int) -> Array:
-    """Choices (B, k) of k among `count` rows; the last k rows, the new ones, come first."""
-    new = np.arange(count - k, count)
-    if comb(count, k) <= MOST_CHOICES:
-        every = np.array(list(combinations(range(count), k)))
-        return np.concatenate([every[-1:], every[:-1]])  # the last combination is that of the last
+def _choices(count: int, k: int, most: int, seed: int) -> Iterator[Array]:
+    """All choices (B, k) of k among `count` rows or, where they are too many, `most` of them.
+
+    They come in blocks, that of the last k rows, the new ones, among them.
+    """
+    if comb(count, k) <= most:
+        every = combinations(range(count), k)
+        while block := list(islice(every, CHOICES)):
+            yield np.array(block)
+        return
     rng = np.random.default_rng(seed)
-    drawn = rng.random((MOST_CHOICES - 1, count)).argpartition(k, axis=1)[:, :k]
-    return np.concatenate([new[None], drawn])
+    yield np.arange(count - k, count)[None]
+    for first in range(1, most, CHOICES):
+        size = min(CHOICES, most - first)
+        yield rng.random((size, count)).argpartition(k, axis=1)[:, :k]
 
 
 def hotelling_test(healthy: Array, new: Array) -> Difference:
@@ -187,15 +209,17 @@ def judge(
     recordings that are shorter than the healthy ones scatter more: no rate holds for their alarms.
     """
     before, after = without_covariates(baseline.changes, new)
-    speeds = baseline.reference.speeds
+    speeds, asked = baseline.reference.speeds, rate * (1 + 1e-9)
     groups = curve_changes(before, speeds), curve_changes(after, speeds)
     if test == "normal":
         difference, promised = hotelling_test(*groups), 0.0
     else:
-        difference, promised = permutation_test(*groups), least_rate(*map(len, groups))
-    changed = tuple(int(j) for j in np.flatnonzero(difference.p_of_joint <= rate * (1 + 1e-9)))
+        promised = least_rate(*map(len, groups))
+        # where they cannot promise the rate, more choices say nothing
+        difference = permutation_test(*groups, rate=rate if promised <= asked else 1.0)
+    changed = tuple(int(j) for j in np.flatnonzero(difference.p_of_joint <= asked))
     shorter = new.seconds.min() * _LONGER < baseline.changes.seconds.min()
-    able = np.isfinite(difference.p) and promised <= rate * (1 + 1e-9) and not (changed and shorter)
+    able = np.isfinite(difference.p) and promised <= asked and not (changed and shorter)
     answer: Answer = "cannot_tell" if not able else "changed" if changed else "unchanged"
     return Judgement(
         answer,
@@ -273,6 +297,8 @@ def _notes(
         out.append(
             f"{N} healthy and {k} new recordings allow no rate of false alarms below "
             f"{promised:.2g}; {rate:g} needs {needed_recordings(rate, k)} healthy ones"
+            + f", and no rate is below {1 / MOST_CHOICES:g}"
+            * (rate * MOST_CHOICES < 1)
         )
     if test == "normal":
         out.append(

@@ -165,6 +165,9 @@ def test_too_few_recordings_say_which_rate_they_allow(healthy):
     assert found.answer == "cannot_tell"
     assert found.judgement.promised == 0.25
     assert "0.01 needs 99 healthy ones" in str(found)
+    rare = fid.monitor(base, some(healthy, 3, 4), rate=1e-9)
+    assert rare.answer == "cannot_tell"
+    assert "1e-09 needs 999999999 healthy ones, and no rate is below 1e-07" in str(rare)
 
 
 def test_recordings_unlike_the_healthy_ones_are_named(known, healthy):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from frictionid.deploy.monitor.judgement import hotelling_test, least_rate, permutation_test
+from frictionid.deploy.monitor.judgement import (
+    hotelling_test,
+    least_rate,
+    needed_recordings,
+    permutation_test,
+)
 from frictionid.deploy.monitor.monitor import log_evidence
 
 # healthy recordings that scatter far from normally
@@ -39,6 +46,21 @@ def test_the_smallest_p_is_the_least_rate():
         assert found.p == pytest.approx(least_rate(N, k))
         assert found.p_of_joint.argmin() == 1
         assert found.p_of_joint[0] > 0.01
+
+
+@pytest.mark.parametrize(("rate", "k"), [(0.01, 1), (1e-4, 1), (1e-4, 5), (1e-6, 3), (1e-12, 2)])
+def test_the_needed_recordings_are_the_fewest_that_allow_a_rate(rate, k):
+    N = needed_recordings(rate, k)
+    assert comb(N + k, k) >= (1 - 1e-12) / rate > comb(N - 1 + k, k)
+
+
+def test_a_rate_far_below_one_of_5000_is_kept_where_recordings_allow_it():
+    rows = np.random.default_rng(8).standard_normal((20, 1, 2))
+    rows[14:] += 9.0
+    found = permutation_test(rows[:14], rows[14:], rate=1e-5)
+    assert (found.p, found.choices) == (1 / comb(20, 6), comb(20, 6))
+    drawn = permutation_test(rows[:14], rows[14:], rate=1 / 20_000)
+    assert (drawn.p, drawn.choices) == (1 / 20_000, 20_000)
 
 
 def test_the_order_of_recordings_and_units_do_not_matter():
