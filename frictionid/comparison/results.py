@@ -272,7 +272,20 @@ def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
     if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(datasets):
         return False
     lengths = {len(row) if isinstance(row, list) else 0 for table in rows.values() for row in table}
-    return lengths <= {len(SCORE_COLUMNS)}
+    arrays = task["curves"], task.get("members"), task["folds"]["theta"], task["model"]["theta"]
+    return lengths <= {len(SCORE_COLUMNS)} and all(map(_is_array, arrays))
+
+
+def _is_array(value: Any) -> bool:
+    """Whether nested lists hold numbers or null, in rows of one length.
+
+    >>> _is_array([[1.0, None], [2.0, 3.0]]), _is_array([[1.0], [2.0, 3.0]])
+    (True, False)
+    """
+    try:
+        return np.asarray(value, dtype=float).dtype == float
+    except (TypeError, ValueError):
+        return False
 
 
 def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

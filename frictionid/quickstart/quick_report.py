@@ -76,9 +76,12 @@ def verdict(result: Quick) -> list[str]:
             f"{best.name} predicts best fold by fold, but {chosen.name} is not shown to be "
             "practically worse and has fewer parameters."
         )
-    worse = [c.name for c in result.candidates if _is_worse(c)]
-    if worse:
-        out.append(f"Practically worse than {best.name}: {', '.join(worse)}.")
+    worse = [c.name if c.parameters else "no friction" for c in result.candidates if _is_worse(c)]
+    out.append(
+        f"Practically worse than {best.name}: {', '.join(worse)}."
+        if worse
+        else f"No other law is practically worse than {best.name}."
+    )
     if not _is_worse(_without(result)):
         out.append(
             "No friction at all is not shown to be practically worse on these data: record more "

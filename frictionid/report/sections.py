@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, task_provenance
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
@@ -267,8 +268,9 @@ class Section(NamedTuple):
 
 def sections_of(results: Results) -> tuple[Section, ...]:
     """Sections of a comparison, one for each data set that was fitted."""
-    names = dict.fromkeys(task["dataset"] for task in results.tasks)
-    return tuple(_section(results, name) for name in names)
+    with readable(results.folder, sealed=results.is_sealed):
+        names = dict.fromkeys(task["dataset"] for task in results.tasks)
+        return tuple(_section(results, name) for name in names)
 
 
 def _section(results: Results, dataset: str) -> Section:

@@ -108,12 +108,30 @@ def test_the_words_and_the_numbers_agree(found):
     result, _ = found
     words = " ".join(verdict(result))
     assert words.startswith("Verdict: stribeck, Tf = (coulomb + peak")
-    assert "Practically worse than" in words and "none, coulomb_viscous" in words
+    assert "Practically worse than" in words and "no friction, coulomb_viscous" in words
     document = json.loads(quick_json(result))
     assert document["chosen"] == "stribeck" and document["verdict"] == verdict(result)
     errors = {c["name"]: c["error"] for c in document["candidates"]}
     assert errors == {c.name: c.error for c in result.candidates}
     assert errors["stribeck"] < 0.2 * errors["none"]
+
+
+@pytest.mark.parametrize(
+    ("worse", "sentence"),
+    [
+        ({"none"}, "Practically worse than spline: no friction."),
+        (set(), "No other law is practically worse than spline."),
+    ],
+)
+def test_no_friction_does_not_read_as_no_law(found, worse, sentence):
+    result, _ = found
+    standings = {name: "undecided" for name in LAWS} | dict.fromkeys(worse, "worse")
+    standings["spline"] = "best"
+    candidates = [
+        replace(c, standing=c.standing._replace(standing=standings[c.name]))
+        for c in result.candidates
+    ]
+    assert sentence in verdict(replace(result, candidates=tuple(candidates)))
 
 
 def test_the_picture_is_one_and_always_the_same(found):

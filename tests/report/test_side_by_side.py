@@ -54,6 +54,24 @@ def test_scores_are_judged_by_the_rule_of_the_verdict(tmp_path, error, standing)
     assert (score.before, score.after, score.standing) == pytest.approx((0.2, error, standing))
 
 
+DAMAGES = {
+    "curves": [[[0.1, 0.1], [0.1]], [[0.1, 0.1]]],  # ragged
+    "folds": {"theta": [[0.1], [0.1, 0.2]], "shape": [2, 1, 2]},
+    "members": [[0.1], [0.1, 0.2]],
+}
+
+
+@pytest.mark.parametrize("part", DAMAGES)
+def test_a_ragged_array_of_a_task_is_told_in_one_line(part, tmp_path, monkeypatch, capsys):
+    written(tmp_path / "a")
+    file = written(tmp_path / "b") / "tasks" / "task01.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {part: DAMAGES[part]}))
+    for arguments in (("a", "b"), ("b", "a"), ("b",)):
+        code, out, err = run_command(monkeypatch, capsys, tmp_path, "report", *arguments)
+        assert (code, out) == (2, "") and err.count("\n") == 1
+        assert "b/tasks/task01.json: is incomplete" in err
+
+
 def test_what_was_changed_is_named_and_nothing_else(tmp_path):
     a = written(tmp_path / "a")
     settings = {"every": 0.5, "folds": {"count": 4, "kind": "recordings"}}
