@@ -24,6 +24,7 @@ from pydantic import (
 )
 
 from frictionid.errors import InputError
+from frictionid.files import regular_file
 
 Checked = TypeVar("Checked", bound=BaseModel)
 
@@ -42,7 +43,7 @@ def read_toml(path: Path, advice: str = "check it") -> dict[str, Any]:
         Where it cannot be read, with the advice, or is no TOML.
     """
     try:
-        content = path.read_bytes()
+        content = regular_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
     return parse_toml(content, str(path))

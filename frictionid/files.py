@@ -10,6 +10,7 @@ import os
 import re
 import secrets
 import shutil
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
@@ -25,16 +26,35 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)  # no space, or no more of it for this user
 TEMPORARY = ".frictionid-"  # begins the names of files that are being written
 
 
+def regular_file(path: Path) -> Path:
+    """The path, of whatever is opened by its name: a pipe, a socket or a device is refused.
+
+    They may have no end, and would be waited for. Missing files and folders are left to readers.
+
+    Raises
+    ------
+    InputError
+        Where it is one of these.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return path
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(f"{path} is no regular file but a pipe, socket or device: name a file")
+    return path
+
+
 def read_bytes(path: Path) -> bytes:
     """Content of a file.
 
     Raises
     ------
     InputError
-        Where it cannot be read.
+        Where it cannot be read, or is no regular file.
     """
     try:
-        return path.read_bytes()
+        return regular_file(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); check it") from None
 
@@ -143,7 +163,7 @@ def read_json(path: Path) -> dict[str, Any]:
         Where the file is missing or holds something else.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(regular_file(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:

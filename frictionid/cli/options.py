@@ -143,8 +143,9 @@ def _suite(path: Path) -> Path:
 def present(path: Path | None) -> Path | None:
     """The path of a file or folder that a command reads; InputError where there is none."""
     from frictionid.errors import InputError
+    from frictionid.files import regular_file
 
-    if path is not None and not path.exists():
+    if path is not None and not regular_file(path).exists():
         raise InputError(f"{path}: no such file; correct the path")
     return path
 

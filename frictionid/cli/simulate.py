@@ -20,7 +20,7 @@ def simulate(
 ) -> None:
     """Simulate recordings of a rig with known friction."""
     from frictionid.api.simulate import simulate as simulated
-    from frictionid.files import json_text
+    from frictionid.files import json_text, read_bytes
     from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
 
     check_dataset_folder(out, replace=replace)
@@ -28,7 +28,7 @@ def simulate(
     dataset = simulated(settings, seed, noise_free=noise_free)
     # the rig.toml is kept only with the data that it makes as it stands
     same = seed in (None, settings.seed) and not noise_free
-    write_dataset(dataset, out, {"rig.toml": rig.read_bytes()} if same else {})
+    write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {})
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
     if json:
         names = [recording.name for recording in dataset.recordings]

@@ -20,7 +20,7 @@ import numpy as np
 from frictionid.config import imported, unknown
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError, needs
-from frictionid.files import TEMPORARY, read_json, write_bytes, write_json
+from frictionid.files import TEMPORARY, read_json, regular_file, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
 from frictionid.friction.bam_files import is_bam, read_bam
 
@@ -202,7 +202,7 @@ def _named(table: Mapping[str, Any], weights: Path) -> bytes:
             "sha256"
         ):
             return content
-    return weights.read_bytes()
+    return regular_file(weights).read_bytes()
 
 
 def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:

@@ -86,7 +86,7 @@ def _robot_file(table: dict[str, Any]) -> dict[str, bytes]:
         if key in table:
             path = Path(str(table[key]))
             table[key] = path.name
-            return {path.name: path.read_bytes()}
+            return {path.name: read_bytes(path)}
     return {}
 
 

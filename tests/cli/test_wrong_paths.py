@@ -1,10 +1,13 @@
 """A wrong path is refused before anything heavy is imported."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 
 import pytest
+from fixtures.command_line import run_command
 
 HEAVY = ("pandas", "scipy", "sympy", "torch", "sklearn", "joblib", "cv2", "matplotlib")
 WRONG = {
@@ -55,6 +58,60 @@ def test_each_wrong_path_is_one_line(refused):
     assert len(lines) == len(WRONG)
     for line, words in zip(lines, WRONG.values(), strict=True):
         assert line.startswith("frictionid: ") and words in line
+
+
+PIPES = {
+    "model": "evaluate pipe acrobot_clean --out s.csv",
+    "published model": "check acrobot_clean --published pipe",
+    "weights": "export weights.json --to python --out f.py",
+    "suite": "compare pipe",
+    "data set": "check pipe",
+    "robot": "check robot",
+    "result": "report result",
+    "rig": "simulate pipe --out out",
+    "baseline": "monitor acrobot_clean --baseline pipe",
+    "video": "track pipe --setup --out angles.csv",
+    "log": "align pipe pipe --out out",
+}
+ROBOT = """name = "robot"
+[mechanism]
+urdf = "pipe"
+[columns]
+time = "t"
+angle = ["q"]
+torque = ["u"]
+[recordings]
+patterns = ["*.csv"]
+"""
+NETWORK = {
+    "format": "frictionid model 1",
+    "law": {"kind": "mlp"},
+    "joints": [{}],
+    "theta": {"file": "pipe.safetensors", "sha256": ""},
+    "shape": [1, 1],
+}
+
+
+@pytest.fixture
+def pipes(tmp_path):
+    """A folder with a pipe in the place of each file that commands read."""
+    for place in ("pipe", "pipe.safetensors", "robot/pipe", "result/provenance.json"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        os.mkfifo(tmp_path / place)
+    (tmp_path / "robot" / "dataset.toml").write_text(ROBOT)
+    (tmp_path / "robot" / "run.csv").write_text("t,q,u\n0,0,0\n0.01,0,0\n0.02,0,0\n")
+    (tmp_path / "weights.json").write_text(json.dumps(NETWORK))
+    return tmp_path
+
+
+@pytest.mark.parametrize("arguments", PIPES.values(), ids=PIPES)
+def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, monkeypatch, capsys):
+    signal.alarm(30)
+    try:
+        code, out, err = run_command(monkeypatch, capsys, pipes, *arguments.split())
+    finally:
+        signal.alarm(0)
+    assert (code, out) == (2, "") and "is no regular file but a pipe" in err
 
 
 def test_nothing_heavy_was_imported(refused):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from frictionid.comparison.search_space import Space, text_of
 from frictionid.errors import InputError, needs
-from frictionid.files import write_bytes
+from frictionid.files import read_bytes, write_bytes
 
 JOURNAL = "journal.log"
 _LARGEST = 1e20  # of a score
@@ -146,7 +146,7 @@ def _drop_half_line(path: Path) -> None:
     InputError
         Where another line is none of a journal.
     """
-    content = path.read_bytes()
+    content = read_bytes(path)
     whole = content[: content.rfind(b"\n") + 1]
     try:
         for line in whole.splitlines():

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from frictionid.errors import InputError
-from frictionid.files import is_shipped, shipped
+from frictionid.files import is_shipped, regular_file, shipped
 
 TABLES = (".csv", ".csv.gz", ".parquet")  # tables that `frictionid init` describes
 
@@ -25,7 +25,7 @@ def dataset_path(path: Path) -> Path:
     """
     if not path.exists() and is_shipped(path, "data"):
         path = shipped("data") / path
-    file = path / "dataset.toml" if path.is_dir() else path
+    file = regular_file(path / "dataset.toml" if path.is_dir() else path)
     bare = path.is_dir() and not file.exists()
     if is_table(file) or (bare and any(map(is_table, path.glob("*")))):
         raise InputError(f"{path} has no dataset.toml; write one with frictionid init {path}")

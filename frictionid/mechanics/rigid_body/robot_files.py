@@ -12,6 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
+from frictionid.files import regular_file
 from frictionid.mechanics.rigid_body.robot import Joint, Robot, moved, rotation
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -50,7 +51,7 @@ def _root(path: Path) -> ET.Element:
     try:
         if path.stat().st_size > _LARGEST_FILE:
             raise InputError(f"{path}: more than 20 MB is no URDF; name the robot's description")
-        text = path.read_bytes().decode("utf-8-sig")
+        text = regular_file(path).read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.errors import InputError, needs
+from frictionid.files import regular_file
 
 with needs("camera"):
     import cv2
@@ -144,7 +145,7 @@ def open_source(what: str, rate: float | None = None) -> Source:
     """
     if what.isdigit():
         return _camera(what)
-    path = Path(what)
+    path = regular_file(Path(what))
     if path.is_dir():
         files = [str(p) for p in sorted(path.iterdir()) if p.suffix.lower() in _PICTURES]
         return _sequence(what, files, rate)
@@ -209,6 +210,8 @@ def _sequence(what: str, files: list[str], rate: float | None) -> Source:
         raise InputError(f"{what}: no pictures there ({', '.join(_PICTURES)}); name another folder")
     if rate is None:
         raise InputError(f"{what}: pictures have no times; add rate = ... to [camera] of the rig")
+    for file in files:
+        regular_file(Path(file))
     first = cv2.imread(files[0])
     if first is None:
         raise InputError(f"{files[0]} is no picture; delete it or name others")
