@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 import cloudpickle
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky import process_executor
 from threadpoolctl import threadpool_limits
 
 Returned = TypeVar("Returned")
@@ -69,6 +70,8 @@ def _blocked(number: signal.Signals) -> Iterator[None]:
 
 def _in_worker(parent: int, index: int, places: Sequence[str], content: bytes) -> tuple[int, Any]:
     _end_with(parent)
+    # PyTorch that a later task loads is no memory leak, for which the worker would be replaced
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     one_torch_thread()
     # a worker of an earlier call does not know where modules have been found since
     sys.path += [place for place in places if place not in sys.path]
