@@ -101,20 +101,30 @@ def imported(reference: str, folder: Path, where: str) -> Any:
         raise InputError(f"{where}: {reference!r} cannot be imported ({reason})") from None
 
 
-def imported_for_suite(reference: str, folder: Path, where: str) -> Any:
+def untrusted(reference: str) -> str:
+    """Complaint about a file that names code, which is not trusted yet."""
+    return (
+        f"{reference!r} is code, which runs with your rights: read it, and give --trust "
+        "(trust=True in Python) where it is harmless"
+    )
+
+
+def imported_for_suite(reference: str, folder: Path, where: str, *, trust: bool) -> Any:
     """What `module:name` names in a suite: in a module of the suite's folder, or installed.
 
     Raises
     ------
     InputError
-        For a module from elsewhere, Python's own included, before it is imported.
+        Without trust, and for a module from elsewhere, Python's own included, before any import.
 
     Examples
     --------
-    >>> imported_for_suite("subprocess:Popen", Path(), "suite.toml")  # doctest: +ELLIPSIS
+    >>> imported_for_suite("math:pi", Path(), "suite.toml", trust=True)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    frictionid.errors.InputError: suite.toml: 'subprocess:Popen' is neither in a module beside ...
+    frictionid.errors.InputError: suite.toml: 'math:pi' is neither in a module beside the file ...
     """
+    if not trust:
+        raise InputError(f"{where}: {untrusted(reference)}")
     top = reference.partition(":")[0].partition(".")[0]
     if str(folder.resolve()) not in sys.path:
         sys.path.append(str(folder.resolve()))

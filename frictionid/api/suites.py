@@ -77,7 +77,7 @@ class OpenSuite:
     device : str or None
         Where networks are trained, whatever the suite says.
     trust : bool
-        Whether readers that data sets name by their modules may run.
+        Whether code that the suite and its data sets name by its module may run.
     """
 
     suite: Suite
@@ -195,7 +195,7 @@ def run_suite(
     device : "cpu" or "cuda", optional
         Where networks are trained, whatever the suite says.
     trust : bool
-        Whether readers that data sets name by their modules may run.
+        Whether code that the suite and its data sets name by its module may run.
     done : function
         Called with the name of each task that is finished.
 

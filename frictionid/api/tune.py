@@ -166,7 +166,7 @@ def tune(
     replace : bool
         Whether an earlier search of the folder may be replaced.
     trust : bool
-        Whether readers that data sets name by their modules may run.
+        Whether code that the suite and its data sets name by its module may run.
     done : function, optional
         Called with each finished trial.
 

@@ -14,9 +14,7 @@ Bias = Annotated[
 ]
 Trust = Annotated[
     bool,
-    typer.Option(
-        "--trust", help="Run the reader or mechanism that a data set names by its module."
-    ),
+    typer.Option("--trust", help="Run code that a suite or data set names by its module."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")]
 Replace = Annotated[

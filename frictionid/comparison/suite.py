@@ -155,9 +155,11 @@ class NamedIdentifier(NamedTuple):
 
 
 def identifier_of(
-    entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Method], *, trust: bool = False
 ) -> NamedIdentifier:
     """Identifier of a suite's table; its kind may be of a module beside the suite, or installed.
+
+    Such code runs with `trust` only.
 
     Raises
     ------
@@ -170,7 +172,7 @@ def identifier_of(
     if entry.kind == "published" and isinstance(settings.get("file"), str):
         settings["file"] = str(folder / settings["file"])
     if ":" in entry.kind:
-        identifier = _imported(entry.kind, settings, folder, where)
+        identifier = _imported(entry.kind, settings, folder, where, trust)
     else:
         identifier = built({"kind": entry.kind, **settings}, IDENTIFIERS, where)
     return NamedIdentifier(entry.label, identifier, tuple(entry.recipes) if entry.recipes else None)
@@ -203,12 +205,15 @@ def identifier_named(kind: str, settings: Mapping[str, Any]) -> Identifier:
     for key in settings:
         if key in IdentifierEntry.model_fields:
             raise InputError(f"--set {key}: is no setting of an identifier")
-    return identifier_of(IdentifierEntry(kind=kind, **settings), Path(), []).identifier
+    entry = IdentifierEntry(kind=kind, **settings)
+    return identifier_of(entry, Path(), [], trust=True).identifier  # the user names the code
 
 
-def _imported(kind: str, settings: Mapping[str, Any], folder: Path, where: str) -> Identifier:
+def _imported(
+    kind: str, settings: Mapping[str, Any], folder: Path, where: str, trust: bool
+) -> Identifier:
     """Identifier of a class "package.module:Class", or what a function beside the suite makes."""
-    part = imported_for_suite(kind, folder, where)
+    part = imported_for_suite(kind, folder, where, trust=trust)
     is_identifier = isinstance(part, type) and issubclass(part, Identifier)
     if is_installed(kind.partition(":")[0]) and not is_identifier:
         raise InputError(

@@ -51,7 +51,7 @@ def tasks_of(
     device : str, optional
         Where networks are trained, whatever the suite says.
     trust : bool
-        Whether readers that its data sets name by their modules may run.
+        Whether code that the suite and its data sets name by its module may run.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def _tasks(
     suite: Suite, folder: Path, data: Path | None, device: str | None, trust: bool
 ) -> list[Task]:
     recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
-    identifiers = [identifier_of(entry, folder, recipes) for entry in suite.identifiers]
+    identifiers = [identifier_of(e, folder, recipes, trust=trust) for e in suite.identifiers]
     if device is not None:
         identifiers = [i._replace(identifier=on_device(i.identifier, device)) for i in identifiers]
     distinct([recipe.name for recipe in recipes], "recipes")
@@ -134,7 +134,7 @@ def benchmarks_of(
     )
     loaded = {
         (path, mechanism): load_dataset(
-            folder / path, data, trust=trust, mechanism=_own_mechanism(mechanism, folder)
+            folder / path, data, trust=trust, mechanism=_own_mechanism(mechanism, folder, trust)
         )
         for path, mechanism in places
     }
@@ -143,9 +143,9 @@ def benchmarks_of(
     return benchmarks
 
 
-def _own_mechanism(reference: str | None, folder: Path) -> Mechanism | None:
+def _own_mechanism(reference: str | None, folder: Path, trust: bool) -> Mechanism | None:
     """What a function of one's own gives, of a module beside the suite or of a package."""
-    code = partial(imported_for_suite, folder=folder, where="datasets")
+    code = partial(imported_for_suite, folder=folder, where="datasets", trust=trust)
     return None if reference is None else mechanism_of({"kind": reference}, code)
 
 

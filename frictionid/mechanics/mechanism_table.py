@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from frictionid.config import nearest
+from frictionid.config import nearest, untrusted
 from frictionid.errors import InputError
 from frictionid.mechanics.axes import linear_axis, two_mass_axis
 from frictionid.mechanics.mechanism import Mechanism
@@ -101,10 +101,7 @@ def _kind(table: Mapping[str, Any], code: Code | None) -> tuple[str, Callable[..
 def _user_function(kind: str, code: Code | None) -> Callable[..., Mechanism]:
     """A function of one's own that gives a mechanism."""
     if code is None:
-        raise InputError(
-            f"[mechanism] kind = {kind!r} is code, which runs with your rights: read it, and give "
-            "--trust (trust=True in Python) where it is harmless"
-        )
+        raise InputError(f"[mechanism] kind = {untrusted(kind)}")
     build: Callable[..., Mechanism] = code(kind)
     if not callable(build):
         raise InputError(f"[mechanism] kind = {kind!r} is no function that gives a mechanism")

@@ -75,7 +75,9 @@ def assert_same_scores(folder, other):
 def said(patch, capsys, folder, *options):
     """Exit status of a comparison, and the one line that it says."""
     patch.chdir(folder)
-    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--out", "no", *options])
+    patch.setattr(
+        sys, "argv", ["frictionid", "compare", "suite.toml", "--trust", "--out", "no", *options]
+    )
     status = main()
     return status, capsys.readouterr().err.strip()
 
@@ -151,7 +153,7 @@ def test_a_data_set_that_fails_does_not_stop_the_others(cluster, place, monkeypa
     from many import main as many
 
     gone = [place / name for name in ("gone", "lost")]
-    words = [cluster.address, place / "suite.toml", *gone, "--out", place / "many"]
+    words = [cluster.address, place / "suite.toml", *gone, "--trust", "--out", place / "many"]
     monkeypatch.setattr(sys, "argv", ["many.py", *map(str, words)])
     assert many() == 1
     lines = sorted(capsys.readouterr().out.splitlines())

@@ -102,7 +102,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     (tmp_path / "own_seeded.py").write_text(OWN)
     changes = [("identifiers.0", {"kind": "own_seeded:Seeded"}), ("seeds", [0, 1])]
     file = write_suite(tmp_path, changes)
-    tasks = tasks_of(load_suite(file), file)
+    tasks = tasks_of(load_suite(file), file, trust=True)
     prepared_benchmarks = prepare_benchmarks(tasks)
     seen = {1: [], 2: []}
     for jobs in (1, 2):

@@ -82,7 +82,7 @@ def compare(file, folder, resume=False, replace=False):
 def command(patch, folder, out):
     """Exit code of `frictionid compare` in this process."""
     patch.chdir(folder)
-    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--out", out])
+    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--trust", "--out", out])
     return main()
 
 
@@ -94,7 +94,18 @@ def started(folder, out, finished):
         "from frictionid.__main__ import main; sys.exit(main())"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", call, "compare", "suite.toml", "--out", out, "--jobs", "2"],
+        [
+            sys.executable,
+            "-c",
+            call,
+            "compare",
+            "suite.toml",
+            "--trust",
+            "--out",
+            out,
+            "--jobs",
+            "2",
+        ],
         cwd=folder,
         env={**os.environ, "PATIENCE": "30"},
         stdout=subprocess.PIPE,

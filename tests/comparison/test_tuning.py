@@ -275,13 +275,13 @@ def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path
 
 def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
     table, file = suite(place, tuning={"trials": 2, "folds": 2})
-    to_tune = tuning_tasks(table, file)
+    to_tune = tuning_tasks(table, file, trust=True)
     assert len(study_specs(to_tune, table.tune)) == 4
     results = tune(to_tune, table.tune, tmp_path)
     page = write_outcome(tmp_path, results, table.tune.objective, file)
     whole = next(f for f in results if f.fold is None)
     tuned = tmp_path / "tiny.toml"
-    tasks = tasks_of(load_suite(tuned), tuned)
+    tasks = tasks_of(load_suite(tuned), tuned, trust=True)
     made = {task.name: task.identifier for task in tasks}
     assert made["scaled"].factor == whole.best.settings["factor"] and "none" in made
     assert tasks[0].benchmark.folds.hash == to_tune[0].benchmark.folds.hash
@@ -350,11 +350,11 @@ def test_every_setting_can_be_written_in_a_suite_and_tuned(kind):
 
 def test_a_comparison_does_not_read_what_tuning_searches(place):
     table, file = suite(place)
-    scaled = next(t for t in tasks_of(table, file) if t.name == "scaled")
+    scaled = next(t for t in tasks_of(table, file, trust=True) if t.name == "scaled")
     plain = replace(scaled.identifier)
     assert plain.factor == 0.5
     entry = table.identifiers[1]
-    assert identifier_of(entry, place, [INTEGRAL]).identifier == scaled.identifier
+    assert identifier_of(entry, place, [INTEGRAL], trust=True).identifier == scaled.identifier
 
 
 def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
@@ -363,13 +363,16 @@ def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
     suite(place)
     monkeypatch.chdir(place)
     monkeypatch.setattr(
-        "sys.argv", ["frictionid", "tune", "suite.toml", "--out", "t", "--jobs", "1"]
+        "sys.argv",
+        ["frictionid", "tune", "suite.toml", "--out", "t", "--jobs", "1", "--trust"],
     )
     assert main() == 0
     out = capsys.readouterr().out
     assert "factor" in out and str(place / "t" / "summary.md") in out
     assert (place / "t" / "tiny.toml").exists() and (place / "t" / "journal.log").exists()
-    again = fid.tune("suite.toml", out="t", jobs=1, resume=True)  # what the command calls
+    again = fid.tune(
+        "suite.toml", out="t", jobs=1, resume=True, trust=True
+    )  # what the command calls
     assert str(again) in out and len(again.frame) == len(pd.read_csv(place / "t" / "trials.csv"))
-    monkeypatch.setattr("sys.argv", ["frictionid", "tune", "suite.toml", "--out", "."])
+    monkeypatch.setattr("sys.argv", ["frictionid", "tune", "suite.toml", "--out", ".", "--trust"])
     assert main() == 2 and "holds no tuning but" in capsys.readouterr().err

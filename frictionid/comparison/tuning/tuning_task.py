@@ -62,7 +62,8 @@ class TuningTask:
     def task(self, benchmark: Benchmark, settings: Mapping[str, Any]) -> Task:
         """The task of one trial, on what tuning may see of the data."""
         entry = self.entry.with_settings(settings)
-        identifier = identifier_of(entry, self.folder, [self.recipe]).identifier
+        # its code was trusted when the task was made
+        identifier = identifier_of(entry, self.folder, [self.recipe], trust=True).identifier
         return Task(benchmark, self.name, identifier, self.recipe, self.seed)
 
 
@@ -91,7 +92,7 @@ def _tuning_tasks(suite: Suite, folder: Path, data: Path | None, trust: bool) ->
         )
     recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
     for entry in entries:
-        _check_space(entry, folder, recipes)
+        _check_space(entry, folder, recipes, trust)
     benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
     tasks = [
         TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
@@ -113,13 +114,15 @@ def _complete(entry: IdentifierEntry) -> IdentifierEntry:
     return entry.with_settings({**first, **entry.table})
 
 
-def _check_space(entry: IdentifierEntry, folder: Path, recipes: Sequence[Method]) -> None:
+def _check_space(
+    entry: IdentifierEntry, folder: Path, recipes: Sequence[Method], trust: bool
+) -> None:
     """Check that each setting to search takes the ends of its space."""
     complete = _complete(entry)
     for key, space in (entry.search or {}).items():
         for value in space.ends:
             try:
-                identifier_of(complete.with_settings({key: value}), folder, recipes)
+                identifier_of(complete.with_settings({key: value}), folder, recipes, trust=trust)
             except InputError as error:
                 raise InputError(f"{error} (search.{key} at {value!r})") from None
 

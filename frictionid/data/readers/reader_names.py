@@ -7,7 +7,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from frictionid.config import imported, nearest
+from frictionid.config import imported, nearest, untrusted
 from frictionid.data.readers.formats import READERS, part_of
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
@@ -33,10 +33,7 @@ def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
         return _checked(installed[kind].load(), kind)
     if ":" in kind:
         if not trust:
-            raise InputError(
-                f"{file}: [reader] kind = {kind!r} is code, which runs with your rights: read it, "
-                "and give --trust (trust=True in Python) where it is harmless"
-            )
+            raise InputError(f"{file}: [reader] kind = {untrusted(kind)}")
         read = imported(kind, file.parent, f"{file}: [reader] kind")
         if not callable(read):
             raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")

@@ -34,7 +34,7 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Identifier:
     """The identifier as a suite in comparisons/ names it."""
     monkeypatch.setattr(sys, "path", list(sys.path))  # a suite adds its folder to it
     table = IdentifierEntry.model_validate({"kind": "own_friction:quadratic", "width": 0.01})
-    name, identifier, only = identifier_of(table, FILE.parent, [STUDY, INTEGRAL])
+    name, identifier, only = identifier_of(table, FILE.parent, [STUDY, INTEGRAL], trust=True)
     assert (name, only) == ("quadratic", None)
     return identifier
 
@@ -91,7 +91,7 @@ def test_a_suite_beside_its_file_runs_it_in_worker_processes(
     (tmp_path / FILE.name).write_text(FILE.read_text(encoding="utf-8"), encoding="utf-8")
     entries = [{"kind": "own_friction:quadratic"}, {"kind": "none"}]
     tiny.write_suite(tmp_path, [("identifiers", entries), ("recipes", [{"name": "integral"}])])
-    tasks = tasks_of(load_suite(tmp_path / "suite.toml"), tmp_path / "suite.toml")
+    tasks = tasks_of(load_suite(tmp_path / "suite.toml"), tmp_path / "suite.toml", trust=True)
     run_tasks(tasks, prepare_benchmarks(tasks), tmp_path / "tasks", LAWS, jobs=2)
     own = tmp_path / "tasks" / "tiny--quadratic--integral--seed0.json"
     model = read_json(own)["model"]
