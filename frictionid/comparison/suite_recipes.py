@@ -23,7 +23,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.parameters import DelayBlock, ParameterBlock
+from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
@@ -61,8 +61,8 @@ class RecipeEntry(Strict):
 
     A one-step recipe has `states`, a table of a state estimator, and the settings of `Recipe`.
 
-    With `by` = "shooting" friction is refined by shooting: `free` names the blocks (friction, and
-    the delay where a motor's torque is sampled, where it is missing), `fixed` parameters that stay,
+    With `by` = "shooting" friction is refined by shooting: `free` names the blocks (where it is
+    missing, friction, and of inertia, delay and bias those that show something), `fixed` parameters that stay,
     `priors` standard deviations of blocks; `start` is the one-step recipe that it begins with; its
     other keys are those of the `Settings` of shooting.
 
@@ -211,9 +211,8 @@ def _refining(
     usual = [b.name for b in method.blocks if held is None or b.enters == "friction"]
     blocks = blocks_of(entry.free or usual, entry.fixed or [], entry.priors or {}, entry.where)
     if entry.free is None:
-        blocks = tuple(
-            replace(b, where_sampled=True) if isinstance(b, DelayBlock) else b for b in blocks
-        )
+        offered = {b.name for b in method.blocks if b.offered}
+        blocks = tuple(replace(b, offered=b.name in offered) for b in blocks)
     settings = kind.build(entry.keys(kind), entry.where)
     if isinstance(method, Shooting):
         return Shooting(entry.name, blocks, settings, start, held)

@@ -167,11 +167,10 @@ class DelayBlock(_Late):
     """How much later than logged the motor torque acts [s], within `most` either way.
 
     It is continuous: the logged torque is averaged over each piece of time as it was logged, held
-    or interpolated. `where_sampled`: only where a motor's torque is sampled.
+    or interpolated.
     """
 
     most: float = 0.2
-    where_sampled: bool = False
     name, enters, label = "delay", "torque", "torque delay"
 
     def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:

@@ -83,12 +83,14 @@ class ParameterBlock(ABC):
     enters : which input of the physics they are: "friction", "base", "torque", "angle" or
         "actuator"
     prior : standard deviation of their priors; relative to each value where `relative`
+    offered : whether the block is only free where the data can tell it, and shows something
     deviations : standard deviations of priors by the parameters' names
     """
 
     fixed: tuple[str, ...] = ()
     prior: float | None = None
     deviations: tuple[tuple[str, float], ...] = ()
+    offered: bool = False
     name: ClassVar[str]
     enters: ClassVar[str]
     relative: ClassVar[bool] = False

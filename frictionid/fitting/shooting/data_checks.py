@@ -15,6 +15,7 @@ from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, P
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows
+from frictionid.fitting.shooting.servo import refuse_open
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
 
@@ -64,6 +65,25 @@ def check_blocks(
         for name in ("gain", "delay"):
             if name in parameters:
                 raise InputError(f"block {name!r}: no recording has any motor torque; leave it out")
+
+
+def telling(
+    blocks: tuple[ParameterBlock, ...],
+    offered: Sequence[ParameterBlock],
+    estimate: Estimate,
+    intervals: Intervals,
+) -> tuple[ParameterBlock, ...]:
+    """The blocks, and the offered ones that these data can tell beside them and each other."""
+    for block in offered:
+        try:
+            if block.parameters(estimate):
+                if block.enters == "actuator":
+                    refuse_open(estimate, (*blocks, block))
+                check_blocks((*blocks, block), estimate, intervals)
+                blocks = (*blocks, block)
+        except InputError:
+            continue
+    return blocks
 
 
 def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -10,7 +11,6 @@ import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.fitting.parameters import (
     BacklashBlock,
     BiasBlock,
@@ -20,7 +20,7 @@ from frictionid.fitting.parameters import (
     TargetDelayBlock,
 )
 from frictionid.fitting.parameters.parameter_block import Estimate, ParameterBlock
-from frictionid.fitting.shooting.data_checks import check_blocks
+from frictionid.fitting.shooting.data_checks import telling
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sandwich import groups_of, sandwich, shown_once, solve_scaled
@@ -51,20 +51,24 @@ class Omitted(NamedTuple):
     shift: Array
 
 
-def omitted_blocks(problem: ShootingProblem, solution: Solution) -> Omitted | None:
+def omitted_blocks(
+    problem: ShootingProblem, solution: Solution, tested: Sequence[str] = ()
+) -> Omitted | None:
     """Blocks that would differ significantly from what they were held at, if they were free.
 
     Of inertia, delay, bias and offset, of servos the targets' delay and backlash in place of the
     delay, all are freed, and the least significant one is left out until all show: by one
     Gauss-Newton step from the normal equations of all of them, with p-values by the covariance
     between recordings, times the number of the block's parameters.
+
+    tested : names of blocks that the fit has left out after a test
     """
     fitted = tuple(free.block for free in problem.blocks)
     network = solution.estimate.friction.law.is_network
     motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
         return None
-    offered = _that_may_be_free(problem, solution, fitted)
+    offered = _that_may_be_free(problem, solution, fitted, tested)
     if not offered:
         return None
     blocks = (*fitted, *offered)
@@ -107,22 +111,18 @@ def sentences(omitted: Omitted | None) -> tuple[str, ...]:
 
 
 def _that_may_be_free(
-    problem: ShootingProblem, solution: Solution, fitted: tuple[ParameterBlock, ...]
+    problem: ShootingProblem,
+    solution: Solution,
+    fitted: tuple[ParameterBlock, ...],
+    tested: Sequence[str],
 ) -> tuple[ParameterBlock, ...]:
     """Blocks that are not free and may be, all together."""
-    names = [b.name for b in fitted]
-    out: tuple[ParameterBlock, ...] = ()
+    names = [*(b.name for b in fitted), *tested]
     estimate, driven = solution.estimate, has_actuator(fitted)
     if driven:
         estimate = with_servo(estimate, problem.intervals.dataset, OF_SERVOS)
-    for block in OF_SERVOS if driven else OFFERED:
-        try:
-            if block.name not in names and block.parameters(estimate):
-                check_blocks((*fitted, *out, block), estimate, problem.intervals)
-                out = (*out, block)
-        except InputError:  # these data do not tell it
-            continue
-    return out
+    offered = [b for b in (OF_SERVOS if driven else OFFERED) if b.name not in names]
+    return telling(fitted, offered, estimate, problem.intervals)[len(fitted) :]
 
 
 def _normal_equations(wider: ShootingProblem, solution: Solution) -> NormalEquations:

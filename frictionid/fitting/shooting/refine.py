@@ -31,6 +31,7 @@ from frictionid.fitting.shooting.data_checks import (
     limits_of_data,
     odd_recordings,
     odd_sentences,
+    telling,
     warnings_of,
 )
 from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
@@ -48,7 +49,7 @@ from frictionid.fitting.shooting.omitted_blocks import (
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo import with_servo
-from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, blocks_for
+from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
 from frictionid.friction import Friction, SpeedRange, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
@@ -137,16 +138,18 @@ def fit_blocks(
     settings: Settings,
     use: Array | None = None,
 ) -> Fit:
-    """The result of a fit to the intervals in use (K,), without sensors' blocks that show nothing.
+    """The result of a fit to the intervals in use (K,), without blocks that show nothing.
 
-    While the deviation of such a block from an ideal sensor is not significant, the fit goes on
-    from where it ended without the least significant one: free parameters that show nothing would
-    only spoil what the others predict. Beside a network all stay: the scatter of a few recordings
-    about so many combinations says little.
+    Blocks that are offered are only free where these data can tell them from the others. While the
+    deviation of a block from an ideal sensor, or from the nominal inertia where that is offered, is
+    not significant, the fit goes on from where it ended without the least significant one: free
+    parameters that show nothing would only spoil what the others predict. Beside a network all
+    stay: the scatter of a few recordings about so many combinations says little.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     dropped: list[Dropped] = []
-    blocks = on_support(blocks_for(blocks, intervals.dataset), friction)
+    blocks = on_support(applicable(blocks, intervals.dataset), friction)
+    blocks = _that_may_be_free(blocks, friction, intervals, use)
     ended: Solution | None = None
     while True:
         problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
@@ -174,7 +177,22 @@ def prepare_fit(
 
     use : (K,) true for the intervals that may be used, all by default
     """
-    mechanism, settings = intervals.dataset.mechanism, settings.at(float(np.median(intervals.dt)))
+    settings = settings.at(float(np.median(intervals.dt)))
+    estimate, blocks = _begin(friction, intervals, blocks, use)
+    check_blocks(blocks, estimate, intervals)
+    problem = shooting_problem(intervals, estimate, blocks, settings)
+    check_data(intervals, problem.parameters, settings.windows[-1])
+    return problem, estimate
+
+
+def _begin(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    use: Array | None,
+) -> tuple[Estimate, Sequence[ParameterBlock]]:
+    """The estimate that a fit begins with; of a network also the blocks of its combinations."""
+    mechanism = intervals.dataset.mechanism
     base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
@@ -188,11 +206,18 @@ def prepare_fit(
         samples = torque_samples(friction, mechanism, calibration, intervals, use)
         friction, blocks = with_combinations(friction, samples, blocks)
     estimate = Estimate(friction, calibration, mechanism)
-    estimate = with_servo(estimate, intervals.dataset, blocks)
-    check_blocks(blocks, estimate, intervals)
-    problem = shooting_problem(intervals, estimate, blocks, settings)
-    check_data(intervals, problem.parameters, settings.windows[-1])
-    return problem, estimate
+    return with_servo(estimate, intervals.dataset, blocks), blocks
+
+
+def _that_may_be_free(
+    blocks: Sequence[ParameterBlock], friction: Friction, intervals: Intervals, use: Array
+) -> tuple[ParameterBlock, ...]:
+    """The blocks, of those that are offered the ones that these data can tell beside the others."""
+    offered = [b for b in blocks if b.offered]
+    if not offered:
+        return tuple(blocks)
+    estimate, _ = _begin(friction, intervals, blocks, use)
+    return telling(tuple(b for b in blocks if not b.offered), offered, estimate, intervals)
 
 
 def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
@@ -210,7 +235,7 @@ def refined_by(
     """The result of a fit that began with a friction, without the blocks that were dropped."""
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
-    omitted = omitted_blocks(problem, solution)
+    omitted = omitted_blocks(problem, solution, [d.block for d in dropped])
     shared = model_error(omitted) + settings_error(problem, solution)
     shared = shared + smoothing_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)

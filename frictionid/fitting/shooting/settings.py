@@ -10,7 +10,14 @@ import numpy as np
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.blocks import DelayBlock, FrictionBlock, TargetDelayBlock
+from frictionid.fitting.parameters.blocks import (
+    BacklashBlock,
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    InertiaBlock,
+    TargetDelayBlock,
+)
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
 
 WINDOWS = (5 / 60, 10 / 60, 20 / 60)
@@ -28,7 +35,9 @@ class Settings:
     huber : residuals beyond so many standard deviations count less
     fine : [s], substeps of pieces in which a joint comes near rest
     significance : a block of sensors (delay, gain, bias, offset) whose deviation from an ideal
-        sensor has a larger p-value is left out, and the fit repeated without it; 1 keeps all
+        sensor has a larger p-value is left out, and the fit repeated without it, as is inertia that
+        is only offered; 1 keeps all. By default a deviation stays that is larger than 2^(1/2)
+        standard errors: there a model with it is expected to predict better [Akaike1974]
     start_velocity : [rad/s], how far a start velocity may be from its smoothed one where the
         angles do not tell it (a joint at rest); a standard deviation. None: ten times what is slow
         for the joint, see `joint_scales`
@@ -40,7 +49,7 @@ class Settings:
     huber: float = 2.5
     fine: float = 0.0007
     start_velocity: float | None = None
-    significance: float = 0.01
+    significance: float = 0.157
 
     def __post_init__(self) -> None:
         if not self.windows or any(not w > 0 for w in self.windows):
@@ -64,8 +73,16 @@ class Settings:
 
 
 # A torque sampled by a drive acts later than it is logged, or is held from one sample to the next:
-# both look like viscous friction where the delay is not free.
-DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (FrictionBlock(), DelayBlock(where_sampled=True))
+# both look like viscous friction where the delay is not free, as a controller does that gets its
+# targets late. A wrong inertia and a bias look like friction, too.
+DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
+    FrictionBlock(),
+    InertiaBlock(offered=True),
+    DelayBlock(offered=True),
+    TargetDelayBlock(offered=True),
+    BacklashBlock(offered=True),
+    BiasBlock(offered=True),
+)
 
 
 def torque_is_sampled(dataset: Dataset) -> bool:
@@ -73,22 +90,18 @@ def torque_is_sampled(dataset: Dataset) -> bool:
     return any(r.servo is None and np.any(r.torque.value) for r in dataset.recordings)
 
 
-def applicable(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[ParameterBlock, ...]:
-    """The blocks without a delay that is only meant for sampled torques, where there are none."""
-    sampled = torque_is_sampled(dataset)
-    return tuple(
-        b for b in blocks if sampled or not (isinstance(b, DelayBlock) and b.where_sampled)
-    )
-
-
-def blocks_for(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[ParameterBlock, ...]:
-    """The applicable blocks; where servos drive by held targets, the delay is that of the targets.
-
-    A controller that gets its targets late looks like viscous friction, too.
-    """
+def targets_are_held(dataset: Dataset) -> bool:
+    """Whether servos alone drive, by targets that are held from one sample to the next."""
     servos = [r.servo for r in dataset.recordings if r.servo is not None]
-    late = any(isinstance(b, DelayBlock) and b.where_sampled for b in blocks)
-    here = applicable(blocks, dataset)
-    if not (late and servos and all(holds(s.goal) for s in servos)) or torque_is_sampled(dataset):
-        return here
-    return (*here, TargetDelayBlock())
+    return bool(servos) and all(holds(s.goal) for s in servos) and not torque_is_sampled(dataset)
+
+
+def applicable(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[ParameterBlock, ...]:
+    """The blocks without those that are offered and mean nothing here.
+
+    A delay is that of sampled torques, or of held targets; backlash is between a joint and the
+    encoder of its servo; there is a bias where a motor drives.
+    """
+    sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
+    means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
+    return tuple(b for b in blocks if not b.offered or means.get(b.name, True))

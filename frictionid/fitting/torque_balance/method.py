@@ -30,7 +30,7 @@ from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torq
 DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     FrictionBlock(),
     InertiaBlock(),
-    DelayBlock(where_sampled=True),
+    DelayBlock(offered=True),
     BiasBlock(),
 )
 
