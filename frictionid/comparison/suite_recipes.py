@@ -62,9 +62,9 @@ class RecipeEntry(Strict):
     A one-step recipe has `states`, a table of a state estimator, and the settings of `Recipe`.
 
     With `by` = "shooting" friction is refined by shooting: `free` names the blocks (where it is
-    missing, friction, and of inertia, delay and bias those that show something), `fixed` parameters that stay,
-    `priors` standard deviations of blocks; `start` is the one-step recipe that it begins with; its
-    other keys are those of the `Settings` of shooting.
+    missing, friction, and of inertia, delay and bias those that show something), `fixed`
+    parameters that stay, `priors` standard deviations of blocks; `start` is the one-step recipe
+    that it begins with; its other keys are those of the `Settings` of shooting.
 
     With `by` = "inverse_dynamics" it is fitted to the balance of torques, with the same keys;
     friction, base parameters, delay and bias are free where `free` is missing, and its other keys

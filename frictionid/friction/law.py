@@ -33,6 +33,9 @@ _LEAST = 1.0  # [K]: who changes less shows no dependence
 class LawParameter(NamedTuple):
     """A parameter of a law: its name, its unit on a joint that turns, and its bounds.
 
+    neutral, size : what it is where the data do not tell it, and how far from that it usually is,
+        in multiples of what the data make usual for its unit, see `friction.constraints`; a size
+        of infinity where it has no neutral value
     initial : values to start fits from; (): zero, or the bound nearest to it
     stepwise : whether friction at samples changes by steps in it: a derivative does not show where
         the next step is, so that fits try other values of it
@@ -44,6 +47,8 @@ class LawParameter(NamedTuple):
     high: float = float("inf")
     initial: tuple[float, ...] = ()
     stepwise: bool = False
+    neutral: float = 0.0
+    size: float = float("inf")
 
 
 class Inputs(NamedTuple):

@@ -22,7 +22,7 @@ from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
-from frictionid.friction import Friction, SpeedRange, along, constraints_of
+from frictionid.friction import Friction, DataRange, along, constraints_of
 from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck
@@ -79,7 +79,7 @@ def test_the_fit_is_the_least_squares_one_among_equal_joints(identifier):
 
 
 def test_joints_that_are_not_named_keep_their_own():
-    range_ = SpeedRange(np.full((1, 4), 0.1), np.full((1, 4), 5.0))
+    range_ = DataRange(np.full((1, 4), 0.1), np.full((1, 4), 5.0))
     own = constraints_of(CoulombViscous(), range_, equal=((1, 3),)).at(0)
     assert own.owner.tolist() == [0, 1, 0, 3]
     assert own.tie.shape == (8, 6) and (own.tie.sum(axis=1) == 1).all()
@@ -180,7 +180,7 @@ def test_shooting_finds_the_common_friction_with_narrower_intervals(equal_data):
     assert tied.covariance.loc["coulomb of joint 1", "coulomb of joint 2"] == pytest.approx(
         tied.covariance.loc["coulomb of joint 1", "coulomb of joint 1"]
     )
-    speeds = SpeedRange(np.full((1, 2), 0.1), np.full((1, 2), 9.0))
+    speeds = DataRange(np.full((1, 2), 0.1), np.full((1, 2), 9.0))
     for equal, count in ((EQUAL, 2.0), ((), 4.0)):
         limits = constraints_of(law, speeds, equal=equal).at(0)
         start = replace(tied.friction, constraints=limits)
@@ -211,7 +211,7 @@ def test_derivatives_by_common_parameters_are_sums_of_each_joints(equal_data, se
     names = data.mechanism.base_names
     blocks = (FrictionBlock(), InertiaBlock(fixed=tuple(names[:-1])))
     blocks += (ActuatorBlock(prior=0.1),) if servo else (GainBlock(),)
-    theta, range_ = np.array([law.initial[0]] * 2), SpeedRange(np.full(2, 1e-3), np.full(2, 20.0))
+    theta, range_ = np.array([law.initial[0]] * 2), DataRange(np.full(2, 1e-3), np.full(2, 20.0))
     by = []
     for equal in (EQUAL, ()):
         friction = Friction(law, theta, constraints=constraints_of(law, range_, equal=equal))

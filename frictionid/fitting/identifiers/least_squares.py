@@ -20,6 +20,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
 from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
+from frictionid.fitting.one_step.spread import KNOWN, spread_of
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import check_temperature
 
@@ -40,6 +41,8 @@ class LeastSquares(Identifier):
     robust : number of standard deviations beyond which rows are weighted down, after which the fit
         is repeated; None gives all rows their full weight
     equal : groups of joints, by their numbers from 1, that have the same parameters
+    neutral : whether parameters that the rows do not tell stay at the law's neutral values; false
+        gives the plain minimum
 
     It begins at the law's `initial` values that promise the lowest cost, for each joint its own.
     Laws without a gradient, and laws with memory, are differentiated numerically. A parameter
@@ -63,6 +66,7 @@ class LeastSquares(Identifier):
     tolerance: NotNegative = 1e-11
     robust: Positive | None = 3.0
     equal: Groups = ()
+    neutral: bool = True
     seeded = False
 
     def __post_init__(self) -> None:
@@ -94,6 +98,32 @@ class LeastSquares(Identifier):
         for spread in _SPREADS if any(p.stepwise for p in law.law.parameters) else ():
             first = _better(law, theta, _scanned(law, theta, under, spread), under)
             theta = minimum(law, first, under, self.iterations, self.tolerance).x
+        return self._at_neutral(law, theta, under) if self.neutral else theta
+
+    def _at_neutral(self, law: Linearised, theta: Array, under: Conditions) -> Array:
+        """Parameters (F, N) with those at their neutral values that the rows do not tell.
+
+        The worst known one of each joint first, as long as the fit without it is not shown to be
+        worse; what two of them tell together, one tells alone.
+        """
+        neutral, size = law.neutral
+        open_ = np.isfinite(size) & (under.low < under.high)
+        while open_.any():
+            spread = spread_of(law, theta, law.residual(theta), under)
+            unknown = open_ & (theta != neutral) & (spread.error > KNOWN * size)
+            chosen = law.worst(unknown, spread.error / size)
+            if not chosen.any():
+                break
+            held = under._replace(
+                low=np.where(chosen, neutral, under.low), high=np.where(chosen, neutral, under.high)
+            )
+            start = np.clip(theta, held.low, held.high)
+            trial = minimum(law, start, held, self.iterations, self.tolerance).x
+            keep = spread.shown(law, theta, trial, under, chosen)[:, None]
+            theta, open_ = np.where(keep, theta, trial), open_ & ~chosen
+            under = held._replace(
+                low=np.where(keep, under.low, held.low), high=np.where(keep, under.high, held.high)
+            )
         return theta
 
     def _begin(self, law: Linearised, weights: Array) -> tuple[Array, Array]:

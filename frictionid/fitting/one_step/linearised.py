@@ -11,7 +11,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import Conditions
-from frictionid.fitting.one_step.residual import Problem, speed_range
+from frictionid.fitting.one_step.residual import Problem, data_range
 from frictionid.friction import (
     Constraints,
     Friction,
@@ -61,7 +61,7 @@ class Linearised(NamedTuple):
         Where the rows of joints at rest are projected out, all others slide: there numerical
         smoothing of sgn(w) would only blur slow ones.
         """
-        constraints = constraints_of(law, speed_range(problem, weights), *settings)
+        constraints = constraints_of(law, data_range(problem, weights), *settings)
         return Linearised(
             law.sharpened() if problem.masked else law, problem, constraints, constraints.tie
         )
@@ -103,6 +103,24 @@ class Linearised(NamedTuple):
         precision = np.multiply((self.once(constraints.deviation) ** -2.0).T, variance).T
         floor = _EXACT * self.cost(self.problem.r[None], weights)
         return Conditions(weights, *self.bounds, mean, precision, floor)
+
+    @property
+    def neutral(self) -> tuple[Array, Array]:
+        """Neutral values and sizes of the parameters, (F, N) each, infinite where there is none."""
+        constraints = self.constraints
+        assert constraints is not None
+        return self.once(constraints.neutral), self.once(constraints.size)
+
+    def worst(self, which: Array, measure: Array) -> Array:
+        """Of the parameters which (F, N) the one of each joint with the largest measure (F, N)."""
+        joint = np.repeat(np.arange(self.joints), len(self.law.names))
+        joint = joint if self.tie is None else joint[self.tie.argmax(axis=0)]
+        size, out = np.where(which, measure, -np.inf), np.zeros_like(which)
+        for j in np.unique(joint):
+            columns = np.flatnonzero(joint == j)
+            best = columns[np.argmax(size[:, columns], axis=1)]
+            out[np.arange(len(out)), best] = True
+        return out & which
 
     def once(self, each: Array) -> Array:
         """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""

@@ -24,7 +24,7 @@ from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import MAD
-from frictionid.friction import Inputs, Nodes, SpeedRange, joined
+from frictionid.friction import DataRange, Inputs, Nodes, joined
 from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import (
@@ -40,6 +40,7 @@ from frictionid.mechanics.plant import (
 # of half a second has cost seven per cent of the friction curve.
 GAP = 5.0
 _RESTING = 0.02  # of the speeds in a recording: a joint that is slower may be at rest
+_BLIND = 1e-9  # of the best seen combination of joints
 _SLOWEST = 0.01  # of the fastest speed: slowest one of a problem that does not know it
 
 
@@ -134,16 +135,38 @@ def integral_problem(
     return _assemble(parts, SIMPSON, 2, history, states)
 
 
-def speed_range(problem: Problem, weights: Array) -> SpeedRange:
+def data_range(problem: Problem, weights: Array) -> DataRange:
+    """Speeds (F, n) that the rows with weights (F, K) resolve, and what is usual in them."""
+    slowest, fastest = speed_range(problem, weights)
+    x = problem.nodes.inputs
+    load, square = problem.mean(np.abs(x.load)), problem.mean(x.u**2)
+    by_sign = problem.G * problem.mean(np.sign(x.w))[:, None]
+    each = [_usual(by_sign, problem.r, load, square, fold) for fold in weights]
+    level, load, square = (np.stack(part) for part in zip(*each, strict=True))
+    return DataRange(slowest, fastest, level, load, np.sqrt(square))
+
+
+def _usual(
+    by_sign: Array, r: Array, load: Array, square: Array, weights: Array
+) -> tuple[Array, Array, Array]:
+    """Of one fold the levels (n,) [N m] of Coulomb friction alone, and means of load and square."""
+    total = max(float(weights.sum()), 1e-300)
+    weighted = by_sign * weights[:, None, None]
+    H = np.einsum("kip,kiq->pq", weighted, by_sign, optimize=True)
+    level = np.linalg.pinv(H, rcond=_BLIND, hermitian=True) @ np.einsum("kip,ki->p", weighted, r)
+    return np.abs(level), weights @ load / total, weights @ square / total
+
+
+def speed_range(problem: Problem, weights: Array) -> tuple[Array, Array]:
     """Speeds (F, n) that the rows with weights (F, K) resolve: usual slowest, and fastest one."""
     use = weights > 0
     w = np.abs(problem.nodes.inputs.w[problem.stencil]).max(axis=1)
     fastest = np.stack([w[rows].max(axis=0, initial=0.0) for rows in use])
     if not np.ndim(problem.slowest):
-        return SpeedRange(_SLOWEST * fastest, fastest)
+        return _SLOWEST * fastest, fastest
     recordings = [np.unique(problem.recording[rows]) for rows in use]
     slowest = [np.median(np.asarray(problem.slowest)[which], axis=0) for which in recordings]
-    return SpeedRange(np.maximum(np.stack(slowest), 1e-6 * fastest), fastest)
+    return np.maximum(np.stack(slowest), 1e-6 * fastest), fastest
 
 
 def mask_stiction(problem: Problem, velocity_threshold: float | Array | None) -> Problem:

@@ -23,7 +23,7 @@ from frictionid.fitting.parameters.parameter_block import (
     Values,
     check_fixed,
 )
-from frictionid.friction import Friction, SpeedRange, constraints_of
+from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.mechanics import Mechanism, configurations
 
 MOTOR = ("kt", "R")
@@ -50,7 +50,7 @@ class FrictionBlock(ParameterBlock):
         friction, joints = estimate.friction, estimate.mechanism.friction_names
         law, theta = friction.law, np.asarray(friction.theta)
         has = law.has_parameters(len(theta))
-        nothing = SpeedRange(np.full(len(theta), 1e-9), np.full(len(theta), np.inf))
+        nothing = DataRange(np.full(len(theta), 1e-9), np.full(len(theta), np.inf))
         limits = friction.constraints or constraints_of(law, nothing)
         for j in np.unique(limits.owner).tolist():
             twins = [int(k) for k in np.flatnonzero(limits.owner == j) if k != j]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,12 @@ from frictionid.fitting.shooting.networks import (
     torque_samples,
     with_combinations,
 )
+from frictionid.fitting.shooting.neutral import (
+    Unknown,
+    at_neutral,
+    unknown_parameters,
+    with_held,
+)
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,
     omitted_blocks,
@@ -50,7 +57,7 @@ from frictionid.fitting.shooting.problem import ShootingProblem, shooting_proble
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.servo import with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
-from frictionid.friction import Friction, SpeedRange, constraints_of
+from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
 
@@ -144,26 +151,101 @@ def fit_blocks(
     deviation of a block from an ideal sensor, or from the nominal inertia where that is offered, is
     not significant, the fit goes on from where it ended without the least significant one: free
     parameters that show nothing would only spoil what the others predict. Beside a network all
-    stay: the scatter of a few recordings about so many combinations says little.
+    stay: the scatter of a few recordings about so many combinations says little. Parameters of
+    friction that the data do not tell are held at the law's neutral values, see `neutral`.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
-    dropped: list[Dropped] = []
     blocks = on_support(applicable(blocks, intervals.dataset), friction)
     blocks = _that_may_be_free(blocks, friction, intervals, use)
-    ended: Solution | None = None
+    stage = _solved(_Stage(friction, blocks), intervals, settings, use)
     while True:
-        problem, estimate = prepare_fit(friction, intervals, blocks, settings, use)
-        if ended is not None:
-            values = values_of(ended.estimate, problem.blocks)
-            estimate = with_values(estimate, problem.blocks, values)
-        ended = solve(problem, estimate, use, ended)
-        result = refined_by(problem, ended, friction, tuple(dropped))
+        stage = _at_neutral(stage, intervals, settings, use)
+        result = refined_by(stage.problem, stage.solution, friction, stage.dropped, stage.held)
         level = 1.0 if friction.law.is_network else settings.significance
-        idle = least_significant(result.covariance, blocks, level)
+        idle = least_significant(result.covariance, stage.blocks, level)
         if idle is None:
             return result
-        dropped.append(idle)
-        blocks = tuple(b for b in blocks if b.name != idle.block)
+        blocks = tuple(b for b in stage.blocks if b.name != idle.block)
+        stage = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
+        stage = _solved(stage, intervals, settings, use)
+
+
+class _Stage(NamedTuple):
+    """A fit on the way: where it begins, what is free, where it ended, and what was left out.
+
+    tried : places of parameters of friction that have been held, or were shown to be needed
+    """
+
+    friction: Friction
+    blocks: tuple[ParameterBlock, ...]
+    ended: tuple[ShootingProblem, Solution] | None = None
+    dropped: tuple[Dropped, ...] = ()
+    held: tuple[Unknown, ...] = ()
+    tried: tuple[tuple[int, ...], ...] = ()
+
+    @property
+    def problem(self) -> ShootingProblem:
+        assert self.ended is not None
+        return self.ended[0]
+
+    @property
+    def solution(self) -> Solution:
+        assert self.ended is not None
+        return self.ended[1]
+
+
+def _solved(stage: _Stage, intervals: Intervals, settings: Settings, use: Array) -> _Stage:
+    """The stage with its fit, from where it ended before."""
+    before = None if stage.ended is None else stage.solution
+    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, settings, use)
+    if before is not None:
+        values = values_of(before.estimate, problem.blocks)
+        estimate = with_values(estimate, problem.blocks, values)
+    return stage._replace(ended=(problem, solve(problem, estimate, use, before)))
+
+
+def _at_neutral(stage: _Stage, intervals: Intervals, settings: Settings, use: Array) -> _Stage:
+    """The stage with parameters of friction held that the data do not tell, the worst known first.
+
+    One of each joint at a time: what two of them tell together, one tells alone.
+    """
+    while True:
+        problem, solution = stage.problem, stage.solution
+        limits, tried = solution.estimate.friction.constraints, stage.tried
+        covariance = covariance_of(problem, solution)
+        unknown = unknown_parameters(covariance, limits, solution.curvature, tried)
+        if not unknown or problem.count == 0:
+            return stage
+        stage = stage._replace(tried=(*tried, *(u.parameter.place for u in unknown)))
+        held = _held(stage, unknown, intervals, settings, use)
+        if held is None and len(unknown) > 1:
+            for single in unknown:
+                stage = _held(stage, (single,), intervals, settings, use) or stage
+        stage = held or stage
+
+
+def _held(
+    stage: _Stage,
+    unknown: tuple[Unknown, ...],
+    intervals: Intervals,
+    settings: Settings,
+    use: Array,
+) -> _Stage | None:
+    """The stage with parameters held at neutral values; None where that is clearly worse."""
+    solution = stage.solution
+    blocks, friction = at_neutral(stage.blocks, stage.friction, unknown)
+    friction = replace(friction, constraints=solution.estimate.friction.constraints)
+    trial = _solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
+    costs = [_squares(end, solution) for end in (solution, trial.solution)]
+    if any(u.shown(*costs) for u in unknown):
+        return None
+    return trial._replace(held=(*stage.held, *unknown))
+
+
+def _squares(solution: Solution, like: Solution) -> float:
+    """Squares of the residuals in units of the noise, weighed as in another solution."""
+    weight = like.weight * (like.counts[:, None] * solution.share)[..., None]
+    return float((weight * (solution.residual / like.sigma) ** 2).sum())
 
 
 def prepare_fit(
@@ -220,19 +302,23 @@ def _that_may_be_free(
     return telling(tuple(b for b in blocks if not b.offered), offered, estimate, intervals)
 
 
-def _speed_range(intervals: Intervals, use: Array) -> SpeedRange:
+def _speed_range(intervals: Intervals, use: Array) -> DataRange:
     """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
     states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
     turns = turns_of(intervals.dataset.mechanism, intervals.w)
     slowest = np.median([slowest_speeds(s) for s in states], axis=0)
     slowest = of_parts(slowest, None if turns is None else np.abs(turns))
-    return SpeedRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
+    return DataRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
 
 
 def refined_by(
-    problem: ShootingProblem, solution: Solution, start: Friction, dropped: tuple[Dropped, ...] = ()
+    problem: ShootingProblem,
+    solution: Solution,
+    start: Friction,
+    dropped: tuple[Dropped, ...] = (),
+    held: tuple[Unknown, ...] = (),
 ) -> Fit:
-    """The result of a fit that began with a friction, without the blocks that were dropped."""
+    """The result of a fit that began with a friction, without what was dropped or held."""
     estimate = solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution, [d.block for d in dropped])
@@ -240,6 +326,8 @@ def refined_by(
     shared = shared + smoothing_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)
     limits = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
+    covariance = with_held(covariance, held)
+    limits = (*limits, *(u.sentence for u in held))
     diagnostics = replace(_diagnostics(problem, solution, limits), dropped=dropped)
     law_friction = as_given(fitted, start)
     return Fit(law_friction, covariance.each, diagnostics, fitted, estimate.mechanism)

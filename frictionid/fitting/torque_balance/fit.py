@@ -11,15 +11,21 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
+from frictionid.fitting.fit import Covariance, Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.grams import clusters
 from frictionid.fitting.one_step.one_step_fit import checked_fit
-from frictionid.fitting.one_step.residual import speed_range
+from frictionid.fitting.one_step.residual import data_range
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
 from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
+from frictionid.fitting.shooting.neutral import (
+    Unknown,
+    at_neutral,
+    unknown_parameters,
+    with_held,
+)
 from frictionid.fitting.shooting.sandwich import FEW, Groups
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
@@ -75,9 +81,10 @@ def fit_torques(
     dropped: list[Dropped] = []
     while True:
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
+        solution, problem, held = _at_neutral(solution, problem, use, settings)
         if settings.consistent:
             solution = made_consistent(problem, solution, use, settings)
-        result = _result(problem, solution, start, use, tuple(dropped))
+        result = _result(problem, solution, start, use, tuple(dropped), held)
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -127,8 +134,8 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
     """The estimate with another friction: sharp, and within what the data resolve."""
     limits = friction.constraints
     if limits is None:
-        speeds = speed_range(balance.problem, use[None] * 1.0)
-        limits = constraints_of(friction.law, speeds).at(0)
+        usual = data_range(balance.problem, use[None] * 1.0)
+        limits = constraints_of(friction.law, usual).at(0)
     if limits.equal:
         raise InputError(
             "equal joints: inverse dynamics gives each joint parameters of its own: fit by "
@@ -144,10 +151,10 @@ def _result(
     start: Friction,
     use: Array,
     dropped: tuple[Dropped, ...],
+    held: tuple[Unknown, ...],
 ) -> Fit:
-    """The result of a fit that began with a friction, without the blocks that were dropped."""
-    estimate, parameters = solution.estimate, problem.parameters
-    values, groups = values_of(estimate, problem.blocks), _groups(problem, solution, use)
+    """The result of a fit that began with a friction, without what was dropped or held."""
+    estimate = solution.estimate
     friction = replace(
         estimate.friction,
         law=start.law,
@@ -157,18 +164,53 @@ def _result(
     )
     return Fit(
         friction,
-        grouped_covariance(parameters, values, estimate.friction, groups),
+        with_held(_covariance(problem, solution, use), held),
         Diagnostics(
             torque_noise=solution.sigma,
             windows=int(use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
-            warnings=tuple(_warnings(problem, solution)),
+            warnings=(*_warnings(problem, solution), *(u.sentence for u in held)),
             dropped=dropped,
         ),
         friction,
         estimate.mechanism,
     )
+
+
+def _at_neutral(
+    solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
+) -> tuple[TorqueSolution, TorqueProblem, tuple[Unknown, ...]]:
+    """The solution with parameters of friction held that the torques do not tell, one by one."""
+    held: tuple[Unknown, ...] = ()
+    tried: list[tuple[int, ...]] = []
+    while True:
+        limits = solution.estimate.friction.constraints
+        H, covariance = solution.normal_equations()[0], _covariance(problem, solution, use)
+        unknown = unknown_parameters(covariance, limits, H, tried)
+        if not unknown:
+            return solution, problem, held
+        tried += [u.parameter.place for u in unknown]
+        for single in unknown:
+            blocks = tuple(free.block for free in problem.blocks)
+            blocks, friction = at_neutral(blocks, solution.estimate.friction, (single,))
+            estimate = solution.estimate._replace(friction=friction)
+            without = TorqueProblem(problem.balance, free_blocks(blocks, estimate), estimate)
+            after = solve(without, use, settings)
+            if not single.shown(*(_squares(end, solution) for end in (solution, after))):
+                solution, problem, held = after, without, (*held, single)
+
+
+def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
+    """Squares of the torques that are left in units of the noise, weighed as in another solution."""
+    return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
+
+
+def _covariance(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Covariance:
+    """Covariance of the free parameters, from stretches of the recordings."""
+    values, groups = values_of(solution.estimate, problem.blocks), _groups(problem, solution, use)
+    friction = solution.estimate.friction
+    return grouped_covariance(problem.parameters, values, friction, groups)
 
 
 def _groups(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Groups:

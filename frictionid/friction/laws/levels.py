@@ -29,10 +29,10 @@ COARSE_VELOCITIES = tuple(float(f"{0.5 * 2.5**k:.2g}") for k in range(-7, 6))
 SIDES = ("_positive", "_negative")
 
 COULOMB = LawParameter("coulomb", "N m")
-PEAK = LawParameter("peak", "N m")
+PEAK = LawParameter("peak", "N m", size=0.5)
 VISCOUS = LawParameter("viscous", "N m s/rad")
-DRAG = LawParameter("drag", "N m s^2/rad^2")
-LOSS = LawParameter("loss", "1", high=1.0)
+DRAG = LawParameter("drag", "N m s^2/rad^2", size=1.0)
+LOSS = LawParameter("loss", "1", high=1.0, size=0.3)
 
 
 def by_direction(symmetric: bool, *parameters: LawParameter) -> tuple[LawParameter, ...]:
@@ -67,11 +67,13 @@ class Level(NamedTuple):
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
         """Its parameters; fits start without friction, so that a first step is linear."""
+        # a direction without motion has the usual level
+        coulomb = COULOMB if self.symmetric else COULOMB._replace(neutral=1.0, size=0.5)
         if not self.peaked:
-            return by_direction(self.symmetric, COULOMB)
+            return by_direction(self.symmetric, coulomb)
         # fits bound velocities by what the data resolve, see `friction.constraints`
         velocity = LawParameter("stribeck_velocity", "rad/s", initial=self.velocities)
-        return (*by_direction(self.symmetric, COULOMB, PEAK), velocity)
+        return (*by_direction(self.symmetric, coulomb, PEAK), velocity)
 
     def at(self, theta: Array, speed: Array, w: Array) -> Array:
         """Level (..., n) [N m] at a speed, in the direction of w."""

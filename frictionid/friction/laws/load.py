@@ -46,7 +46,7 @@ class LoadDependent(LevelLaw):
     stribeck: bool = False
     uses_load = True
     terms: ClassVar = (
-        Term(LawParameter("load_coefficient", "N m/N"), lambda x: x.load, rubbing=True),
+        Term(LawParameter("load_coefficient", "N m/N", size=1.0), lambda x: x.load, rubbing=True),
         VISCOUS_TERM,
     )
 
@@ -77,7 +77,7 @@ class MotorLoad(LevelLaw):
     @property
     def terms(self) -> tuple[Term, ...]:
         loss = Term(LOSS, lambda x: namespace(x.u).abs(x.u), rubbing=True)
-        rise = Term(LawParameter("rise", "1/(N m)"), lambda x: x.u**2, rubbing=True)
+        rise = Term(LawParameter("rise", "1/(N m)", size=1.0), lambda x: x.u**2, rubbing=True)
         return (VISCOUS_TERM, loss, *((rise,) if self.squared else ()))
 
 
@@ -85,7 +85,7 @@ _SMALLEST = 1e-300
 
 
 def _share(name: str, *initial: float) -> LawParameter:
-    return LawParameter(name, "1", high=1.0, initial=initial)
+    return LawParameter(name, "1", high=1.0, initial=initial, size=0.3)
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,8 @@ class GearLoad(Law):
         PEAK,
         _share("peak_motor", 0.05),
         _share("peak_external", 0.05),
-        LawParameter("quadratic_motor", "1/(N m)"),
-        LawParameter("quadratic_external", "1/(N m)"),
+        LawParameter("quadratic_motor", "1/(N m)", size=1.0),
+        LawParameter("quadratic_external", "1/(N m)", size=1.0),
         LawParameter("stribeck_velocity", "rad/s", initial=COARSE_VELOCITIES),
         LawParameter("exponent", "1", 0.5, 10.0, (2.0,)),
     )

@@ -37,9 +37,9 @@ from frictionid.friction.laws.levels import (
     stribeck_factor,
 )
 
-PRESLIDING = LawParameter("presliding", "rad", 1e-5, 1.0, (0.002, 0.006, 0.02, 0.06))
+PRESLIDING = LawParameter("presliding", "rad", 1e-5, 1.0, (0.002, 0.006, 0.02, 0.06), size=0.03)
 # what is faster than a millisecond is no memory
-_LAG = LawParameter("lag", "s", 1e-3, 1.0, (0.01, 0.06), stepwise=True)
+_LAG = LawParameter("lag", "s", 1e-3, 1.0, (0.01, 0.06), stepwise=True, size=0.05)
 _TINY = 1e-12  # no division by zero where there is no friction, or no motion
 
 
@@ -146,7 +146,7 @@ class LuGre(BristleLaw):
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        damping = LawParameter("damping", "N m s/rad")
+        damping = LawParameter("damping", "N m s/rad", size=1.0)
         velocity = LawParameter("damping_velocity", "rad/s", initial=(0.1,))
         return (*self.level.parameters, VISCOUS, PRESLIDING, damping, velocity)
 

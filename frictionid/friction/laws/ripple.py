@@ -54,7 +54,10 @@ class Ripple(CombinedLaw):
     def parameters(self) -> tuple[LawParameter, ...]:
         most = 1.0 / (2 * len(self.harmonics))
         waves = (f"{name}_{k}" for k in self.harmonics for name in ("cos", "sin"))
-        return (*self.law.parameters, *(LawParameter(name, "1", -most, most) for name in waves))
+        return (
+            *self.law.parameters,
+            *(LawParameter(name, "1", -most, most, size=0.3) for name in waves),
+        )
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         level, viscous = self._parts(theta, x)

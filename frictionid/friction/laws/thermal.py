@@ -20,8 +20,8 @@ from frictionid.friction.laws.combined import CombinedLaw
 _LEVEL = "N m"  # units of parameters that are levels of friction, and of viscous terms
 _VISCOUS = ("N m s/rad", "N m s^2/rad^2")
 _WARMING = (
-    LawParameter("coulomb_slope", "1/K", -0.05, 0.05),
-    LawParameter("viscous_decay", "1/K", -0.05, 0.2),
+    LawParameter("coulomb_slope", "1/K", -0.05, 0.05, size=0.01),
+    LawParameter("viscous_decay", "1/K", -0.05, 0.2, size=0.05),
 )
 
 

@@ -15,7 +15,7 @@ from frictionid.evaluation.curves import curve_error, steady_state
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine
-from frictionid.friction import SpeedRange, constraints_of
+from frictionid.friction import DataRange, constraints_of
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as Truth
@@ -104,7 +104,7 @@ def test_bounds_and_priors_of_parameters(axis, problem):
     ],
 )
 def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
-    speeds = SpeedRange(np.array([0.1]), np.array([5.0]))
+    speeds = DataRange(np.array([0.1]), np.array([5.0]))
     with pytest.raises(InputError, match=words):
         constraints_of(CoulombViscous(), speeds, **settings)
 
