@@ -52,12 +52,14 @@ def complexity_score(fit: Fit) -> Score | None:
     """Effective number of parameters of the friction of all data; None of recipes of one's own.
 
     Of a fit with a covariance, by shooting or inverse dynamics, how many parameters, those of the
-    machine and its sensors too, the data determine: at no bound, with a finite error.
+    machine and its sensors too, the data determine: at no bound, not held,
+    with a finite error.
     """
     friction, network = fit.friction, fit.friction.law.is_network
     if fit.fitted is not None and not network:
         covariance, constraints = fit.covariance, fit.fitted.constraints
         determined = np.isfinite(covariance.error) & ~covariance.bound
+        determined &= np.array([p.tolerance > 0 for p in covariance.parameters], dtype=bool)
         count = float(sum(determined[k] for k in _once(covariance.parameters, constraints)))
     elif fit.problem is not None and fit.weights is not None:
         count = effective_parameters(friction, fit.problem, fit.weights)

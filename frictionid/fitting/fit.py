@@ -255,7 +255,7 @@ def _estimates(
             (float(low), float(high)),
             bool(covariance.bound[k]),
             bool(identified[k]),
-            p.tolerance if np.isfinite(p.tolerance) else None,
+            p.tolerance if 0.0 < p.tolerance < np.inf else None,
             _nominal(p, dataset, shift),
         )
 

@@ -15,7 +15,7 @@ velocity of a peak has neither: without the peak it means nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +47,7 @@ class DataRange(NamedTuple):
     def usual(self, unit: str) -> Array | float:
         """What is usual for a parameter of a unit; infinite where the data do not show it."""
         level, speed = _known(self.level), self.fastest
-        with np.errstate(divide="ignore", over="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             by_unit = {
                 "N m": level,
                 "N m s/rad": level / speed,
@@ -83,8 +83,8 @@ class Constraints:
 
     def at(self, index: Any) -> Constraints:
         """Those at an index into the batch axes."""
-        arrays = (self.low, self.high, self.mean, self.deviation, self.neutral, self.size)
-        return Constraints(*(array[index] for array in arrays), self.equal)
+        arrays = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "equal"}
+        return replace(self, **arrays)
 
     @property
     def owner(self) -> Array:
@@ -163,8 +163,8 @@ def constraints_of(
         high[..., joints, :] = high[..., joints, :].min(axis=-2, keepdims=True)
         neutral[..., joints, :] = neutral[..., joints, :].mean(axis=-2, keepdims=True)
         size[..., joints, :] = size[..., joints, :].max(axis=-2, keepdims=True)
-    limits = low, high, mean, deviation, neutral, size
-    return Constraints(*limits, tuple(map(tuple, equal)))
+    groups = tuple(map(tuple, equal))
+    return Constraints(low, high, mean, deviation, neutral, size, groups)
 
 
 def _checked_groups(law: Law, equal: Sequence[Sequence[int]], joints: int) -> Groups:

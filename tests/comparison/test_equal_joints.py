@@ -22,7 +22,7 @@ from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
-from frictionid.friction import Friction, DataRange, along, constraints_of
+from frictionid.friction import DataRange, Friction, along, constraints_of
 from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck

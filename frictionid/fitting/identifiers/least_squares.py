@@ -20,7 +20,7 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
 from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
-from frictionid.fitting.one_step.spread import KNOWN, spread_of
+from frictionid.fitting.one_step.spread import spread_of
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import check_temperature
 
@@ -103,27 +103,26 @@ class LeastSquares(Identifier):
     def _at_neutral(self, law: Linearised, theta: Array, under: Conditions) -> Array:
         """Parameters (F, N) with those at their neutral values that the rows do not tell.
 
-        The worst known one of each joint first, as long as the fit without it is not shown to be
-        worse; what two of them tell together, one tells alone.
+        The worst known one of a fit first, as long as the fit without it is not shown to be worse:
+        what two of them tell together, one tells alone.
         """
         neutral, size = law.neutral
-        open_ = np.isfinite(size) & (under.low < under.high)
-        while open_.any():
+        left = np.isfinite(size) & (under.low < under.high)
+        while left.any():
             spread = spread_of(law, theta, law.residual(theta), under)
-            unknown = open_ & (theta != neutral) & (spread.error > KNOWN * size)
-            chosen = law.worst(unknown, spread.error / size)
+            chosen = left & spread.worst(theta, neutral, size)
             if not chosen.any():
                 break
-            held = under._replace(
-                low=np.where(chosen, neutral, under.low), high=np.where(chosen, neutral, under.high)
-            )
-            start = np.clip(theta, held.low, held.high)
+            low, high = (np.where(chosen, neutral, x) for x in (under.low, under.high))
+            held = under._replace(low=low, high=high)
+            start = np.clip(theta, low, high)
             trial = minimum(law, start, held, self.iterations, self.tolerance).x
-            keep = spread.shown(law, theta, trial, under, chosen)[:, None]
-            theta, open_ = np.where(keep, theta, trial), open_ & ~chosen
-            under = held._replace(
-                low=np.where(keep, under.low, held.low), high=np.where(keep, under.high, held.high)
+            goes = chosen.any(axis=1) & ~spread.shown(law, theta, trial, under, chosen)
+            theta, left = np.where(goes[:, None], trial, theta), left & ~chosen
+            low, high = (
+                np.where(goes[:, None], *pair) for pair in ((low, under.low), (high, under.high))
             )
+            under = under._replace(low=low, high=high)
         return theta
 
     def _begin(self, law: Linearised, weights: Array) -> tuple[Array, Array]:

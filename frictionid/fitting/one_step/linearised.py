@@ -111,17 +111,6 @@ class Linearised(NamedTuple):
         assert constraints is not None
         return self.once(constraints.neutral), self.once(constraints.size)
 
-    def worst(self, which: Array, measure: Array) -> Array:
-        """Of the parameters which (F, N) the one of each joint with the largest measure (F, N)."""
-        joint = np.repeat(np.arange(self.joints), len(self.law.names))
-        joint = joint if self.tie is None else joint[self.tie.argmax(axis=0)]
-        size, out = np.where(which, measure, -np.inf), np.zeros_like(which)
-        for j in np.unique(joint):
-            columns = np.flatnonzero(joint == j)
-            best = columns[np.argmax(size[:, columns], axis=1)]
-            out[np.arange(len(out)), best] = True
-        return out & which
-
     def once(self, each: Array) -> Array:
         """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""
         flat = each.reshape(len(each), -1)

@@ -23,8 +23,6 @@ from frictionid.fitting.parameters.parameter_block import Parameter, ParameterBl
 from frictionid.fitting.shooting.sandwich import solve_scaled
 from frictionid.friction import Constraints, Friction
 
-Place = tuple[int, int]
-
 
 class Unknown(NamedTuple):
     """A parameter that the data do not tell: itself, its neutral value and size, and its excess.
@@ -40,7 +38,7 @@ class Unknown(NamedTuple):
     @property
     def held(self) -> Parameter:
         """The parameter at its neutral value."""
-        return self.parameter._replace(value=self.neutral)
+        return self.parameter._replace(value=self.neutral, tolerance=0.0)
 
     @property
     def sentence(self) -> str:
@@ -56,7 +54,10 @@ class Unknown(NamedTuple):
 
 
 def unknown_parameters(
-    covariance: Covariance, limits: Constraints | None, curvature: Array, tried: Sequence[Place]
+    covariance: Covariance,
+    limits: Constraints | None,
+    curvature: Array,
+    tried: Sequence[tuple[int, ...]],
 ) -> tuple[Unknown, ...]:
     """Of each joint the parameter of friction that the data tell least, without those tried before.
 

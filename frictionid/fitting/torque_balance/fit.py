@@ -202,7 +202,7 @@ def _at_neutral(
 
 
 def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
-    """Squares of the torques that are left in units of the noise, weighed as in another solution."""
+    """Squares of torques that are left, in units of the noise, weighed as in another solution."""
     return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
 
 

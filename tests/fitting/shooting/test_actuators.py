@@ -65,7 +65,7 @@ def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
 
 
 def test_without_the_backlash_the_fit_says_that_it_would_show():
-    fit, found = fitted(dataset(frames(LOOSE, runs=3, seconds=4.0), LOOSE))
+    fit, found = fitted(dataset(frames(LOOSE, runs=3, seconds=4.0), LOOSE), "target_delay")
     assert any("Not free, and would show: 'backlash'" in w for w in fit.convergence.warnings)
     assert abs(found["friction", "coulomb"] / LOOSE.coulomb - 1) > 0.3
 

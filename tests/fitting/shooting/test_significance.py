@@ -86,7 +86,7 @@ def test_a_late_torque_keeps_its_delay():
     assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
 
 
-def test_by_default_the_delay_is_free_where_a_torque_is_sampled():
+def test_by_default_the_delay_is_offered_where_a_torque_is_sampled():
     early = tuple(
         replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
     )
@@ -95,10 +95,11 @@ def test_by_default_the_delay_is_free_where_a_torque_is_sampled():
     assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
     recipe = recipe_of(RecipeEntry(name="shooting", by="shooting"))
     assert recipe.blocks == Shooting().blocks == DEFAULT_BLOCKS
-    assert applicable(DEFAULT_BLOCKS, late) == DEFAULT_BLOCKS
+    offered = [b.name for b in applicable(DEFAULT_BLOCKS, late)]
+    assert offered == ["friction", "inertia", "delay", "bias"]
 
 
-def test_by_default_friction_alone_is_free_where_no_torque_is_sampled():
+def test_by_default_nothing_is_offered_that_no_recording_shows():
     still = tuple(
         replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
     )
@@ -107,4 +108,6 @@ def test_by_default_friction_alone_is_free_where_no_torque_is_sampled():
     driven = tuple(replace(r, servo=servo) for r in tiny.recordings())
     for recordings in (still, driven):
         data = tiny.dataset(recordings=recordings)
-        assert [b.name for b in applicable(DEFAULT_BLOCKS, data)] == ["friction"]
+        assert [b.name for b in applicable(DEFAULT_BLOCKS, data)] == ["friction", "inertia"]
+    passive = refine(START, tiny.dataset(recordings=still), settings=SHORT)
+    assert {p.block for p in passive.covariance.parameters} == {"friction"}
