@@ -46,19 +46,19 @@ class DataRange(NamedTuple):
 
     def usual(self, unit: str) -> Array | float:
         """What is usual for a parameter of a unit; infinite where the data do not show it."""
-        level, speed = _known(self.level), self.fastest
+        level, speed = _or_endless(self.level), self.fastest
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             by_unit = {
                 "N m": level,
                 "N m s/rad": level / speed,
                 "N m s^2/rad^2": level / speed**2,
-                "N m/N": level / _known(self.load),
-                "1/(N m)": level / _known(self.torque) ** 2,
+                "N m/N": level / _or_endless(self.load),
+                "1/(N m)": level / _or_endless(self.torque) ** 2,
             }
         return by_unit.get(unit, 1.0)
 
 
-def _known(value: Array | None) -> Array:
+def _or_endless(value: Array | None) -> Array:
     """The value, or infinity where it is not known."""
     return np.array(np.inf) if value is None else np.asarray(value)
 
