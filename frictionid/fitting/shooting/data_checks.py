@@ -15,7 +15,6 @@ from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, P
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows
-from frictionid.fitting.shooting.servo import refuse_open
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
 
@@ -77,8 +76,6 @@ def telling(
     for block in offered:
         try:
             if block.parameters(estimate):
-                if block.enters == "actuator":
-                    refuse_open(estimate, (*blocks, block))
                 check_blocks((*blocks, block), estimate, intervals)
                 blocks = (*blocks, block)
         except InputError:
