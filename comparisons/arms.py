@@ -12,6 +12,7 @@ the sums of squares over joints and time. The law is chosen by cross-validation 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
 
+import frictionid
 from frictionid import load_dataset
+from frictionid.data.calibration import Calibration
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, states_of
@@ -102,11 +105,14 @@ def balances(name: str) -> Balances:
     return Balances(rows, samples, low_pass, max(1, round(arm.every / dt)))
 
 
-def left(data: Balances, fit: Fit) -> tuple[Any, Any, Any]:
+def left(data: Balances, fit: Fit | frictionid.Fit) -> tuple[Any, Any, Any]:
     """Torques (K, n) [N m] that a fit leaves, measured ones, and their times, low-passed."""
     balance, mechanism = data.samples, data.samples.dataset.mechanism
     friction = balance.problem.mean(along(fit.friction, balance.nodes)) @ mechanism.friction_map
-    estimate = Estimate(fit.friction, fit.calibration, mechanism)
+    calibration = fit.calibration or Calibration.ideal(mechanism.n)
+    if calibration.base is None:
+        calibration = replace(calibration, base=mechanism.base(mechanism.nominal()))
+    estimate = Estimate(fit.friction, calibration, mechanism)
     residual = left_to_friction(balance, estimate) - friction
     both = (residual, balance.logged(0.0).mean[0])
     e, u = (sosfiltfilt(data.low_pass, x, axis=0)[:: data.every] for x in both)

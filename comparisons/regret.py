@@ -1,0 +1,348 @@
+"""Regret of the default: what frictionid chooses, against the best choice in hindsight.
+
+    python comparisons/regret.py [MACHINE ...] [--out TABLE.md]
+
+Recordings of real machines (in FRICTIONID_DATA) are split into training and test sets. An arm is a
+law with a way to fit it, to all training data. Its error on a test set is the median error of the
+angles after 0.5 and 1 s, from the same starts for all arms; of arms under position control the
+torque that is left over (see `arms.py`), of a quadruped the mean error of a free run of its
+controller. An arm's regret is the geometric mean, over test sets and horizons, of its errors over
+those of the arm that is best by that mean.
+
+The default takes no part in that: it is fitted by the default method, its law chosen by
+`frictionid.compare` on the training data alone, by the rule of `frictionid quick`, and fitted
+to all of them. Nothing here says what the defaults are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import arms
+import numpy as np
+from numpy.typing import NDArray
+
+import frictionid as fid
+from frictionid.api.evaluate import scores_of
+from frictionid.check import check
+from frictionid.comparison.suite_recipes import blocks_of
+from frictionid.data.joint_scales import norm_of
+from frictionid.data.readers.dataset import load_dataset, within
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+from frictionid.evaluation import Protocol
+from frictionid.fitting.method import Method
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.fitting.parameters import ParameterBlock
+from frictionid.fitting.shooting import Settings, Shooting
+from frictionid.fitting.shooting.settings import torque_is_sampled
+from frictionid.fitting.torque_balance import InverseDynamics
+from frictionid.quickstart.quick import candidates_of
+
+DATA = Path(__file__).parent.parent / "data"
+HORIZONS = (0.5, 1.0)  # [s]
+DEFAULT = "default"
+LAWS = {
+    "coulomb_viscous": fid.CoulombViscous(),
+    "stribeck": fid.Stribeck(),
+    "load_dependent": fid.LoadDependent(),
+    "motor_load": fid.MotorLoad(),
+    "load_dependent, stribeck": fid.LoadDependent(stribeck=True),
+    "quadratic": fid.Quadratic(),
+    # of a carriage that is never faster than 0.13 m/s
+    "slow coulomb_viscous": fid.CoulombViscous(width=0.001),
+    "slow by direction": fid.CoulombViscous(width=0.001, symmetric=False),
+    "slow stribeck": fid.Stribeck(width=0.001),
+    "slow quadratic": fid.Quadratic(width=0.001),
+    "slow motor_load": fid.MotorLoad(width=0.001),
+}
+USUAL = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
+# without motor_load: beside free inertias the motors' own torque explains anything
+OF_ARMS = ("coulomb_viscous", "stribeck", "load_dependent", "load_dependent, stribeck")
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with recordings to fit and others to test.
+
+    train, tests : data sets; laws : names in `LAWS`
+    method : by which its law is fitted if nothing is said
+    sample_time : [s] between samples, None for all
+    horizons : [s] of the choice within the training data, those of `compare` if not given
+    judge : errors of fits by name (A, E), in place of those of predictions
+    folds : of the choice, those of `compare` if not given
+    """
+
+    train: Dataset
+    tests: Mapping[str, Dataset]
+    laws: tuple[str, ...] = USUAL
+    method: str = "shooting"
+    sample_time: float | None = None
+    horizons: tuple[float, ...] | None = None
+    judge: Callable[[Machine, Mapping[str, fid.Fit]], Array] | None = None
+    folds: int | None = None
+
+
+# --- Machines ------------------------------------------------------------------------------------
+
+
+def only(name: str, *words: str) -> Dataset:
+    """The recordings of a data set whose names have one of some words in them."""
+    dataset = load_dataset(DATA / name)
+    chosen = tuple(r for r in dataset.recordings if any(word in r.name for word in words))
+    return replace(dataset, recordings=chosen)
+
+
+def part(name: str, first: float, last: float) -> Dataset:
+    """All recordings of a data set, from one share of their time to another."""
+    dataset = load_dataset(DATA / name)
+    spans = [float(np.ptp(r.angle.time)) for r in dataset.recordings]
+    pairs = zip(dataset.recordings, spans, strict=True)
+    return replace(dataset, recordings=tuple(within(r, first * s, last * s) for r, s in pairs))
+
+
+def c1() -> Machine:
+    """Double pendulum, fitted to torques from rest, tested on swing-ups."""
+    names = ("dfki_c1_swingup", "dfki_c1_pendubot")
+    tests = {name.removeprefix("dfki_c1_"): load_dataset(DATA / name) for name in names}
+    return Machine(load_dataset(DATA / "dfki_c1"), tests, sample_time=0.01)
+
+
+def a0() -> Machine:
+    """Double pendulum, fitted to motion within 1.8 rad, tested on a turn and on a swing-up."""
+    tests = {name: only("dfki_a0", name) for name in ("trajectory_05", "trajectory_11")}
+    return Machine(only("dfki_a0", "_00", "_01", "_02", "_03"), tests, sample_time=0.01)
+
+
+def xl330(fitted: str, tested: str) -> Machine:
+    """Servo with a pendulum, tested at another gain."""
+    tests = {tested: only("bam_xl330_whole", tested)}
+    return Machine(only("bam_xl330_whole", fitted), tests, sample_time=0.01)
+
+
+def emps() -> Machine:
+    """Carriage on a rail, tested on the last 30 %."""
+    laws = tuple(name for name in LAWS if name.startswith("slow "))
+    return Machine(
+        part("emps", 0, 0.7), {"last 30 %": part("emps", 0.7, 1)}, laws, "shooting", 0.01
+    )
+
+
+def ibm() -> Machine:
+    """Filmed double pendulum, tested on two other films."""
+    tests = {f"film {name}": only("ibm", name) for name in "45"}
+    laws = ("coulomb_viscous", "stribeck", "load_dependent", "quadratic")
+    return Machine(only("ibm", *"0123"), tests, laws, "shooting", 0.01)
+
+
+def arm(name: str, sample_time: float | None, horizons: tuple[float, ...]) -> Machine:
+    """Arm under position control, judged by the torque that is left over in the last 30 %."""
+    dataset = load_dataset(DATA / name)
+    (recording,) = dataset.recordings
+    first = within(recording, 0.0, arms.ARMS[name].until - float(recording.angle.time[0]))
+    train, laws = replace(dataset, recordings=(first,)), OF_ARMS
+    tests = {"torque left": dataset}
+    return Machine(train, tests, laws, "inverse_dynamics", sample_time, horizons, torque_left)
+
+
+def go2() -> Machine:
+    """Quadruped in the air, tested on the last third of its chirp, with its controller."""
+    tests, laws = {"free run": part("go2", 2 / 3, 1)}, ("coulomb_viscous", "stribeck")
+    return Machine(part("go2", 0, 2 / 3), tests, laws, "shooting", 0.02, None, free_runs, 3)
+
+
+MACHINES: Mapping[str, Callable[[], Machine]] = {
+    "dfki_c1": c1,
+    "dfki_a0": a0,
+    "xl330_kp100": lambda: xl330("kp100", "kp400"),
+    "xl330_kp400": lambda: xl330("kp400", "kp100"),
+    "emps": emps,
+    "ibm": ibm,
+    "tx40": lambda: arm("tx40", 0.002, (0.05, 0.1, 0.2)),
+    "tiago": lambda: arm("tiago", None, (0.1, 0.25, 0.5)),
+    "go2": go2,
+}
+
+
+# --- Errors --------------------------------------------------------------------------------------
+
+
+def predictions(machine: Machine, fits: Mapping[str, fid.Fit]) -> Array:
+    """Median errors of the angles (A, tests x horizons)."""
+    protocol = Protocol(horizons=HORIZONS, sample_time=machine.sample_time)
+    return np.concatenate(
+        [_scored(fits, test, protocol, "rollout_angle") for test in machine.tests.values()], axis=1
+    )
+
+
+def free_runs(machine: Machine, fits: Mapping[str, fid.Fit]) -> Array:
+    """Mean errors of free runs (A, tests)."""
+    protocol = Protocol(horizons=HORIZONS[:1], sample_time=machine.sample_time, whole=True)
+    return np.concatenate(
+        [_scored(fits, test, protocol, "free_run") for test in machine.tests.values()], axis=1
+    )
+
+
+def torque_left(machine: Machine, fits: Mapping[str, fid.Fit]) -> Array:
+    """Shares of the torque (A, 1) that fits leave unexplained after the training data."""
+    name, until = machine.train.name, float(machine.train.recordings[0].angle.time[-1])
+    balances = arms.balances(name)
+    shares = []
+    for fit in fits.values():
+        e, u, clock = arms.left(balances, fit)
+        shares.append([arms.share(e, u, clock >= until)])
+    return np.array(shares)
+
+
+def _scored(fits: Mapping[str, fid.Fit], test: Dataset, protocol: Protocol, score: str) -> Array:
+    """A score of all joints (A, horizons), the median of predictions and the mean of free runs."""
+    table = scores_of({name: fit.friction for name, fit in fits.items()}, test, protocol)
+    table = table.sort_values("horizon_s")
+    statistic = "median" if score == "rollout_angle" else "mean"
+    rows = (table.score == score) & (table.statistic == statistic) & (table.joint == "all")
+    by_arm = {name: group.value.to_numpy() for name, group in table[rows].groupby("identifier")}
+    return np.array([by_arm[name] for name in fits])
+
+
+# --- Arms and the default ------------------------------------------------------------------------
+
+
+def ways(machine: Machine) -> dict[str, Method]:
+    """Ways to fit beside the default."""
+    late = ["delay"] if torque_is_sampled(machine.train) else []
+    late += ["target_delay"] if any(r.servo for r in machine.train.recordings) else []
+    if machine.method == "inverse_dynamics":
+        return {
+            "friction and delay": InverseDynamics(blocks=_free(["friction", *late])),
+            "inertia by a prior": InverseDynamics(blocks=_free(["friction", *late], arms.PRIOR)),
+            "one step": INTEGRAL,
+        }
+    wide = _free(["friction", "inertia", *(["bias"] if late else []), *late])
+    return {
+        "friction and delay": Shooting(blocks=_free(["friction", *late])),
+        "what shows": Shooting(blocks=wide),
+        "all kept": Shooting(blocks=wide, settings=Settings(significance=1.0)),
+        "one step": INTEGRAL,
+    }
+
+
+def _free(names: Sequence[str], prior: float | None = None) -> tuple[ParameterBlock, ...]:
+    """Blocks by their names, with a prior also inertia and bias."""
+    if prior is None:
+        return blocks_of(names, (), {}, "regret")
+    return blocks_of([*names, "inertia", "bias"], (), {"inertia": prior}, "regret")
+
+
+def default_of(machine: Machine) -> tuple[str, dict[str, fid.Fit]]:
+    """The law that folds of the training data choose, and all laws fitted by the default."""
+    fitted = fid.compare(
+        machine.train,
+        {name: LAWS[name] for name in machine.laws},
+        machine.folds,
+        machine.method,
+        horizons=machine.horizons,
+        sample_time=machine.sample_time,
+    ).fitted
+    assert fitted is not None
+    by_law = {name: fitted[name, machine.method] for name in machine.laws}
+    longest = float(next(iter(by_law.values())).scores.horizon_s.max())
+    each = np.array([joint.angle_noise for joint in check(machine.train).joints])
+    units, sizes = machine.train.mechanism.position_units, machine.train.scales.size
+    noise = float(norm_of(each, units, sizes)[0])
+    chosen = candidates_of(by_law, longest, noise)[2].name
+    return chosen, {name: fid.Fit(r.overall, machine.train) for name, r in by_law.items()}
+
+
+def others_of(machine: Machine) -> dict[str, fid.Fit]:
+    """All laws by all other ways, fitted to the training data; without what cannot be fitted."""
+    fits = {}
+    for way, method in ways(machine).items():
+        for name in machine.laws:
+            try:
+                fits[f"{name}, {way}"] = fid.fit(
+                    machine.train, LAWS[name], method=method, sample_time=machine.sample_time
+                )
+            except InputError as error:
+                print(f"  {name}, {way}: left out, as {error}")
+    return fits
+
+
+# --- Table ---------------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """What the default chose on a machine and what was best, with their errors, and the regret."""
+
+    machine: str
+    chosen: str
+    errors: str
+    best: str
+    best_errors: str
+    regret: float
+
+
+def row_of(name: str, machine: Machine) -> Row:
+    """Regret on one machine; all arms are printed, best first."""
+    law, fits = default_of(machine)
+    arms_of_all = {f"{label}, {DEFAULT}": fit for label, fit in fits.items()} | others_of(machine)
+    errors = (machine.judge or predictions)(machine, arms_of_all)
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    level = np.exp(np.log(errors).mean(axis=1))
+    regret, labels = level / level.min(), list(arms_of_all)
+    for k in np.argsort(regret):
+        print(f"  {regret[k]:6.3f}  {_numbers(errors[k]):32s} {labels[k]}", flush=True)
+    k, best = labels.index(f"{law}, {DEFAULT}"), int(np.argmin(level))
+    kept = _kept(fits[law])
+    texts = (f"{law} ({kept})", _numbers(errors[k]), labels[best], _numbers(errors[best]))
+    return Row(name, *texts, float(regret[k]))
+
+
+def _kept(fit: fid.Fit) -> str:
+    """Blocks that a fit kept free."""
+    return ", ".join(dict.fromkeys(fit.frame.block)) if len(fit.frame) else ""
+
+
+def _numbers(errors: Array) -> str:
+    return " ".join(f"{error:.3g}" for error in errors)
+
+
+def table_of(rows: Sequence[Row]) -> str:
+    """The table as Markdown, median and worst regret at its end."""
+    head = ("machine", "default (free)", "errors", "best arm", "errors", "regret")
+    lines = [f"| {' | '.join(head)} |", "| --- | --- | --- | --- | --- | ---: |"]
+    lines += [f"| {' | '.join(map(str, row[:-1]))} | {row.regret:.2f} |" for row in rows]
+    regret = [row.regret for row in rows]
+    for word, value in (("median", np.median(regret)), ("worst", max(regret))):
+        lines.append(f"| {word} | | | | | {value:.2f} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table of all machines, or of some, and write it where --out says."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("machines", nargs="*", metavar="MACHINE", help=", ".join(MACHINES))
+    parser.add_argument("--out", type=Path)
+    asked = parser.parse_args()
+    unknown = set(asked.machines) - set(MACHINES)
+    if unknown:
+        parser.error(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
+    rows = []
+    for name in asked.machines or MACHINES:
+        begin = time.perf_counter()
+        print(name, flush=True)
+        rows.append(row_of(name, MACHINES[name]()))
+        print(f"  regret {rows[-1].regret:.2f}, {time.perf_counter() - begin:.0f} s", flush=True)
+    table = table_of(rows)
+    print(table)
+    if asked.out is not None:
+        asked.out.write_text(table + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
