@@ -23,7 +23,6 @@ from frictionid.dynamics.tangent.substep import (
     displacement,
     linear,
     middle,
-    product,
     without_held,
 )
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
@@ -195,6 +194,6 @@ def _displaced(
     )
     T = T.copy()
     last = T.shape[-1] - moment_by.shape[-1]
-    T[:, :n, last:] += product(by_moment, moment_by)
+    T[:, :n, last:] += by_moment @ moment_by
     T[:, :n, last - len(model.base) : last] += by_base
     return state._replace(q=state.q + way), T

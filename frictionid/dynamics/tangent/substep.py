@@ -26,16 +26,6 @@ from frictionid.mechanics import Partials
 _GRAZE = 0.1  # of a slow speed
 
 
-def product(M: Array, T: Array) -> Array:
-    """Product (..., i, D) of matrices (..., i, j) and (..., j, D)."""
-    if not T.shape[-2]:
-        return M @ T
-    out = M[..., :, 0, None] * T[..., None, 0, :]
-    for j in range(1, T.shape[-2]):  # loops over many small matrices are slow
-        out = out + M[..., :, j, None] * T[..., None, j, :]
-    return out
-
-
 class MemoryRates(NamedTuple):
     """How e entries of memory after some time change with those before it, velocities, and theta.
 
@@ -137,7 +127,7 @@ def without_held(w: Array, held: Array, M: Array, turns: Array | None) -> Array:
     w = w * np.where(held[..., :n, None], 0.0, 1.0)
     if turns is None:
         return w
-    return product(product(inverse_of_free(M, held, turns), M), w)
+    return inverse_of_free(M, held, turns) @ M @ w
 
 
 def advanced(
@@ -148,19 +138,19 @@ def advanced(
     by : (..., n, E), derivatives of the motor torque in the last E directions
     """
     n, (*batch, size, _) = by.shape[-2], T.shape
-    forcing = np.concatenate([step.by_theta, step.by_base, product(step.by_u, by)], axis=-1)
+    forcing = np.concatenate([step.by_theta, step.by_base, step.by_u @ by], axis=-1)
     forcing = np.concatenate([np.zeros((*batch, n, size)), forcing], axis=-1)
     q, w, memory = T[..., :n, :], T[..., n : 2 * n, :], T[..., 2 * n :, :]
     memory = _later(memory, w, step.rates, turns)
     # implicit in w: M da = -(... + by_w (dw + h/2 da))
     A = inverse_of_free(step.M + h / 2 * step.by_w, held, turns)
     q = q + h / 2 * w
-    change = product(step.by_q, q) + product(step.by_w, w) + forcing
+    change = step.by_q @ q + step.by_w @ w + forcing
     if size > 2 * n:
         entries = _entries(memory, step.by_memory.shape[-2])
         friction = (step.by_memory[..., None] * entries).sum(axis=-3)
         change = change + _onto_joints(friction, turns)
-    w = w - h * product(A, change)
+    w = w - h * (A @ change)
     q = q + h / 2 * w
     return np.concatenate([q, w, _later(memory, w, step.rates, turns)], axis=-2)
 
@@ -206,7 +196,7 @@ def crossed(T: Array, start: Array, w0: Array, crossing: Crossing, h: Array, slo
     later = (np.where(passes, h / gap, 0.0) * apart).sum(axis=-2)
     w = w - crossing.jump[..., None] * later[..., None, :]
     free = inverse_of_free(crossing.M, crossing.sticking, turns)
-    kept = product(product(free, crossing.M), w)
+    kept = free @ crossing.M @ w
     stopped: Any = crossing.stops.any(-1)
     w = np.where(stopped[..., None, None], kept, w)
     return np.concatenate([q, w, T[..., 2 * n :, :]], axis=-2)
@@ -231,4 +221,4 @@ def displacement(
         return way, inner, inner[..., :0]
     # M way = moment, and M is linear in the base parameters
     change = (regressor(way) - regressor(0.0 * way))[..., list(base)]
-    return way, inner, -product(inner, change)
+    return way, inner, -inner @ change
