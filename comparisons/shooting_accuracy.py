@@ -131,7 +131,7 @@ def gained(rig: Rig) -> Lines:
     """A torque that is 5 % larger than logged, one base parameter known."""
     dataset = simulate(replace(rig, drive=replace(rig.drive, gain=1.05)))
     blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity_2",)), GainBlock())
-    gain = float(fitted(dataset, Stribeck(symmetric=False), blocks).rig.gain[1])
+    gain = float(fitted(dataset, Stribeck(symmetric=False), blocks).calibration.gain[1])
     return [("gain 1.05, gravity_2 fixed: found (to 1 %)", f"{gain:.4f}")]
 
 

@@ -17,7 +17,7 @@ def bench(monkeypatch):
 
     monkeypatch.syspath_prepend(str(ROOT / "comparisons" / "bench"))
     monkeypatch.setattr(sys, "path", list(sys.path))  # samples adds folders of peers
-    names = ("samples", "case", "measure", "results", "picture")
+    names = ("samples", "case", "measure", "results", "picture", "physics", "states")
     for name in names:
         monkeypatch.delitem(sys.modules, name, raising=False)
     yield SimpleNamespace(**{name: import_module(name) for name in names})
@@ -85,6 +85,12 @@ def test_what_is_asked_for_holds_or_is_said_to_be_missed(bench, ratios, error, a
     assert made.holds is holds
     said = bench.results.cells(made)[5]
     assert said.endswith({None: "", True: ": holds", False: ": missed"}[holds])
+
+
+def test_both_sides_of_one_step_and_of_residuals_give_the_same_numbers(bench):
+    for part in (bench.physics.one_step(), bench.states.residual()):
+        (case,) = part.cases
+        assert case.ours.run() == 0.0 and case.peer.run() < 1e-12
 
 
 def test_table_and_picture_have_every_row(bench, tmp_path):

@@ -17,7 +17,6 @@ from samples import RATE, acrobot
 
 from frictionid.arrays import solve
 from frictionid.data.plants import plant_of
-from frictionid.dynamics.state import driven
 from frictionid.fitting.one_step.formulation import STUDY, states_of
 from frictionid.mechanics import RigidBodyTree, urdf
 
@@ -47,10 +46,10 @@ def one_step() -> Part:
 
     def ours() -> np.ndarray:
         M, h = plant.dynamics(q, w)
-        return w + dt * solve(M, h + driven(plant, u))
+        return w + dt * solve(M, h + u * plant.mechanism.motors)
 
     def loop() -> np.ndarray:
-        steps = zip(q, w, driven(plant, u), strict=True)
+        steps = zip(q, w, u * plant.mechanism.motors, strict=True)
         return np.array([v + dt * pin.aba(model, data, x, v, torque) for x, v, torque in steps])
 
     right = ours()

@@ -9,7 +9,6 @@ from samples import acrobot
 from frictionid.arrays import solve
 from frictionid.data.plants import plant_of
 from frictionid.data.state_estimators import RTS
-from frictionid.dynamics.state import driven
 from frictionid.fitting.one_step.formulation import STUDY, problem_of, states_of
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import Stribeck
@@ -60,7 +59,7 @@ def residual() -> Part:
     def again() -> np.ndarray:
         M, h = plant.dynamics(q, w)
         Tf = friction.torque(x._replace(q=q, w=w, u=u, load=0.0 * w), ())
-        return w + dt * solve(M, h + driven(plant, u) - Tf) - w1
+        return w + dt * solve(M, h + u * plant.mechanism.motors - Tf) - w1
 
     right = ours()
     own = Side("frictionid, r and G known", lambda: float(np.abs(ours() - right).max()))

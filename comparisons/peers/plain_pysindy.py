@@ -9,7 +9,6 @@ import pysindy as ps
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.dynamics.state import driven
 
 # steady friction: level, viscous, and two Stribeck peaks
 CANDIDATES = [
@@ -32,7 +31,9 @@ def friction_curves(
         velocity = derivative(r.angle.value, r.angle.time)
         acceleration = derivative(velocity, r.angle.time)
         M, h = plant.dynamics(r.angle.value, velocity)
-        left = h + driven(plant, r.torque.value) - np.einsum("kij,kj->ki", M, acceleration)
+        left = (
+            h + r.torque.value * plant.mechanism.motors - np.einsum("kij,kj->ki", M, acceleration)
+        )
         w.append(velocity)
         Tf.append(left)
     return np.stack([_curve(w, Tf, grid, j) for j in range(grid.shape[1])], axis=1)
