@@ -230,8 +230,8 @@ class _Part(NamedTuple):
 
 
 def _joined(columns: Sequence[Array]) -> Array:
-    arrays = np.broadcast_arrays(*columns)
-    joined: Array = namespace(*arrays).concat(arrays, axis=-1)
+    xp = namespace(*columns)
+    joined: Array = xp.concat(xp.broadcast_arrays(*columns), axis=-1)
     return joined
 
 

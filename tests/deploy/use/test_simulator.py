@@ -11,7 +11,15 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Stribeck, WindowMLP
+from frictionid.friction.laws import (
+    CoulombViscous,
+    FilmLag,
+    LuGre,
+    PerJoint,
+    Stribeck,
+    Sum,
+    WindowMLP,
+)
 from frictionid.mechanics import Plant, acrobot, linear_axis, mjcf_of, pendulum
 
 MACHINE, T, DT = acrobot(rotor=2e-6), 40, 0.01
@@ -23,10 +31,17 @@ LAWS = {
     "window": (WindowMLP(samples=3, sample_time=DT), None),
 }
 
+COMBINED = {
+    "static by joint": (PerJoint(("stribeck", "coulomb_viscous")), None),
+    "memory in one joint": (PerJoint(("film_lag", "coulomb_viscous")), None),
+    "none in one joint": (PerJoint(("none", "stribeck")), None),
+    "sum": (Sum(("stribeck", "motor_load")), None),
+}
+
 
 def friction_of(name, batch=(3,)):
     """A friction whose parameters differ between the machines of the batch."""
-    law, theta = LAWS[name]
+    law, theta = (LAWS | COMBINED)[name]
     rng = np.random.default_rng(3)
     start = np.array(law.initial[:1]) if theta is None else np.array(theta)
     return Friction(law, start * rng.uniform(0.8, 1.2, (*batch, 2, len(law.names))))
@@ -59,8 +74,9 @@ def test_a_machine_in_a_batch_moves_as_alone(name):
         np.testing.assert_allclose(together.q[:, i], alone.q, atol=2e-6)
 
 
-def test_tensors_move_as_arrays():
-    friction, (q, w, u) = friction_of("stribeck"), motion_of(np.random.default_rng(4))
+@pytest.mark.parametrize("name", ["stribeck", *COMBINED])
+def test_tensors_move_as_arrays(name):
+    friction, (q, w, u) = friction_of(name), motion_of(np.random.default_rng(4))
     arrays = Simulator(MACHINE, friction, dt=DT)
     tensors = Simulator(MACHINE, Friction(friction.law, torch.as_tensor(friction.theta)), dt=DT)
     found = tensors.run(tensors.reset(q, w), u)
