@@ -19,16 +19,14 @@ from frictionid.cli.options import (
     Trust,
     present,
 )
+from frictionid.deploy.export import FORMATS
 
 
 def export(
     model: ModelPath,
     to: Annotated[
         str,
-        typer.Option(
-            help="Format, of code: c, st, python, casadi, onnx, torchscript, latex, yaml; of "
-            "engines: mujoco, urdf, bam, isaac. See docs/export.md."
-        ),
+        typer.Option(help=f"Format: {', '.join(FORMATS)}; see docs/export.md."),
     ],
     out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
     dataset: Annotated[

@@ -14,6 +14,7 @@ import numpy as np
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
 from frictionid.config import nearest
+from frictionid.deploy.export import FORMATS
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written, exported
 from frictionid.deploy.export.nearest import Cost, cost_of, cost_sentence
 from frictionid.deploy.pooling.random_effects import pooled_draws
@@ -246,8 +247,6 @@ def _engine(model: ExportedFriction, thetas: Array, held: Held, count: int) -> d
 
 
 Writer = Callable[[ExportedFriction, ExportSettings], Written]
-_FOLDER = Path(__file__).parent / "formats"
-FORMATS = tuple(sorted(path.stem for path in _FOLDER.glob("[!_]*.py")))
 
 
 def writer_of(name: str) -> Writer:

@@ -177,6 +177,8 @@ def exported(
             f"a model with parameters of shape {friction.theta.shape} holds several frictions: "
             "export one of them, friction[0]"
         )
+    if not np.isfinite(friction.theta).all():
+        raise InputError("a model whose parameters are not finite cannot be exported: fit again")
     measured = tuple(float(v) for v in speeds) or friction.provenance.speeds
     names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
     for entries, what in ((measured, "speeds"), (names, "names")):

@@ -65,19 +65,30 @@ def sliding(model: ExportedFriction) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        Where the speeds of the motion are not known.
+        Where the speeds of the motion are not known, or the torque is not finite there.
     """
     sharp = replace(model.friction, law=model.friction.law.sharpened())
     if model.prepared is not None:
         nodes = model.prepared.integral.nodes
-        return nodes.inputs.w, along(sharp, nodes)
-    if model.speeds:
-        grid = np.linspace(-1.0, 1.0, POINTS)[:, None] * np.array(model.speeds)
-        return grid, curves(sharp, grid)
-    raise InputError(
-        f"{type(model.law).__name__}: the speeds are not known at which a simpler law is to match "
-        "it: name the data set (--dataset), or give speeds"
-    )
+        w, torque = nodes.inputs.w, along(sharp, nodes)
+    elif model.speeds:
+        w = np.linspace(-1.0, 1.0, POINTS)[:, None] * np.array(model.speeds)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below
+            torque = curves(sharp, w)
+    else:
+        raise InputError(
+            f"{type(model.law).__name__}: the speeds are not known at which a simpler law is to "
+            "match it: name the data set (--dataset), or give speeds"
+        )
+    wrong = ~np.isfinite(torque).all(axis=0)
+    if wrong.any():
+        j = int(wrong.argmax())
+        at = float(w[~np.isfinite(torque[:, j]), j][0])
+        raise InputError(
+            f"{type(model.law).__name__}: the torque of {model.joints[j]} is not finite at a "
+            f"velocity of {at:.3g}, and no simpler law can match it: fit again"
+        )
+    return w, torque
 
 
 def differs(model: ExportedFriction, held: Friction) -> bool:

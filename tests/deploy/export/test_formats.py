@@ -6,9 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from fixtures.command_line import run_command
 from test_programs import LAWS, friction_by
 
-from frictionid.deploy.export.export import FORMATS, writer_of
+from frictionid.deploy.export import FORMATS
+from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.errors import InputError
 
@@ -42,3 +44,9 @@ def test_a_missing_package_is_asked_for(package, monkeypatch):
 
 def test_formats_are_listed():
     assert set(CODE) < set(FORMATS)
+
+
+def test_the_help_lists_the_formats_that_are_there(tmp_path, monkeypatch, capsys):
+    code, out, _ = run_command(monkeypatch, capsys, tmp_path, "export", "--help")
+    said = "".join(c if c.isalpha() else " " for c in out).split()
+    assert code == 0 and ["Format", *FORMATS] == said[said.index("Format") :][: len(FORMATS) + 1]

@@ -53,6 +53,14 @@ def test_no_numbers_without_speeds():
         nearest(exported(model))
 
 
+def test_a_torque_that_is_not_finite_is_one_line():
+    model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01], [0.1, 0.0, 1e308]]))
+    with pytest.raises(InputError, match="torque of joint 2 is not finite at a velocity of -30"):
+        nearest(exported(model, speeds=(30.0, 30.0)))
+    with pytest.raises(InputError, match="parameters are not finite"):
+        exported(replace(model, theta=np.full((2, 3), np.nan)))
+
+
 def test_recorded_motion_weighs_speeds(data):
     """Of a square law, the line through slow motion is flatter than through all speeds alike."""
     model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]] * 2))
