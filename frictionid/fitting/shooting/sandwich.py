@@ -66,8 +66,13 @@ def sandwich(H: Array, groups: Groups) -> Array:
         wider = stdtrit(freedom, 0.975) / stdtrit(count - 1, 0.975) / np.sqrt(excess)
         inner = inner * np.outer(wider, wider)
     if _SOME <= len(np.unique(groups.recording)) < FEW:
-        between = np.diag(scatter(H, groups, groups.recording))
-        wider = np.sqrt(np.maximum(1.0, between / np.maximum(np.diag(inner), 1e-300)))
+        # what a single recording shows cannot scatter between them
+        shown = ~shown_once(H, groups._replace(cluster=groups.recording))
+        between = np.zeros(len(H))
+        several = groups._replace(free=groups.free & shown)
+        between[several.free] = np.diag(scatter(H, several, groups.recording))
+        wider = between[groups.free] / np.maximum(np.diag(inner), 1e-300)
+        wider = np.sqrt(np.maximum(1.0, wider))
         inner = inner * np.outer(wider, wider)
     return inner
 

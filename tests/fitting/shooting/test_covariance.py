@@ -106,3 +106,21 @@ def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():
         rest = scatter(H, groups._replace(free=~once), groups.recording)
         ratio.append(np.diag(rest) / np.diag(np.linalg.inv(H))[:2])
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)
+
+
+def test_what_a_single_of_three_recordings_shows_scatters_between_its_stretches():
+    """Levels at six speeds, of which the last two are reached in the second recording alone."""
+    rng, knots = np.random.default_rng(3), np.linspace(0.0, 1.0, 6)
+    recording = np.repeat(np.arange(3), 8)
+    w = rng.uniform(0.0, np.where(recording == 1, 1.0, 0.6)[:, None], (24, 40))
+    A = 1e4 * np.maximum(0.0, 1.0 - np.abs(w[..., None] - knots) / 0.2) + rng.uniform(
+        0, 1, (24, 40, 1)
+    )
+    A[recording != 1, :, -2:] *= 1e-9
+    groups = of_rows(A, A.sum(axis=-1) + rng.standard_normal((24, 40)), recording)
+    groups, H = groups._replace(cluster=np.arange(24)), groups.H.sum(axis=0)
+    assert not shown_once(H, groups).any()
+    variance = np.diag(sandwich(H, groups))
+    stretches = np.diag(sandwich(H, groups._replace(recording=0 * recording)))
+    np.testing.assert_allclose(variance[-2:], stretches[-2:])
+    assert (variance[:-2] >= stretches[:-2]).all() and variance.max() < 100 * stretches.max()
