@@ -45,10 +45,10 @@ class Row(NamedTuple):
 
 
 def with_starts(initial: InitialStates, most: int) -> InitialStates:
-    """At most so many initial states that reach the horizon, evenly."""
+    """At most so many initial states that reach the horizon, evenly, all under recorded torque."""
     chosen = reaching(initial)
     rows = np.unique(np.linspace(0, len(chosen.q) - 1, min(most, len(chosen.q))).astype(int))
-    return chosen.take(rows)
+    return chosen.take(rows)._replace(servos=())
 
 
 def replay(xml: str, code: str, initial: InitialStates, joints: tuple[str, ...]) -> np.ndarray:

@@ -151,7 +151,7 @@ class Fit:
         *,
         whole: bool = False,
     ) -> pd.DataFrame:
-        """Motion that the model predicts under the recorded torques.
+        """Motion that the model predicts under the recorded torques, of servos in closed loop.
 
         Parameters
         ----------

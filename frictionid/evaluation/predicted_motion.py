@@ -120,7 +120,7 @@ def predicted_motion(
     start: float | None = None,
     whole: bool = False,
 ) -> pd.DataFrame:
-    """Motion that a model predicts under the recorded torques, a line for each sample.
+    """Motion that a model predicts under recorded torques or servos, a line for each sample.
 
     Each prediction starts from a state estimated from the samples before it. A model with a
     calibration sees, and predicts, angles corrected by it.

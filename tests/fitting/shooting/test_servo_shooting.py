@@ -23,6 +23,7 @@ from frictionid.fitting.parameters import (
     FrictionBlock,
     GainBlock,
     InertiaBlock,
+    OffsetBlock,
 )
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
@@ -170,7 +171,7 @@ def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
 def test_derivatives_are_the_slopes_of_the_ends(law):
     theta = np.array([[0.02, 0.006, 0.1][: len(law.names)]])
     motor = ActuatorBlock(prior=0.1)
-    blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), motor)
+    blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock(), motor)
     data = believed([DRIVEN[0], DROPPED[1]], KT, R)
     problem, estimate = prepare_fit(Friction(law, theta), intervals_of(data), blocks, SHORT)
     intervals = problem.intervals

@@ -1,0 +1,132 @@
+"""Stiff position control: what is fitted and predicted has the controller in the loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import frictionid as fid
+from frictionid.data.calibration import Calibration, calibrated_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.data.signals import Signal
+from frictionid.evaluation import Protocol, free_run, prepare
+from frictionid.evaluation.predicted_motion import predict
+from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, TargetDelayBlock
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad
+from frictionid.simulate.drive_logs import ServoPendulum
+
+P, D, NOISE = 60.0, 1.5, 2e-3
+RIG = ServoPendulum(coulomb=0.2, viscous=0.2, noise=NOISE)
+TRUTH = Friction(CoulombViscous(), np.array([[RIG.coulomb, RIG.viscous]]))
+INERTIA = RIG.mass * RIG.length**2
+
+
+@cache
+def logs(rig: ServoPendulum = RIG, runs: int = 4, seconds: float = 6.0) -> Dataset:
+    frames = {f"{k}": pd.DataFrame(rig.log(P, D, seed=k, seconds=seconds)) for k in range(runs)}
+    return fid.Dataset.from_frames(
+        {k: frame.drop(columns="u") for k, frame in frames.items()},
+        fid.mechanisms.pendulum(mass=rig.mass, length=rig.length),
+        **dict(time="t", angle="q"),
+        actuator=dict(target="target", output="torque", P=P, D=D, delay=rig.delay),
+    )
+
+
+def rollouts(
+    data: Dataset, friction: Friction, horizon: float, states: str = "filter"
+) -> np.ndarray:
+    """Errors (T + 1, S) [rad] of predictions."""
+    view = prepare(data, Protocol(horizons=(horizon,), initial_states=states))
+    initial = view.initial_states
+    owner = np.zeros(len(initial.recording), dtype=int)
+    motion = predict(view.plant[initial.recording], friction[None][owner], initial, view.preceding)
+    return np.abs(motion.q - initial.measured)[..., 0]
+
+
+@pytest.mark.parametrize("states", ["filter", "model"])
+def test_predictions_of_the_true_model_stay_at_the_noise_level_for_seconds(states: str) -> None:
+    data = logs(runs=2)
+    error = rollouts(data, TRUTH, 3.0, states)
+    assert np.median(error) < 0.75 * NOISE  # 0.67 of a normal distribution's
+    assert np.quantile(error[-50:], 0.99) < 3.5 * NOISE
+    logged = replace(data, recordings=tuple(replace(r, servo=None) for r in data.recordings))
+    drifting = rollouts(logged, TRUTH, 3.0, states)
+    assert np.median(drifting[-50:]) > 5 * np.median(error[-50:])
+
+
+def test_the_truth_is_found_where_noise_of_recorded_angles_would_pass_for_torque() -> None:
+    """By recorded angles: viscous friction 0.58, inertia 0.024, 3.6 ms; their intervals miss."""
+    data = logs(replace(RIG, delay=0.010))
+    late = tuple(replace(r, servo=replace(r.servo, target_delay=0.0)) for r in data.recordings)
+    blocks = (FrictionBlock(), InertiaBlock(), BiasBlock(), TargetDelayBlock())
+    settings = Settings(windows=(0.1, 0.2, 0.5), significance=1.0)
+    start = Friction(CoulombViscous(), np.array([[0.1, 0.1]]))
+    fit = refine(start, replace(data, recordings=late), blocks, settings)
+    true = np.array([0.2, 0.2, INERTIA, 9.81 * RIG.mass * RIG.length, 0.0, 0.010])
+    low, high = fit.covariance.interval(0.99).T
+    assert ((low <= true) & (true <= high)).all()
+    np.testing.assert_allclose(fit.covariance.values[[0, 2, 3]], true[[0, 2, 3]], rtol=0.1)
+    assert fit.diagnostics.angle_noise[0] == pytest.approx(NOISE, rel=0.05)
+
+
+def test_a_free_run_is_a_prediction_of_the_whole_recording() -> None:
+    data = logs(runs=1, seconds=2.0)
+    view = prepare(data, Protocol(horizons=(1.5,), every=9.0, history=0.2, whole=True))
+    initial = view.initial_states
+    motion = predict(view.plant[initial.recording], TRUTH, initial)
+    whole = free_run(view.plant, TRUTH, view.trajectory)
+    np.testing.assert_allclose(motion.q, whole[: len(motion.q)], atol=1e-12)
+
+
+def test_recordings_with_a_torque_log_beside_servos_keep_it() -> None:
+    data = logs(runs=2)
+    first, second = data.recordings
+    u = RIG.log(P, D, seed=1, seconds=6.0)["u"][:, None]
+    logged = replace(second, servo=None, torque=Signal(second.torque.time[:1], u[:1]))
+    logged = replace(logged, torque=Signal(second.angle.time, u, "previous"))
+    mixed = rollouts(replace(data, recordings=(first, logged)), TRUTH, 0.1)
+    alone = rollouts(replace(data, recordings=(logged,)), TRUTH, 0.1)
+    closed = rollouts(replace(data, recordings=(first,)), TRUTH, 0.1)
+    half = closed.shape[1]
+    np.testing.assert_allclose(mixed[:, :half], closed, atol=1e-6)
+    np.testing.assert_allclose(mixed[:, half:], alone, atol=1e-6)
+
+
+def test_friction_of_gears_sees_the_torque_of_the_closed_loop() -> None:
+    rig = ServoPendulum(coulomb=0.02, viscous=0.02, load=0.1, noise=2e-4)
+    friction = Friction(MotorLoad(), np.array([[0.02, 0.02, 0.1]]))
+    assert np.median(rollouts(logs(rig), friction, 2.0)) < 0.75 * rig.noise
+
+
+def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop() -> None:
+    """The same motion, told in other units: nothing changes but the angles' frame."""
+    data, calibration = (
+        logs(runs=1),
+        replace(
+            Calibration.ideal(1),
+            gain=np.array([2.0]),
+            bias=np.array([-0.1]),
+            offset=np.array([0.05]),
+        ),
+    )
+    told = tuple(
+        replace(
+            r,
+            angle=r.angle._replace(value=r.angle.value + 0.05),
+            servo=replace(
+                r.servo,
+                goal=r.servo.goal._replace(value=r.servo.goal.value + 0.05),
+                feedforward=r.servo.goal._replace(value=0.0 * r.servo.goal.value + 0.05),
+                **dict(gain=P / 2, damping=D / 2),
+            ),
+        )
+        for r in data.recordings
+    )
+    same = calibrated_dataset(replace(data, recordings=told), calibration)
+    np.testing.assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)
