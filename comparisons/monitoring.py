@@ -20,10 +20,10 @@ from joblib import Parallel, delayed
 from rich.progress import track
 from scipy.stats import beta
 
-from frictionid import fit
+from frictionid import baseline
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
-from frictionid.deploy.monitor.baseline import Baseline, make_baseline
+from frictionid.deploy.monitor.baseline import Baseline
 from frictionid.deploy.monitor.changes import (
     Changes,
     curve_changes,
@@ -148,7 +148,7 @@ def louder(settings: dict[str, Any], known: Baseline, seed: int, share: float) -
 def pools_of(settings: dict[str, Any], jobs: int) -> Pools:
     """All recordings, simulated and compared with one reference."""
     data = simulate(rig_of(settings, 10**6, 20))
-    known = make_baseline(prepared_data(data), fit(data, "stribeck").friction)
+    known = baseline(data)  # as `frictionid baseline` makes it
     first, count = settings["seed"], settings["recordings"] // settings["batch"]
     shares = settings["other"]["torque"]
     tasks = [
