@@ -47,7 +47,7 @@ format: $(DEV) ## format the code and repair what lint can repair
 	@$(BIN)/ruff check --fix-only --quiet .
 	@$(BIN)/ruff format .
 
-bench: $(CORE) ## speed and accuracy beside others, into report/bench (6 minutes)
+bench: $(CORE) ## speed and accuracy beside others, into report/bench (10 minutes)
 	@$(ONE_THREAD) $(BIN)/python comparisons/bench $(ARGS)
 
 docs: $(DOCS) ## the documentation as a site in site/, with the reports that are in report/

@@ -6,7 +6,10 @@ from importlib import import_module
 
 import pandas as pd
 import pytest
+import typer
 from fixtures.paths import ROOT
+
+from frictionid.__main__ import app
 
 DOCS = ROOT / "docs"
 MADE = {"index.md", "gallery.md"}  # by the site itself, of the README and of result folders
@@ -14,8 +17,21 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FIGURES = re.compile(r"^\|(?! `).*\d\.\d.*$", re.MULTILINE)  # rows; of settings begin with a name
 ROWS = 2  # of figures: fewer are an aside
-COMMAND = re.compile(r"python comparisons/|frictionid [a-z]|make [a-z]|comparisons/\w+\.(py|toml)")
-NUMBER = re.compile(r"\d+(?:\.\d+)?")
+CODE = re.compile(r"`([^`\n]+)`|^(?: {4}|\$ )(.*)$|^```\w*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(
+    r"(?:^|\s)(frictionid|make|python) ([\w./-]+)|(?:^|\s)(comparisons/[\w/]+\.\w+)"
+)
+TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+NUMBER = re.compile(r"\d+(?:\.(\d+))?")
+COMMIT = re.compile(r"\bcommits? ([0-9a-f]{7})\b")
+
+
+GROUP = typer.main.get_command(app)
+SPEED = (DOCS / "speed.md").read_text(encoding="utf-8")
+ROWS_OF_FAILURES = [
+    *("nothing", "torque logged 30 ms late", "unsigned torque", "degrees taken for radians"),
+    *("held samples (30 Hz as 60 Hz)", "wrong gear (torque 2 times)", "rotor inertia missing"),
+]
 
 
 def anchors(path):
@@ -43,15 +59,65 @@ def test_links_lead_to_files_and_headings_that_exist(page):
     assert not lost
 
 
+def commands(text):
+    """What code on a page names that can be run: commands, targets of make, scripts and suites."""
+    code = "\n".join("".join(groups) for groups in CODE.findall(text))
+    return [
+        path or name
+        for program, name, path in COMMAND.findall(code)
+        if (program == "frictionid" and name in GROUP.commands)
+        or (program == "make" and name in TARGETS)
+        or (program in ("python", "") and (ROOT / (path or name)).exists())
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "run"),
+    [
+        ("frictionid fit and make test are prose", []),
+        ("`frictionid fits it`, `make something`, `comparisons/gone.toml`", []),
+        ("`frictionid fit arm` and `make bench`", ["fit", "bench"]),
+        ("see `comparisons/acrobot.toml`", ["comparisons/acrobot.toml"]),
+        ("    python comparisons/failures.py\n", ["comparisons/failures.py"]),
+    ],
+)
+def test_commands_are_code_that_can_be_run(text, run):
+    assert commands(text) == run
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_tables_of_figures_stand_with_the_command_that_makes_them(page):
     sections = re.split(r"(?m)^(?=#+ )", page.read_text(encoding="utf-8"))
     measured = [section for section in sections if len(FIGURES.findall(section)) >= ROWS]
-    without = [section.splitlines()[0] for section in measured if not COMMAND.search(section)]
+    without = [section.splitlines()[0] for section in measured if not commands(section)]
     assert not without
 
 
-@pytest.mark.parametrize("mistake", ["wrong gear (torque 2 times)", "unsigned torque"])
+@pytest.mark.parametrize("name", ["speed", "results", "monitoring"])
+def test_pages_of_measurements_name_commit_and_machine(name):
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    assert COMMIT.search(text) and re.search(r"Intel|AMD", text)
+
+
+def test_what_is_asked_of_speed_holds_where_the_table_says_so():
+    rows = re.findall(r"^\|.*\| (.*) \| (.*) \| >= ([\d.]+)(.*): (.*) \|.*\|$", SPEED, re.MULTILINE)
+    assert len(rows) >= 6
+    said = {(True, True): "holds on both", (False, False): "missed"}
+    said |= {(True, False): "missed on the Xeon", (False, True): "missed on the EPYC"}
+    for epyc, xeon, bar, _, words in rows:
+        held = tuple(float(NUMBER.match(ratio)[0]) >= float(bar) for ratio in (epyc, xeon))
+        assert words == said[held], (epyc, xeon, bar)
+
+
+def assert_last_digit(text, shown):
+    """The same words, and numbers that are the shown ones but for one in their last digit."""
+    assert NUMBER.sub("#", text) == NUMBER.sub("#", shown)
+    for number, printed in zip(NUMBER.finditer(text), NUMBER.finditer(shown), strict=True):
+        unit = 10.0 ** -len(printed[1] or "")
+        assert float(number[0]) == pytest.approx(float(printed[0]), abs=1.01 * unit, rel=0)
+
+
+@pytest.mark.parametrize("mistake", ROWS_OF_FAILURES)
 def test_the_table_of_failures_says_what_check_says(mistake, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "comparisons"))
     failures = import_module("failures")
@@ -60,10 +126,8 @@ def test_the_table_of_failures_says_what_check_says(mistake, monkeypatch):
     (row,) = (line for line in rows if line.startswith(f"| {mistake} |"))
     _, _, said, errors, _ = (cell.strip() for cell in row.split("|"))
     found, own = failures.consequence(failures.mistakes()[mistake]())
-    assert NUMBER.sub("#", found) == NUMBER.sub("#", said)
-    for text, shown in ((found, said), (own, errors)):
-        numbers = [[float(x) for x in NUMBER.findall(part)] for part in (text, shown)]
-        assert numbers[0] == pytest.approx(numbers[1], rel=0.1, abs=0.2)
+    assert_last_digit(found, said)
+    assert_last_digit(own, errors)
 
 
 def test_the_lines_of_the_readme_run_on_a_table_of_ones_own(tmp_path, monkeypatch):
