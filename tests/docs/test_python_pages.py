@@ -11,14 +11,13 @@ import types
 import pandas as pd
 import pytest
 from fixtures.paths import ROOT
+from fixtures.printed import assert_alike
 
 PAGES = [
     ROOT / "docs" / "python.md",
     ROOT / "docs" / "monitoring.md",
     *sorted((ROOT / "docs" / "python").glob("*.md")),
 ]
-NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
-NEAR = {"rel": 0.3, "abs": 0.02}  # numbers of a fit differ a little from machine to machine
 
 
 def blocks(text):
@@ -38,24 +37,6 @@ def shown(code, namespace, name):
             if value is not None:
                 print(repr(value))
     return out.getvalue()
-
-
-def assert_alike(found, page):
-    """Check that every line of the page was shown, in its order, with numbers near its own."""
-    lines = iter([line for line in found.splitlines() if line.strip()])
-    for line in filter(str.strip, page.splitlines()):
-        for own in lines:
-            if plain(own) == plain(line):
-                break
-        else:
-            raise AssertionError(f"{line!r} is on the page, but was not shown:\n{found}")
-        numbers = [[float(x) for x in NUMBER.findall(text)] for text in (own, line)]
-        assert numbers[0] == pytest.approx(numbers[1], **NEAR), (own, line)
-
-
-def plain(line):
-    """Words of a line, whatever its numbers and widths."""
-    return " ".join(re.sub(r"─+", "-", NUMBER.sub("#", line)).split())
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
