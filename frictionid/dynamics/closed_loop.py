@@ -31,21 +31,23 @@ from frictionid.dynamics.rollout import (
     sampled,
 )
 from frictionid.dynamics.state import State, velocities
-from frictionid.dynamics.step_size import step_size_of
+from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.dynamics.torque_balance import inverse_of_free
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import turns_of
 from frictionid.mechanics import Plant
 
 _PIECE = 4e-3  # [s], in which a limit holds or does not
+_VARIES = ("command", "share", "scale")  # of a controller with time
 
 
 class Controllers(NamedTuple):
     """Servos that drive S motions in pieces of T sample intervals, P pieces in all.
 
-    owner (P,) : interval of each piece; dt (P, S) [s]; controller : arrays (P, S, n), its command
-    the mean of a piece; moment (P, S, n) : of the command, see `pieces_of`;
-    delay (S, 1) [s]; play (S, n) [rad] : by which encoders lag at first; half (S, n) : of backlash
+    owner (P,) : interval of each piece; dt (P, S) [s]; controller : arrays (P, S, n), or (1, S, n)
+    of what stays the same, its command the mean of a piece; moment (P, S, n) : of the command, see
+    `pieces_of`; delay (S, 1) [s]; play (S, n) [rad] : by which encoders lag at first; half (S, n) :
+    of the backlash
     """
 
     owner: Array
@@ -58,7 +60,8 @@ class Controllers(NamedTuple):
 
     def linear(self, k: int, q: Array, w: Array) -> Linear:
         """Torques (S, n) of a piece at a motion as encoders show it."""
-        return Controller(*(np.asarray(x)[k] for x in self.controller)).linear(q, w)
+        arrays = map(np.asarray, self.controller)
+        return Controller(*(x[k % len(x)] for x in arrays)).linear(q, w)
 
     @property
     def stiffest(self) -> Array:
@@ -79,19 +82,23 @@ def controllers_of(servos: Sequence[Servo], time: Array, play: Array | None = No
     share = (np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)) / count[owner]
     edges = np.concatenate([time[owner] + dt[owner] * share[:, None], time[-1:]])
     n = servos[0].goal.value.shape[1]
-    whole = np.empty((len(Controller._fields) + 1, len(owner), len(servos), n))
+    shape = len(servos), n
+    moment = np.empty((len(owner), *shape))
+    fields = [np.empty((len(owner) if x in _VARIES else 1, *shape)) for x in Controller._fields]
     for servo in {id(s): s for s in servos}.values():
         rows = np.flatnonzero([s is servo for s in servos])
-        whole[:, :, rows] = _along(servo, edges[:, rows])
+        along, moment[:, rows] = _along(servo, edges[:, rows])
+        for whole, part in zip(fields, along, strict=True):
+            whole[:, rows] = part
     half = np.array([s.backlash / 2 + np.zeros(n) for s in servos])
     delay = np.array([[s.delay] for s in servos])
     play = np.zeros_like(half) if play is None else play
     part = np.diff(edges, axis=0)
-    return Controllers(owner, part, Controller(*whole[:-1]), whole[-1], delay, play, half)
+    return Controllers(owner, part, Controller(*fields), moment, delay, play, half)
 
 
-def _along(servo: Servo, edges: Array) -> Array:
-    """Controller and moment of its command (10, P, k, n), between edges (P + 1, k) [s]."""
+def _along(servo: Servo, edges: Array) -> tuple[Controller, Array]:
+    """Controller between edges (P + 1, k) [s], and the moment (P, k, n) of its command."""
     then = edges - servo.delay
     middle = (then[1:] + then[:-1]) / 2
     (P, k), n = middle.shape, servo.goal.value.shape[1]
@@ -100,9 +107,19 @@ def _along(servo: Servo, edges: Array) -> Array:
         log = integrals_of([target._replace(time=target.time + servo.target_delay)])
         pieces = pieces_of(log, np.zeros(k, dtype=int), then.T)
         mean, moment = mean + factor * pieces.mean, moment + factor * pieces.moment
-    at = servo.at(middle.ravel())._replace(command=mean)
-    fields = (np.reshape(x, (P, k, -1)) if np.ndim(x) == 2 else x for x in at)
-    return np.stack([np.broadcast_to(x, mean.shape) for x in (*fields, moment)])
+    at = servo.at(middle.ravel())
+    share, scale = (
+        np.reshape(x, (P, k, -1)) if np.ndim(x) == 2 else x for x in (at.share, at.scale)
+    )
+    return at._replace(command=mean, share=share, scale=scale), moment
+
+
+class _Motion(NamedTuple):
+    """State, the state a piece before, and the play (S, n) of encoders."""
+
+    state: State
+    before: State
+    play: Array
 
 
 def closed_loop(
@@ -117,32 +134,43 @@ def closed_loop(
     plant, friction : with one entry for each start, or one for all
     temperature : (T, S, m) [degC] of parts with friction in each interval, for laws that need it
     """
-    drive = controllers
-    first = np.searchsorted(drive.owner, np.arange(drive.owner[-1] + 2))
-    stiffest = replace(plant, feedback=drive.stiffest)
-    size = step_size_of(
-        stiffest, friction.at_temperature(_extremes(temperature)), float(drive.dt.max())
-    )
-    many = len(drive.dt) * len(start.q) >= MANY
-    before, state, play, alive = start, start, drive.play, None
-    q, w = [start.q], [start.w]
-    for k, (begins, ends) in enumerate(pairwise(first.tolist())):
+    first = np.searchsorted(controllers.owner, np.arange(controllers.owner[-1] + 2)).tolist()
+    stiffest = replace(plant, feedback=controllers.stiffest)
+    ever, longest = friction.at_temperature(_extremes(temperature)), float(controllers.dt.max())
+    size = step_size_of(stiffest, ever, longest)
+    motion, alive, q, w = _Motion(start, start, controllers.play), None, [start.q], [start.w]
+    for k, pieces in enumerate(pairwise(first)):
         there = friction if temperature is None else friction.at_temperature(temperature[k])
-        for piece in range(begins, ends):
-            dt = drive.dt[piece]
-            loop, u, moment = _loop_at(plant, drive, piece, state, before, play)
-            before = begin(loop, there, state, u, dt) if piece == 0 else state
-            with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
-                after = ahead(loop, there, before, u, dt, size, many)
-                state = _displaced(loop, after, moment, dt[:, None])
-            play = np.clip(play + state.q - before.q, -drive.half, drive.half)
-        wild = diverged(plant, state)
+        with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
+            motion = _after_sample(plant, there, controllers, range(*pieces), motion, size)
+        wild = diverged(plant, motion.state)
         if wild.any():
-            state, alive = freeze(state, wild, alive)
-        state = sampled(loop, there, state, u, drive.dt[begins:ends].sum(axis=0)[:, None])
-        q.append(masked(state.q, alive))
-        w.append(masked(state.w, alive))
+            state, alive = freeze(motion.state, wild, alive)
+            motion = motion._replace(state=state)
+        q.append(masked(motion.state.q, alive))
+        w.append(masked(motion.state.w, alive))
     return Rollout(np.stack(q), np.stack(w))
+
+
+def _after_sample(
+    plant: Plant,
+    friction: Friction,
+    drive: Controllers,
+    pieces: range,
+    motion: _Motion,
+    size: StepSize,
+) -> _Motion:
+    """Motion after the pieces of a sample interval, whose end a memory of samples takes in."""
+    many, (state, before, play) = len(drive.dt) * len(motion.state.q) >= MANY, motion
+    for piece in pieces:
+        dt = drive.dt[piece]
+        loop, u, moment = _loop_at(plant, drive, piece, _Motion(state, before, play))
+        before = begin(loop, friction, state, u, dt)
+        state = ahead(loop, friction, before, u, dt, size, many)
+        state = _displaced(loop, state, moment, dt[:, None])
+        play = np.clip(play + state.q - before.q, -drive.half, drive.half)
+    since = drive.dt[pieces.start : pieces.stop].sum(axis=0)
+    return _Motion(sampled(loop, friction, state, u, since[:, None]), before, play)
 
 
 def _extremes(temperature: Array | None) -> Array | None:
@@ -152,9 +180,10 @@ def _extremes(temperature: Array | None) -> Array | None:
 
 
 def _loop_at(
-    plant: Plant, drive: Controllers, piece: int, state: State, before: State, play: Array
+    plant: Plant, drive: Controllers, piece: int, motion: _Motion
 ) -> tuple[Plant, Array, Array]:
     """The plant with the feedback of a piece, its torque A, and the moment (S, n) of that."""
+    state, before, play = motion
     w = state.w + (state.w - before.w) / 2  # those expected in the middle
     q = state.q + w * drive.dt[piece][:, None] / 2
     at = drive.linear(piece, q - play - drive.delay * w, w)
