@@ -21,6 +21,7 @@ from frictionid.friction import laws as known
 from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
 
 COUNT, PIECES, FINE = 240, 4, 4
+COUPLED = replace(double_pendulum(), coupled=(("both", (1.0, 1.0)),))
 LAWS: dict[str, tuple[Law, list[float]]] = {
     "coulomb": (known.CoulombViscous(), [0.05, 0.01]),
     "an arctangent": (known.CoulombViscous(shape="arctan"), [0.05, 0.01]),
@@ -47,13 +48,13 @@ def states(n: int) -> State:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("mechanism", [pendulum(mass=0.5, length=0.3), acrobot()])
+@pytest.mark.parametrize("mechanism", [pendulum(mass=0.5, length=0.3), acrobot(), COUPLED])
 def test_the_compiled_motion_is_that_of_arrays(
     law: str, mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own, numbers = LAWS[law]
     plant, start = looped(mechanism, COUNT), states(mechanism.n)
-    friction = Friction(own, np.tile(np.array(numbers), (plant.n, 1)))
+    friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
     u = np.sin(np.arange(12.0)[:, None, None] + start.q) * mechanism.motors
     motions = []
     for many in (10**9, 0):

@@ -245,12 +245,11 @@ class ShootingProblem:
         by = slope(recorded)
         moment_by = slope(Logged(logged.moment, logged.moment_later)) - slope(zero)
         by, moment_by = (np.moveaxis(x * driven, 0, 1) for x in (by, moment_by))
-        for above, below, apart in drive.changes:
+        for above, below, each in drive.changes:
             up, down = (pieces_of(end, recording, edges) for end in (above, below))
-            scale = calibration.gain * driven
-            by = np.append(by, ((up.mean - down.mean) * scale / apart)[:, None], axis=1)
-            change = ((up.moment - down.moment) * scale / apart)[:, None]
-            moment_by = np.append(moment_by, change, axis=1)
+            scale = (calibration.gain * driven * each)[:, None]
+            by = np.append(by, (up.mean - down.mean)[:, None] * scale, axis=1)
+            moment_by = np.append(moment_by, (up.moment - down.moment)[:, None] * scale, axis=1)
         motor, feedback = MotorTorque(u, by, moment, moment_by), self._feedback(estimate, drive)
         if feedback is None:
             return motor

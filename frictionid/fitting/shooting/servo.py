@@ -28,7 +28,12 @@ from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.fitting.parameters.blocks import MOTOR
-from frictionid.fitting.parameters.parameter_block import Estimate, FreeBlock, ParameterBlock
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    FreeBlock,
+    Parameter,
+    ParameterBlock,
+)
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.mechanics import Mechanism
 
@@ -38,11 +43,14 @@ _PARTS = 8  # of an interval, in which the torque goes from line to line
 
 
 class Change(NamedTuple):
-    """Integrals of A with a parameter above and below its value, and how far that is apart."""
+    """Integrals of A with E parameters above and below their values.
+
+    share (E, n) : one over how far these are apart, at the joints whose torque each changes
+    """
 
     above: SignalIntegrals
     below: SignalIntegrals
-    apart: float
+    share: Array
 
 
 class Loop(NamedTuple):
@@ -83,18 +91,36 @@ def drive_of(intervals: Intervals, calibration: Calibration, mechanism: Mechanis
 def changes_of(
     intervals: Intervals, estimate: Estimate, blocks: Sequence[FreeBlock], drive: Drive
 ) -> Iterator[Change]:
-    """What free parameters of servos change in the torque of an estimate, one after the other."""
+    """What free parameters of servos change in the torque of an estimate, in their order.
+
+    Those of joints, each of which changes the torque of its joint alone, are changed together.
+    """
     if drive.loop is None:
         return
     for block in (free.block for free in blocks if free.block.enters == "actuator"):
-        for parameter in block.parameters(estimate):
-            value = parameter.value
-            step = _CHANGE.get(parameter.unit, _SHARE * abs(value))
-            ends = value + step, max(value - step, parameter.low)
-            changed = (block.with_values(estimate, [(parameter, end)]) for end in ends)
-            feedback = drive.loop.feedback
-            above, below = (torques_of(intervals, e.calibration, feedback) for e in changed)
-            yield Change(above, below, ends[0] - ends[1])
+        parameters = block.parameters(estimate)
+        places = [p.place for p in parameters]
+        for group in [parameters] if all(places) else [(p,) for p in parameters]:
+            yield _change(intervals, estimate, block, group, drive.loop.feedback)
+
+
+def _change(
+    intervals: Intervals,
+    estimate: Estimate,
+    block: ParameterBlock,
+    group: Sequence[Parameter],
+    feedback: Array,
+) -> Change:
+    steps = [_CHANGE.get(p.unit, _SHARE * abs(p.value)) for p in group]
+    above = [p.value + step for p, step in zip(group, steps, strict=True)]
+    below = [max(p.value - step, p.low) for p, step in zip(group, steps, strict=True)]
+    changed = (block.with_values(estimate, [*zip(group, x, strict=True)]) for x in (above, below))
+    up, down = (torques_of(intervals, e.calibration, feedback) for e in changed)
+    joints = [p.place[0] if p.place else slice(None) for p in group]
+    share = np.zeros((len(group), intervals.n))
+    for row, at, apart in zip(share, joints, np.subtract(above, below), strict=True):
+        row[at] = 1.0 / apart
+    return Change(up, down, share)
 
 
 def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Loop:
