@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 import frictionid as fid
 from frictionid.api.evaluate import scores_of
 from frictionid.check import check
-from frictionid.comparison.suite_recipes import blocks_of
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import load_dataset, within
 from frictionid.data.recordings import Dataset
@@ -38,7 +37,14 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.fitting.parameters import ParameterBlock
+from frictionid.fitting.parameters import (
+    BiasBlock,
+    DelayBlock,
+    FrictionBlock,
+    InertiaBlock,
+    ParameterBlock,
+    TargetDelayBlock,
+)
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.fitting.torque_balance import InverseDynamics
@@ -215,28 +221,24 @@ def _scored(fits: Mapping[str, fid.Fit], test: Dataset, protocol: Protocol, scor
 
 def ways(machine: Machine) -> dict[str, Method]:
     """Ways to fit beside the default."""
-    late = ["delay"] if torque_is_sampled(machine.train) else []
-    late += ["target_delay"] if any(r.servo for r in machine.train.recordings) else []
+    late: list[ParameterBlock] = [DelayBlock()] if torque_is_sampled(machine.train) else []
+    late += [TargetDelayBlock()] if any(r.servo for r in machine.train.recordings) else []
+    narrow = (FrictionBlock(), *late)
     if machine.method == "inverse_dynamics":
+        near = (*narrow, InertiaBlock(prior=arms.PRIOR), BiasBlock())
         return {
-            "friction and delay": InverseDynamics(blocks=_free(["friction", *late])),
-            "inertia by a prior": InverseDynamics(blocks=_free(["friction", *late], arms.PRIOR)),
+            "friction and delay": InverseDynamics(blocks=narrow),
+            "inertia by a prior": InverseDynamics(blocks=near),
             "one step": INTEGRAL,
         }
-    wide = _free(["friction", "inertia", *(["bias"] if late else []), *late])
+    # a passive machine shows only ratios, and no bias
+    free = (InertiaBlock(), BiasBlock()) if late else (InertiaBlock(fixed=("gravity_1",)),)
     return {
-        "friction and delay": Shooting(blocks=_free(["friction", *late])),
-        "what shows": Shooting(blocks=wide),
-        "all kept": Shooting(blocks=wide, settings=Settings(significance=1.0)),
+        "friction and delay": Shooting(blocks=narrow),
+        "what shows": Shooting(blocks=(*narrow, *free)),
+        "all kept": Shooting(blocks=(*narrow, *free), settings=Settings(significance=1.0)),
         "one step": INTEGRAL,
     }
-
-
-def _free(names: Sequence[str], prior: float | None = None) -> tuple[ParameterBlock, ...]:
-    """Blocks by their names, with a prior also inertia and bias."""
-    if prior is None:
-        return blocks_of(names, (), {}, "regret")
-    return blocks_of([*names, "inertia", "bias"], (), {"inertia": prior}, "regret")
 
 
 def default_of(machine: Machine) -> tuple[str, dict[str, fid.Fit]]:
