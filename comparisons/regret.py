@@ -241,8 +241,8 @@ def ways(machine: Machine) -> dict[str, Method]:
     }
 
 
-def default_of(machine: Machine) -> tuple[str, dict[str, fid.Fit]]:
-    """The law that folds of the training data choose, and all laws fitted by the default."""
+def default_of(machine: Machine) -> tuple[str, str, dict[str, fid.Fit]]:
+    """The law that folds of the training data choose, what it frees, and the fits of all laws."""
     fitted = fid.compare(
         machine.train,
         {name: LAWS[name] for name in machine.laws},
@@ -257,8 +257,14 @@ def default_of(machine: Machine) -> tuple[str, dict[str, fid.Fit]]:
     each = np.array([joint.angle_noise for joint in check(machine.train).joints])
     units, sizes = machine.train.mechanism.position_units, machine.train.scales.size
     noise = float(norm_of(each, units, sizes)[0])
-    chosen = candidates_of(by_law, longest, noise)[2].name
-    return chosen, {name: fid.Fit(r.overall, machine.train) for name, r in by_law.items()}
+    _, candidates, choice = candidates_of(by_law, longest, noise)
+    for law in candidates:
+        standing = law.standing.standing if law.standing else ""
+        print(f"  folds, {longest:g} s: {_numbers(law.by_fold):60s} {law.name} {standing}")
+    refined = by_law[choice.name].refined
+    free = dict.fromkeys(p.block for p in refined.covariance.parameters) if refined else ()
+    fits = {name: fid.Fit(r.overall, machine.train) for name, r in by_law.items()}
+    return choice.name, ", ".join(free), fits
 
 
 def others_of(machine: Machine) -> dict[str, fid.Fit]:
@@ -291,7 +297,7 @@ class Row(NamedTuple):
 
 def row_of(name: str, machine: Machine) -> Row:
     """Regret on one machine; all arms are printed, best first."""
-    law, fits = default_of(machine)
+    law, free, fits = default_of(machine)
     arms_of_all = {f"{label}, {DEFAULT}": fit for label, fit in fits.items()} | others_of(machine)
     errors = (machine.judge or predictions)(machine, arms_of_all)
     errors = np.where(np.isfinite(errors), errors, np.inf)
@@ -300,14 +306,8 @@ def row_of(name: str, machine: Machine) -> Row:
     for k in np.argsort(regret):
         print(f"  {regret[k]:6.3f}  {_numbers(errors[k]):32s} {labels[k]}", flush=True)
     k, best = labels.index(f"{law}, {DEFAULT}"), int(np.argmin(level))
-    kept = _kept(fits[law])
-    texts = (f"{law} ({kept})", _numbers(errors[k]), labels[best], _numbers(errors[best]))
+    texts = (f"{law} ({free})", _numbers(errors[k]), labels[best], _numbers(errors[best]))
     return Row(name, *texts, float(regret[k]))
-
-
-def _kept(fit: fid.Fit) -> str:
-    """Blocks that a fit kept free."""
-    return ", ".join(dict.fromkeys(fit.frame.block)) if len(fit.frame) else ""
 
 
 def _numbers(errors: Array) -> str:
