@@ -148,7 +148,7 @@ class FirstVerdict(first.Quick):
 
 
 def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> FirstVerdict:
-    """Check a data set, compare three friction laws on held-out motion, and say which one holds.
+    """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     `done` is called with the name of each step that is finished.
 

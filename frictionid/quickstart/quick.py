@@ -1,11 +1,11 @@
-"""A first verdict in about a minute: check, three laws on held-out motion, the simplest that does.
+"""A first verdict in about a minute: check, a few laws on held-out motion, the one that predicts.
 
-The rule is that of a comparison (`frictionid.evaluation.statistics.choose`): the simplest law that
-is not shown to be practically worse than the best one after the horizon, by more than a tenth of
-its error; the few folds hold out very different motion, so that errors are compared by their
-ratios. Only folds count that hold out motion: in others all errors are noise. With fewer than three
-of them nothing is shown, and the law of the smallest error counts. Laws are fitted by shooting; the
-delay of a sampled torque is free, and inertia where the check says that it is off.
+Folds of whole recordings choose, where there are enough: the law of the lowest error after the
+horizon, or the simplest that is within a twentieth of it. The few folds hold out very different
+motion, so that errors are compared by their ratios. Only folds count that hold out motion: in
+others all errors are noise. With fewer than three of them the law of the smallest error counts.
+Whether another law is shown to be practically worse stands beside it, by the rule of a comparison
+(`frictionid.evaluation.statistics.choose`). Laws are fitted by shooting, with its defaults.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
-from frictionid.evaluation.statistics import Choice, Standing, choose
+from frictionid.evaluation.statistics import Standing, choose
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
 
-LAWS = ("none", "coulomb_viscous", "stribeck", "spline")  # by their number of parameters
+# by their number of parameters; `motor_load` where a motor's torque is sampled
+LAWS = ("none", "coulomb_viscous", "motor_load", "stribeck", "spline")
 STEPS = ("check", *LAWS)
 _HORIZONS = (1.0, 0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
 _FOLDS = 5
@@ -40,8 +41,7 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
-# Blocks of shooting that are free beside friction, where the check has findings of these kinds.
-_FREED = {"delay": "delay", "rotor": "inertia", "base": "inertia", "nominal_mechanism": "inertia"}
+_TIE = 0.05  # of the lowest error: laws within it predict alike
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Quick:
     check : Verdict
     seconds : float [s] of motion that were compared, all where that takes no more than a minute
     horizon : float [s], after which errors are compared
-    free : blocks of shooting that were free
+    free : blocks of shooting that the chosen law's fit to all data kept free
     folds : number of folds that hold out motion
     candidates : tuple of Candidate, by their number of parameters; empty for unusable data
     chosen : Candidate or None, what the rule chooses
@@ -113,38 +113,41 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     report(STEPS[0])
     if verdict.level == "unusable":
         return Quick(verdict)
-    kinds = {finding.kind for finding in verdict.findings}
-    usual = ["friction", "delay"] if torque_is_sampled(dataset) else ["friction"]
-    asked = [b for kind, b in _FREED.items() if kind in kinds]
-    free = tuple(dict.fromkeys([*usual, *asked]))
     part, sample_time = shortened(dataset)
-    horizon, results = _compared(part, free, sample_time, report)
+    horizon, results = _compared(part, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     moving, candidates, chosen = candidates_of(results, horizon, float(noise))
     result = results[chosen.name]
+    refined = None if result.refined is None else result.refined.estimates(part, result.grid)
+    kept = () if refined is None else (e.block for e in refined.parameters)
     return Quick(
         check=verdict,
         seconds=sum(float(np.ptp(r.angle.time)) for r in part.recordings),
         horizon=horizon,
-        free=free,
+        free=tuple(dict.fromkeys(["friction", *kept])),
         folds=moving,
         candidates=candidates,
         chosen=chosen,
         friction=result.overall,
-        refined=None if result.refined is None else result.refined.estimates(part, result.grid),
+        refined=refined,
         velocity=result.grid,
     )
 
 
-def chosen_of(candidates: Sequence[Candidate], choice: Choice) -> Candidate:
-    """The simplest law that is not shown to be practically worse, else that of the smallest error.
+def chosen_of(candidates: Sequence[Candidate]) -> Candidate:
+    """The simplest law that predicts as well as the best one, else that of the smallest error.
 
     No friction is never chosen: too little motion does not show that there is none.
     """
-    simplest = None if choice.simplest is None else candidates[choice.simplest]
     laws = [c for c in candidates if c.parameters]
-    return simplest if simplest in laws else min(laws, key=lambda c: c.error)
+    tests = [c.standing.test if c.standing else None for c in laws]
+    alike = [
+        law
+        for law, test in zip(laws, tests, strict=True)
+        if test is not None and test.mean <= np.log(1.0 + _TIE)
+    ]
+    return min(alike, key=lambda c: c.parameters) if alike else min(laws, key=lambda c: c.error)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
@@ -170,12 +173,11 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
 
 def _compared(
     dataset: Dataset,
-    free: Sequence[str],
     sample_time: float | None,
     done: Callable[[str], None],
 ) -> tuple[float, dict[str, Result]]:
     """The longest horizon that the folds hold out, and the results of all laws."""
-    recipe = recipe_of(RecipeEntry(name="shooting", by="shooting", free=list(free)))
+    recipe = recipe_of(RecipeEntry(name="shooting", by="shooting"))
     folds = _folds(dataset)
     for horizon in _HORIZONS:
         protocol = Protocol(horizons=(horizon,), sample_time=sample_time)
@@ -187,7 +189,8 @@ def _compared(
             if horizon == _HORIZONS[-1]:
                 raise
     results = {}
-    for name in LAWS:
+    driven = torque_is_sampled(dataset)
+    for name in (name for name in LAWS if driven or name != "motor_load"):
         results[name] = run(benchmark, identifier_named(name, {}), recipe, 0, shared)
         done(name)
     return horizon, results
@@ -222,7 +225,7 @@ def candidates_of(
             results.items(), sizes, folds, standings, strict=True
         )
     )
-    return int(moving.sum()), candidates, chosen_of(candidates, choice)
+    return int(moving.sum()), candidates, chosen_of(candidates)
 
 
 def _by_fold(result: Result, horizon: float) -> Array:

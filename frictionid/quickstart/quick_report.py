@@ -73,8 +73,8 @@ def verdict(result: Quick) -> list[str]:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen:
         out.append(
-            f"{best.name} predicts best fold by fold, but {chosen.name} is not shown to be "
-            "practically worse and has fewer parameters."
+            f"{best.name} predicts best fold by fold, {chosen.name} as well within 5 % and with "
+            "fewer parameters."
         )
     worse = [c.name if c.parameters else "no friction" for c in result.candidates if _is_worse(c)]
     out.append(
