@@ -36,6 +36,7 @@ class LawParameter(NamedTuple):
     neutral, size : what it is where the data do not tell it, and how far from that it usually is,
         in multiples of what the data make usual for its unit, see `friction.constraints`; a size
         of infinity where it has no neutral value
+    like : another parameter whose value is the neutral one, such as that of the other direction
     initial : values to start fits from; (): zero, or the bound nearest to it
     stepwise : whether friction at samples changes by steps in it: a derivative does not show where
         the next step is, so that fits try other values of it
@@ -49,6 +50,7 @@ class LawParameter(NamedTuple):
     stepwise: bool = False
     neutral: float = 0.0
     size: float = float("inf")
+    like: str = ""
 
 
 class Inputs(NamedTuple):
@@ -196,6 +198,20 @@ class Law(ABC):
     def bounds(self) -> tuple[tuple[float, float], ...]:
         """Lower and upper bound of each."""
         return tuple((parameter.low, parameter.high) for parameter in self.parameters)
+
+    def neutral(self, theta: Array, usual: Array) -> Array:
+        """Neutral values (..., n, P): the usual ones, or those of the parameters they are like.
+
+        >>> from frictionid.friction.laws import CoulombViscous
+        >>> law = CoulombViscous(symmetric=False)
+        >>> law.neutral(np.array([[0.1, 0.3, 0.01]]), np.zeros((1, 3)))
+        array([[0.3, 0.1, 0. ]])
+        """
+        out = np.array(np.broadcast_to(usual, theta.shape), dtype=float)
+        for i, parameter in enumerate(self.parameters):
+            if parameter.like in self.names:
+                out[..., i] = theta[..., self.names.index(parameter.like)]
+        return out
 
     @cached_property
     def initial(self) -> tuple[tuple[float, ...], ...]:

@@ -93,6 +93,9 @@ class Mechanism(ABC):
         no short formula.
     values : mapping of str to float
         Physical values that were given, SI; `nominal` adds the defaults.
+    tolerances : mapping of str to float
+        Of physical values, in %: the standard deviation of what they may be off by; "all" stands
+        for all of them.
     options : mapping
         Further keys of the [mechanism] table.
     coupled : tuple of pairs of str and n float
@@ -110,10 +113,12 @@ class Mechanism(ABC):
     base_meanings: tuple[str, ...]
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    tolerances: Mapping[str, float] = field(default_factory=dict, hash=False)
     coupled: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         self.check_values(self.values)
+        self._check_tolerances()
 
     def __repr__(self) -> str:
         options = [f"{name}={value!r}" for name, value in self.options.items()]
@@ -222,7 +227,8 @@ class Mechanism(ABC):
     def table(self) -> dict[str, Any]:
         """The [mechanism] table that stands for this mechanism in files."""
         parameters = {"parameters": dict(self.values)} if self.values else {}
-        return {"kind": self.kind, **self.options, **parameters}
+        tolerances = {"tolerances": dict(self.tolerances)} if self.tolerances else {}
+        return {"kind": self.kind, **self.options, **parameters, **tolerances}
 
     def nominal(self, overrides: Mapping[str, float] | None = None) -> dict[str, float]:
         """All physical parameters: the overrides, else the given values, else the defaults; SI.
@@ -253,6 +259,27 @@ class Mechanism(ABC):
         pendulum(mass=0.5, length=0.2)
         """
         return replace(self, values={**self.values, **values})
+
+    def base_tolerances(self) -> Array:
+        """Standard deviations (nb,) of base parameters by the tolerances, infinite without any.
+
+        To first order: base parameters change with physical ones, which are off by themselves.
+
+        >>> from frictionid.mechanics import pendulum
+        >>> m = replace(pendulum(mass=0.5, length=0.2), tolerances={"mass": 5.0})
+        >>> m.base_names, (m.base_tolerances() / m.base(m.nominal())).round(3).tolist()
+        (('inertia', 'gravity'), [0.05, 0.05])
+        """
+        values = self.nominal() if self.tolerances else {}
+        square = np.zeros(len(self.base_names))
+        for name, value in values.items():
+            share = self.tolerances.get(name, self.tolerances.get("all", 0.0)) / 100.0
+            size = share * abs(value)
+            if size > 0:
+                ends = (self.base({**values, name: value + s * size}) for s in (0.5, -0.5))
+                up, down = (np.asarray(end, dtype=float) for end in ends)
+                square += (up - down) ** 2
+        return np.where(square > 0, np.sqrt(square), np.inf)
 
     def with_defaults(self) -> Self:
         """The mechanism with the default of each required parameter that was not given.
@@ -287,6 +314,17 @@ class Mechanism(ABC):
                 raise InputError(
                     f"[mechanism] {self.kind}: {p.name} = {values[p.name]:g} {p.unit} is "
                     "negative; masses and rotor inertias are 0 or more"
+                )
+
+    def _check_tolerances(self) -> None:
+        for name, tolerance in self.tolerances.items():
+            if name != "all":
+                self.check_name(name)
+            number = isinstance(tolerance, Real) and not isinstance(tolerance, bool)
+            if not (number and 0 < tolerance < math.inf):
+                raise InputError(
+                    f"[mechanism.tolerances] {self.kind}: {name} = {tolerance!r} must be a "
+                    "positive number, in % of the value"
                 )
 
     def check_name(self, name: str) -> None:

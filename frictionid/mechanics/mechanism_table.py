@@ -48,12 +48,17 @@ def mechanism_of(table: Mapping[str, Any], code: Code | None = None) -> Mechanis
     pendulum(mass=0.5)
     """
     kind, build = _kind(table, code)
-    options = {key: value for key, value in table.items() if key not in ("kind", "parameters")}
+    tables = ("kind", "parameters", "tolerances")
+    options = {key: value for key, value in table.items() if key not in tables}
     mechanism = _built(build, kind, options)
     parameters = table.get("parameters", {})
     if not isinstance(parameters, Mapping):
         raise InputError(f"[mechanism] parameters = {parameters!r} must be a table: name = number")
-    return replace(mechanism, kind=kind, options=options).with_values(parameters)
+    tolerances = table.get("tolerances", {})
+    if not isinstance(tolerances, Mapping):
+        raise InputError(f"[mechanism] tolerances = {tolerances!r} must be a table: name = percent")
+    mechanism = replace(mechanism, kind=kind, options=options).with_values(parameters)
+    return replace(mechanism, tolerances=tolerances)
 
 
 def as_mechanism(mechanism: Any) -> Mechanism:

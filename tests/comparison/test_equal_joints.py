@@ -20,8 +20,8 @@ from frictionid.fitting.one_step.one_step_fit import half_widths, one_step_fit
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import DataRange, Friction, along, constraints_of
 from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset

@@ -102,7 +102,7 @@ class Recordings(Strict):
 
 
 class Mechanism(BaseModel):
-    """Kind, or file that describes the mechanism, and parameters; other keys are options."""
+    """Kind, or file that describes the mechanism, parameters, tolerances; other keys: options."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -110,6 +110,7 @@ class Mechanism(BaseModel):
     urdf: str | None = None
     mjcf: str | None = None
     parameters: dict[str, float] = {}
+    tolerances: dict[str, float] = {}
 
     @property
     def file(self) -> str:

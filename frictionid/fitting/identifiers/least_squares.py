@@ -106,10 +106,11 @@ class LeastSquares(Identifier):
         The worst known one of a fit first, as long as the fit without it is not shown to be worse:
         what two of them tell together, one tells alone.
         """
-        neutral, size = law.neutral
+        size = law.size
         left = np.isfinite(size) & (under.low < under.high)
         while left.any():
             spread = spread_of(law, theta, law.residual(theta), under)
+            neutral = law.neutral(theta)
             chosen = left & spread.worst(theta, neutral, size)
             if not chosen.any():
                 break

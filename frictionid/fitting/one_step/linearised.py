@@ -105,11 +105,16 @@ class Linearised(NamedTuple):
         return Conditions(weights, *self.bounds, mean, precision, floor)
 
     @property
-    def neutral(self) -> tuple[Array, Array]:
-        """Neutral values and sizes of the parameters, (F, N) each, infinite where there is none."""
-        constraints = self.constraints
-        assert constraints is not None
-        return self.once(constraints.neutral), self.once(constraints.size)
+    def size(self) -> Array:
+        """Sizes (F, N) of the parameters, infinite where there is no neutral value."""
+        assert self.constraints is not None
+        return self.once(self.constraints.size)
+
+    def neutral(self, theta: Array) -> Array:
+        """Neutral values (F, N) beside parameters theta (F, N)."""
+        assert self.constraints is not None
+        each = np.asarray(self.friction(theta).theta)
+        return self.once(self.law.neutral(each, self.constraints.neutral))
 
     def once(self, each: Array) -> Array:
         """Numbers (F, n, P) that equal joints have alike, flat, (F, N)."""

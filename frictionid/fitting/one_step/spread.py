@@ -19,7 +19,7 @@ from frictionid.fitting.one_step.linearised import Linearised
 
 KNOWN = 0.5  # of its size, a standard error: a parameter that is known no better is not identified
 _BLIND = 1e-13  # of the largest eigenvalue
-CLEAR = 4.0  # deviance, adjusted: a fit that is worse by more is shown to be worse
+CLEAR = 9.0  # deviance, adjusted: a fit that is worse by more is shown to be worse
 
 
 class Spread(NamedTuple):
@@ -58,10 +58,11 @@ class Spread(NamedTuple):
 def spread_of(law: Linearised, theta: Array, residual: Array, under: Conditions) -> Spread:
     """What the rows tell of the parameters (F, N) at a minimum, with the residuals (F, K, n) there.
 
-    Of those that are not at a bound; the others are taken as known.
+    Bounds count for nothing here: where two parameters do the same, one of them often ends at zero,
+    and the other one is not known any better for that.
     """
     label = clusters(law.problem)
-    free = (theta > under.low) & (theta < under.high)
+    free = under.low < under.high
     each = zip(theta, residual, under.weights, free, strict=True)
     return Spread(
         *(np.stack(x) for x in zip(*(_of_fold(law, label, *f) for f in each), strict=True))
@@ -80,10 +81,13 @@ def _of_fold(
         J = part.jacobian(theta[None])[0].reshape(*part.problem.r.shape, -1)
         J = J if law.tie is None else J @ law.tie
         weighted = J * weights[rows, None, None]
-        H = H + np.einsum("kip,kiq->pq", weighted, J, optimize=True)
-        np.add.at(scores, label[rows], np.einsum("kip,ki->kp", weighted, residual[rows]))
-    shown = free & (np.diag(H) > 0)
-    error, excess = np.where(free, np.inf, 0.0), np.ones(N)
+        H += weighted.reshape(-1, N).T @ J.reshape(-1, N)
+        each = np.einsum("kip,ki->kp", weighted, residual[rows])
+        for p, column in enumerate(each.T):
+            scores[:, p] += np.bincount(label[rows], column, minlength=len(scores))
+    trace = np.diag(H) > _BLIND * np.diag(H).max(initial=0.0)
+    shown = free & trace
+    error, excess = np.where(free | ~trace, np.inf, 0.0), np.ones(N)
     keep, count = np.flatnonzero(shown), max(len(used) - 1, 1)
     inverse = _inverse(H[np.ix_(keep, keep)])
     moves = scores[np.ix_(used, keep)] @ inverse

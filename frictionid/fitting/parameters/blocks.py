@@ -87,7 +87,8 @@ def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[Pa
 class InertiaBlock(ParameterBlock):
     """Base parameters; the inertia of a rotor does not become negative.
 
-    M(q) stays positive definite for all q, see `inside`. A prior is relative to each value; of a
+    M(q) stays positive definite for all q, see `inside`. Tolerances of the mechanism are priors
+    about the nominal values. A prior is relative to each value; of a
     value that is zero, to the mean size of those with the same unit.
     """
 
@@ -107,10 +108,14 @@ class InertiaBlock(ParameterBlock):
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
         rotors = {p.name for p in mechanism.parameters if p.rotor}
+        tolerances = mechanism.base_tolerances()
+        nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
         names = zip(mechanism.base_names, mechanism.base_units, strict=True)
         for i, (name, unit) in enumerate(names):
-            low = 0.0 if name in rotors else -np.inf
-            yield Parameter(self.name, name, unit, float(base[i]), low, place=(i,))
+            low, tolerance = 0.0 if name in rotors else -np.inf, float(tolerances[i])
+            mean = float(nominal[i]) if np.isfinite(tolerance) else None
+            value = float(base[i])
+            yield Parameter(self.name, name, unit, value, low, FREE, tolerance, (i,), mean)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(estimate.calibration.base, dtype=float)

@@ -39,6 +39,8 @@ class Parameter(NamedTuple):
 
     tolerance : 0 holds it, infinity lets it go, else the standard deviation of its prior about
         `mean`, or about the value that the fit begins with
+    excess : how many times more its prior weighs than the curvature of the data says, which
+        counts samples as independent
     place : where the block keeps it: the joint first, of base parameters their index
     shared : names and places of those that have its value
     """
@@ -53,6 +55,7 @@ class Parameter(NamedTuple):
     place: tuple[int, ...] = ()
     mean: float | None = None
     shared: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    excess: float = 1.0
 
     @property
     def places(self) -> tuple[tuple[int, ...], ...]:
@@ -83,6 +86,7 @@ class ParameterBlock(ABC):
     enters : which input of the physics they are: "friction", "base", "torque", "angle" or
         "actuator"
     prior : standard deviation of their priors; relative to each value where `relative`
+    excess : how many times more priors weigh, by the parameters' names
     offered : whether the block is only free where the data can tell it, and shows something
     deviations : standard deviations of priors by the parameters' names
     """
@@ -90,6 +94,7 @@ class ParameterBlock(ABC):
     fixed: tuple[str, ...] = ()
     prior: float | None = None
     deviations: tuple[tuple[str, float], ...] = ()
+    excess: tuple[tuple[str, float], ...] = ()
     offered: bool = False
     name: ClassVar[str]
     enters: ClassVar[str]
@@ -125,8 +130,12 @@ class ParameterBlock(ABC):
             )
             for p, size in zip(listed, sizes, strict=True)
         )
-        pairs = zip(listed, tolerances, strict=True)
-        return tuple(p._replace(tolerance=tolerance) for p, tolerance in pairs if tolerance > 0)
+        excess, pairs = dict(self.excess), zip(listed, tolerances, strict=True)
+        return tuple(
+            p._replace(tolerance=tolerance, excess=excess.get(p.name, 1.0))
+            for p, tolerance in pairs
+            if tolerance > 0
+        )
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         """The estimate with other values of the block's free parameters."""
@@ -155,6 +164,17 @@ def check_fixed(fixed: Sequence[str], names: Sequence[str], what: str, block: st
 def _is_fixed(parameter: Parameter, fixed: Sequence[str]) -> bool:
     """Whether a parameter is named by its name, or by its part before or behind " of "."""
     return not {parameter.name, *parameter.name.split(" of ", 1)}.isdisjoint(fixed)
+
+
+def with_excess(
+    blocks: Sequence[ParameterBlock], parameters: Sequence[Parameter], excess: Array
+) -> tuple[ParameterBlock, ...]:
+    """The blocks with priors that weigh so many times more (D,) than the curvature says."""
+    pairs = tuple((p.block, p.name, float(e)) for p, e in zip(parameters, excess, strict=True))
+    return tuple(
+        replace(b, excess=tuple((name, e) for block, name, e in pairs if block == b.name))
+        for b in blocks
+    )
 
 
 class FreeBlock(NamedTuple):
@@ -191,9 +211,11 @@ class Limits(NamedTuple):
 
 def limits_of(parameters: Sequence[Parameter]) -> Limits:
     """Bounds and priors of parameters; precision zero for those without a prior."""
-    rows = [(p.low, p.high, p.value if p.mean is None else p.mean, p.tolerance) for p in parameters]
-    low, high, mean, tolerance = np.reshape(rows, (-1, 4)).T
-    return Limits(low, high, mean, 1.0 / tolerance**2)
+    rows = [
+        (p.low, p.high, p.value if p.mean is None else p.mean, p.excess / p.tolerance**2)
+        for p in parameters
+    ]
+    return Limits(*np.reshape(rows, (-1, 4)).T)
 
 
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:

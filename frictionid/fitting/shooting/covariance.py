@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import fdtrc, stdtr  # scipy.stats takes half a second to import
+from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.fitting.fit import Covariance
@@ -139,6 +139,8 @@ def grouped_covariance(
     D, count = len(parameters), len(np.unique(groups.cluster))
     matrix = np.zeros((D, D))
     matrix[np.ix_(keep, keep)] = sandwich(H, groups._replace(free=free & ~once))
+    tolerance = np.array([p.tolerance for p in parameters])
+    matrix[np.ix_(keep, keep)] += _by_priors(H, limits.precision, tolerance, keep)
     pull = limits.precision * (limits.mean - (values - groups.move))
     left = _left_over(H, groups.g.sum(axis=0) + pull, free)
     matrix += np.outer(left, left) + model_error
@@ -163,6 +165,20 @@ def grouped_covariance(
         _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
     idle = {k for needed in needs.items() for k in (needed[0], *needed[1])}
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
+
+
+def _by_priors(H: Array, precision: Array, tolerance: Array, keep: Array) -> Array:
+    """Covariance of the parameters `keep` by what priors pull them off the truth.
+
+    The truth scatters about the means by the tolerances T, and moves the fit by H^-1 P of that:
+    (H^-1 P) T^2 (H^-1 P)'. With the data's own it is the covariance of both together.
+    """
+    informed = np.isfinite(tolerance[keep])
+    if not informed.any():
+        return np.zeros((len(keep), len(keep)))
+    pull = solve_scaled(H[np.ix_(keep, keep)], np.diag(precision[keep]))
+    off = pull[:, informed] * tolerance[keep][informed]
+    return np.asarray(off @ off.T)
 
 
 def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
@@ -240,36 +256,21 @@ def _undetermined(
 def least_significant(
     covariance: Covariance, blocks: Sequence[ParameterBlock], level: float
 ) -> Dropped | None:
-    """The block of sensors, or of inertia that was offered, with the largest p-value above a level.
+    """The block of sensors with the largest p-value above a level, or None.
 
-    None where there is none. The k parameters d of a block of sensors, as deviations from an ideal
-    one, have the covariance C:
+    Its k parameters d, as deviations from an ideal sensor, have the covariance C:
 
         d' C^-1 d / k   is distributed as F(k, freedom)   where the sensor is ideal
 
-    Of inertia, whose parameters may be more than the recordings, it is k times the p-value of the
-    parameter that deviates most from its nominal value. A block that the data do not determine has
-    p = 1. Blocks with a prior stay: somebody knows them.
+    A block that the data do not determine has p = 1. Blocks with a prior stay: somebody knows them.
     """
     idle = []
-    for block in blocks:
-        places = [k for k, p in enumerate(covariance.parameters) if p.block == block.name]
-        if any(np.isfinite(covariance.parameters[k].tolerance) for k in places) or not places:
-            continue
-        if block.name in IDEAL:
-            idle.append(Dropped(block.name, _p_value(covariance, places, IDEAL[block.name])))
-        elif block.offered and block.enters == "base":
-            idle.append(Dropped(block.name, _largest_deviation(covariance, places)))
+    for name in (b.name for b in blocks if b.name in IDEAL):
+        places = [k for k, p in enumerate(covariance.parameters) if p.block == name]
+        if places and not any(np.isfinite(covariance.parameters[k].tolerance) for k in places):
+            idle.append(Dropped(name, _p_value(covariance, places, IDEAL[name])))
     worst = max(idle, key=lambda dropped: dropped.p_value, default=None)
     return worst if worst is not None and worst.p_value > level else None
-
-
-def _largest_deviation(covariance: Covariance, places: list[int]) -> float:
-    """P-value of the parameter farthest from its nominal value, times the number of parameters."""
-    nominal = np.array([covariance.parameters[k].value for k in places])
-    size = np.abs(covariance.values[places] - nominal) / covariance.error[places]
-    p_value = 2.0 * float(stdtr(covariance.freedom, -np.nanmax(size, initial=0.0)))
-    return min(1.0, len(places) * p_value)
 
 
 def _p_value(covariance: Covariance, places: list[int], ideal: float) -> float:

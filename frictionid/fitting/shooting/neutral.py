@@ -21,11 +21,22 @@ from frictionid.fitting.one_step.spread import CLEAR, KNOWN
 from frictionid.fitting.parameters.blocks import FrictionBlock
 from frictionid.fitting.parameters.parameter_block import Parameter, ParameterBlock
 from frictionid.fitting.shooting.sandwich import solve_scaled
-from frictionid.friction import Constraints, Friction
+from frictionid.friction import Friction
+
+_BLIND = 1e-13  # of the largest information
+
+
+class Key(NamedTuple):
+    """Name of a parameter's block, and its place there."""
+
+    block: str
+    place: tuple[int, ...]
 
 
 class Unknown(NamedTuple):
     """A parameter that the data do not tell: itself, its neutral value and size, and its excess.
+
+    The neutral value of a base parameter is the nominal one, and so is its size.
 
     excess : its variance between recordings over that by the curvature
     """
@@ -39,6 +50,11 @@ class Unknown(NamedTuple):
     def held(self) -> Parameter:
         """The parameter at its neutral value."""
         return self.parameter._replace(value=self.neutral, tolerance=0.0)
+
+    @property
+    def key(self) -> Key:
+        """What tells it from others."""
+        return Key(self.parameter.block, self.parameter.place)
 
     @property
     def sentence(self) -> str:
@@ -55,32 +71,57 @@ class Unknown(NamedTuple):
 
 def unknown_parameters(
     covariance: Covariance,
-    limits: Constraints | None,
+    friction: Friction,
+    blocks: Sequence[ParameterBlock],
     curvature: Array,
-    tried: Sequence[tuple[int, ...]],
+    tried: Sequence[Key],
 ) -> tuple[Unknown, ...]:
-    """Of each joint the parameter of friction that the data tell least, without those tried before.
+    """Of each joint, and of the base parameters, the one that the data tell least.
+
+    Base parameters only where they are offered: asked for, they are free. Without those that were
+    tried before.
 
     curvature : (D, D), normal matrix of the fit
     """
-    if limits is None:
+    if friction.constraints is None:
         return ()
+    information = np.diag(curvature)
+    blind = information <= _BLIND * information.max(initial=0.0)
     variance = np.diag(solve_scaled(curvature, np.eye(len(curvature))))
     ratio = np.diag(covariance.matrix) / np.maximum(variance, 1e-300)
     usual = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else 1.0
-    worst: dict[int, tuple[float, Unknown]] = {}
-    for k, p in enumerate(covariance.parameters):
-        if p.block != "friction" or p.place in tried or covariance.bound[k]:
+    worst: dict[tuple[str, int], tuple[float, Unknown]] = {}
+    for k, (neutral, size) in _neutral_values(covariance.parameters, friction, blocks).items():
+        p = covariance.parameters[k]
+        if Key(p.block, p.place) in tried or (covariance.bound[k] and not blind[k]):
             continue
-        neutral, size = float(limits.neutral[p.place]), float(limits.size[p.place])
         error, off = float(covariance.error[k]), abs(float(covariance.values[k]) - neutral)
-        if not np.isfinite(size) or off == 0.0 or error <= max(KNOWN * size, off / 2.0):
+        if off == 0.0 or error <= max(KNOWN * size, off / 2.0):
             continue
         excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
-        joint = p.place[0]
-        if joint not in worst or error / size > worst[joint][0]:
-            worst[joint] = (error / size, Unknown(p, neutral, size, excess))
+        group = p.block, p.place[0] if p.block == "friction" else 0
+        if group not in worst or error / size > worst[group][0]:
+            worst[group] = (error / size, Unknown(p, neutral, size, excess))
     return tuple(unknown for _, unknown in worst.values())
+
+
+def _neutral_values(
+    parameters: Sequence[Parameter], friction: Friction, blocks: Sequence[ParameterBlock]
+) -> dict[int, tuple[float, float]]:
+    """Neutral value and size of the parameters that have them, by their place among D."""
+    out, limits = {}, friction.constraints
+    assert limits is not None
+    neutral = friction.law.neutral(np.asarray(friction.theta), limits.neutral)
+    for k, p in enumerate(parameters):
+        if p.block == "friction" and np.isfinite(limits.size[p.place]):
+            out[k] = float(neutral[p.place]), float(limits.size[p.place])
+    for block in (b for b in blocks if b.enters == "base" and b.offered):
+        places = [k for k, p in enumerate(parameters) if p.block == block.name]
+        base = [parameters[k] for k in places]
+        for k, p, size in zip(places, base, block.sizes(base), strict=True):
+            if not np.isfinite(p.tolerance) and size > 0:
+                out[k] = p.value, size
+    return out
 
 
 def at_neutral(
@@ -88,12 +129,20 @@ def at_neutral(
 ) -> tuple[tuple[ParameterBlock, ...], Friction]:
     """The blocks without parameters that are held, and friction (n, P) with these at neutral."""
     theta = np.array(friction.theta, dtype=float)
-    places = {place for u in unknown for place in u.parameter.places}
-    for u in unknown:
+    held = [u for u in unknown if u.parameter.block == "friction"]
+    for u in held:
         for place in u.parameter.places:
             theta[place] = u.neutral
-    new = tuple(_without(b, theta, places) if isinstance(b, FrictionBlock) else b for b in blocks)
-    return new, replace(friction, theta=theta)
+    places = {place for u in held for place in u.parameter.places}
+    names = tuple(u.parameter.name for u in unknown if u.parameter.block != "friction")
+    new = []
+    for block in blocks:
+        if isinstance(block, FrictionBlock):
+            block = _without(block, theta, places) if places else block
+        elif block.enters == "base":
+            block = replace(block, fixed=(*block.fixed, *names))
+        new.append(block)
+    return tuple(new), replace(friction, theta=theta)
 
 
 def _without(block: FrictionBlock, theta: Array, places: set[tuple[int, ...]]) -> FrictionBlock:

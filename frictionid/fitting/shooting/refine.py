@@ -4,48 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.data.state_estimators import RTS, States, slowest_speeds
+from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import (
-    Estimate,
     ParameterBlock,
-    values_of,
-    with_values,
 )
 from frictionid.fitting.shooting.covariance import covariance_of, least_significant
 from frictionid.fitting.shooting.data_checks import (
-    check_blocks,
-    check_data,
     explained,
     limits_of_data,
     odd_recordings,
     odd_sentences,
-    telling,
     warnings_of,
 )
-from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows, solve
+from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows
 from frictionid.fitting.shooting.networks import (
     as_given,
-    on_arrays,
-    torque_samples,
-    with_combinations,
 )
 from frictionid.fitting.shooting.neutral import (
     Unknown,
-    at_neutral,
-    unknown_parameters,
     with_held,
 )
 from frictionid.fitting.shooting.omitted_blocks import (
@@ -53,12 +40,11 @@ from frictionid.fitting.shooting.omitted_blocks import (
     omitted_blocks,
     sentences,
 )
-from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
+from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.servo import with_servo
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
-from frictionid.friction import DataRange, Friction, constraints_of
-from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+from frictionid.fitting.shooting.stages import Stage, solved, that_may_be_free, with_neutral
+from frictionid.friction import Friction
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
@@ -148,18 +134,18 @@ def fit_blocks(
     """The result of a fit to the intervals in use (K,), without blocks that show nothing.
 
     Blocks that are offered are only free where these data can tell them from the others. While the
-    deviation of a block from an ideal sensor, or from the nominal inertia where that is offered, is
-    not significant, the fit goes on from where it ended without the least significant one: free
-    parameters that show nothing would only spoil what the others predict. Beside a network all
-    stay: the scatter of a few recordings about so many combinations says little. Parameters of
-    friction that the data do not tell are held at the law's neutral values, see `neutral`.
+    deviation of a block from an ideal sensor is not significant, the fit goes on from where it
+    ended without the least significant one: free parameters that show nothing would only spoil what
+    the others predict. Beside a network all stay: the scatter of a few recordings about so many
+    combinations says little. Parameters of friction that the data do not tell are held at the law's
+    neutral values, base parameters that are offered at the nominal ones, see `neutral`.
     """
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
-    blocks = on_support(applicable(blocks, intervals.dataset), friction)
-    blocks = _that_may_be_free(blocks, friction, intervals, use)
-    stage = _solved(_Stage(friction, blocks), intervals, settings, use)
+    blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
+    blocks = that_may_be_free(blocks, friction, intervals, use)
+    stage = solved(Stage(friction, blocks), intervals, settings, use)
     while True:
-        stage = _at_neutral(stage, intervals, settings, use)
+        stage = with_neutral(stage, intervals, settings, use)
         result = refined_by(stage.problem, stage.solution, friction, stage.dropped, stage.held)
         level = 1.0 if friction.law.is_network else settings.significance
         idle = least_significant(result.covariance, stage.blocks, level)
@@ -167,148 +153,7 @@ def fit_blocks(
             return result
         blocks = tuple(b for b in stage.blocks if b.name != idle.block)
         stage = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
-        stage = _solved(stage, intervals, settings, use)
-
-
-class _Stage(NamedTuple):
-    """A fit on the way: where it begins, what is free, where it ended, and what was left out.
-
-    tried : places of parameters of friction that have been held, or were shown to be needed
-    """
-
-    friction: Friction
-    blocks: tuple[ParameterBlock, ...]
-    ended: tuple[ShootingProblem, Solution] | None = None
-    dropped: tuple[Dropped, ...] = ()
-    held: tuple[Unknown, ...] = ()
-    tried: tuple[tuple[int, ...], ...] = ()
-
-    @property
-    def problem(self) -> ShootingProblem:
-        assert self.ended is not None
-        return self.ended[0]
-
-    @property
-    def solution(self) -> Solution:
-        assert self.ended is not None
-        return self.ended[1]
-
-
-def _solved(stage: _Stage, intervals: Intervals, settings: Settings, use: Array) -> _Stage:
-    """The stage with its fit, from where it ended before."""
-    before = None if stage.ended is None else stage.solution
-    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, settings, use)
-    if before is not None:
-        values = values_of(before.estimate, problem.blocks)
-        estimate = with_values(estimate, problem.blocks, values)
-    return stage._replace(ended=(problem, solve(problem, estimate, use, before)))
-
-
-def _at_neutral(stage: _Stage, intervals: Intervals, settings: Settings, use: Array) -> _Stage:
-    """The stage with parameters of friction held that the data do not tell, the worst known first.
-
-    One of each joint at a time: what two of them tell together, one tells alone.
-    """
-    while True:
-        problem, solution = stage.problem, stage.solution
-        limits, tried = solution.estimate.friction.constraints, stage.tried
-        covariance = covariance_of(problem, solution)
-        unknown = unknown_parameters(covariance, limits, solution.curvature, tried)
-        if not unknown or problem.count == 0:
-            return stage
-        stage = stage._replace(tried=(*tried, *(u.parameter.place for u in unknown)))
-        held = _held(stage, unknown, intervals, settings, use)
-        if held is None and len(unknown) > 1:
-            for single in unknown:
-                stage = _held(stage, (single,), intervals, settings, use) or stage
-        stage = held or stage
-
-
-def _held(
-    stage: _Stage,
-    unknown: tuple[Unknown, ...],
-    intervals: Intervals,
-    settings: Settings,
-    use: Array,
-) -> _Stage | None:
-    """The stage with parameters held at neutral values; None where that is clearly worse."""
-    solution = stage.solution
-    blocks, friction = at_neutral(stage.blocks, stage.friction, unknown)
-    friction = replace(friction, constraints=solution.estimate.friction.constraints)
-    trial = _solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
-    costs = [_squares(end, solution) for end in (solution, trial.solution)]
-    if any(u.shown(*costs) for u in unknown):
-        return None
-    return trial._replace(held=(*stage.held, *unknown))
-
-
-def _squares(solution: Solution, like: Solution) -> float:
-    """Squares of the residuals in units of the noise, weighed as in another solution."""
-    weight = like.weight * (like.counts[:, None] * solution.share)[..., None]
-    return float((weight * (solution.residual / like.sigma) ** 2).sum())
-
-
-def prepare_fit(
-    friction: Friction,
-    intervals: Intervals,
-    blocks: Sequence[ParameterBlock],
-    settings: Settings,
-    use: Array | None = None,
-) -> tuple[ShootingProblem, Estimate]:
-    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
-
-    use : (K,) true for the intervals that may be used, all by default
-    """
-    settings = settings.at(float(np.median(intervals.dt)))
-    estimate, blocks = _begin(friction, intervals, blocks, use)
-    check_blocks(blocks, estimate, intervals)
-    problem = shooting_problem(intervals, estimate, blocks, settings)
-    check_data(intervals, problem.parameters, settings.windows[-1])
-    return problem, estimate
-
-
-def _begin(
-    friction: Friction,
-    intervals: Intervals,
-    blocks: Sequence[ParameterBlock],
-    use: Array | None,
-) -> tuple[Estimate, Sequence[ParameterBlock]]:
-    """The estimate that a fit begins with; of a network also the blocks of its combinations."""
-    mechanism = intervals.dataset.mechanism
-    base = mechanism.base(mechanism.nominal(friction.parameters))
-    calibration = friction.calibration or Calibration.ideal(mechanism.n)
-    calibration = calibration if calibration.base is not None else replace(calibration, base=base)
-    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
-    network = friction.law.is_network
-    friction = with_units_of(mechanism, on_arrays(friction))
-    if friction.constraints is None and not network:
-        limits = constraints_of(friction.law, _speed_range(intervals, use))
-        friction = replace(friction, constraints=limits)
-    if network:
-        samples = torque_samples(friction, mechanism, calibration, intervals, use)
-        friction, blocks = with_combinations(friction, samples, blocks)
-    estimate = Estimate(friction, calibration, mechanism)
-    return with_servo(estimate, intervals.dataset, blocks), blocks
-
-
-def _that_may_be_free(
-    blocks: Sequence[ParameterBlock], friction: Friction, intervals: Intervals, use: Array
-) -> tuple[ParameterBlock, ...]:
-    """The blocks, of those that are offered the ones that these data can tell beside the others."""
-    offered = [b for b in blocks if b.offered]
-    if not offered:
-        return tuple(blocks)
-    estimate, _ = _begin(friction, intervals, blocks, use)
-    return telling(tuple(b for b in blocks if not b.offered), offered, estimate, intervals)
-
-
-def _speed_range(intervals: Intervals, use: Array) -> DataRange:
-    """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
-    states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
-    turns = turns_of(intervals.dataset.mechanism, intervals.w)
-    slowest = np.median([slowest_speeds(s) for s in states], axis=0)
-    slowest = of_parts(slowest, None if turns is None else np.abs(turns))
-    return DataRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
+        stage = solved(stage, intervals, settings, use)
 
 
 def refined_by(

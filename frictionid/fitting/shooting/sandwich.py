@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.fitting.parameters.parameter_block import Parameter, limits_of
 from frictionid.fitting.shooting.gauss_newton import Solution
 from frictionid.fitting.shooting.problem import ShootingProblem
 
@@ -75,6 +77,28 @@ def sandwich(H: Array, groups: Groups) -> Array:
         wider = np.sqrt(np.maximum(1.0, wider))
         inner = inner * np.outer(wider, wider)
     return inner
+
+
+def excess_of(groups: Groups, parameters: Sequence[Parameter]) -> Array:
+    """How many times larger the variance (D,) between clusters is than that by the curvature.
+
+    The curvature counts samples as independent. A prior weighs what it says where its weight is
+    multiplied by this ratio: beside the variance between clusters it then stands as it should
+    [Ribatet2012]. One where it is smaller, and for parameters without a prior or at a bound.
+    """
+    plain = [p._replace(excess=1.0) for p in parameters]
+    H = groups.H.sum(axis=0) + np.diag(limits_of(plain).precision)
+    informed = np.array([np.isfinite(p.tolerance) for p in parameters], dtype=bool)
+    informed &= groups.free & ~shown_once(H, groups)
+    out, keep = np.ones(len(H)), np.flatnonzero(groups.free)
+    if not informed.any() or len(np.unique(groups.cluster)) < 2:
+        return out
+    between = np.zeros(len(H))
+    between[keep] = np.diag(sandwich(H, groups))
+    curved = np.zeros(len(H))
+    curved[keep] = np.diag(_inverse(H[np.ix_(keep, keep)]))
+    out[informed] = np.maximum(between[informed] / np.maximum(curved[informed], 1e-300), 1.0)
+    return out
 
 
 def scatter(H: Array, groups: Groups, label: Array) -> Array:

@@ -19,6 +19,7 @@ from frictionid.fitting.parameters.blocks import (
     TargetDelayBlock,
 )
 from frictionid.fitting.parameters.parameter_block import ParameterBlock
+from frictionid.friction import Law
 
 WINDOWS = (5 / 60, 10 / 60, 20 / 60)
 _RATE = 30.0  # [Hz]
@@ -35,8 +36,8 @@ class Settings:
     huber : residuals beyond so many standard deviations count less
     fine : [s], substeps of pieces in which a joint comes near rest
     significance : a block of sensors (delay, gain, bias, offset) whose deviation from an ideal
-        sensor has a larger p-value is left out, and the fit repeated without it, as is inertia that
-        is only offered; 1 keeps all. By default a deviation stays that is larger than 2^(1/2)
+        sensor has a larger p-value is left out, and the fit repeated without it; 1 keeps all. By
+        default a deviation stays that is larger than 2^(1/2)
         standard errors: there a model with it is expected to predict better [Akaike1974]
     start_velocity : [rad/s], how far a start velocity may be from its smoothed one where the
         angles do not tell it (a joint at rest); a standard deviation. None: ten times what is slow
@@ -96,12 +97,17 @@ def targets_are_held(dataset: Dataset) -> bool:
     return bool(servos) and all(holds(s.goal) for s in servos) and not torque_is_sampled(dataset)
 
 
-def applicable(blocks: Sequence[ParameterBlock], dataset: Dataset) -> tuple[ParameterBlock, ...]:
+def applicable(
+    blocks: Sequence[ParameterBlock], dataset: Dataset, law: Law | None = None
+) -> tuple[ParameterBlock, ...]:
     """The blocks without those that are offered and mean nothing here.
 
     A delay is that of sampled torques, or of held targets; backlash is between a joint and the
-    encoder of its servo; there is a bias where a motor drives.
+    encoder of its servo; there is a bias where a motor drives. Beside a network, which would take
+    up what these show, only delays are offered.
     """
     sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
     means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
+    if law is not None and law.is_network:
+        means |= {"inertia": False, "backlash": False, "bias": False}
     return tuple(b for b in blocks if not b.offered or means.get(b.name, True))

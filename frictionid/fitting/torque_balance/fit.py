@@ -18,15 +18,21 @@ from frictionid.fitting.one_step.one_step_fit import checked_fit
 from frictionid.fitting.one_step.residual import data_range
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.parameters.blocks import on_support
-from frictionid.fitting.parameters.parameter_block import Estimate, free_blocks, values_of
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    free_blocks,
+    values_of,
+    with_excess,
+)
 from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
 from frictionid.fitting.shooting.neutral import (
+    Key,
     Unknown,
     at_neutral,
     unknown_parameters,
     with_held,
 )
-from frictionid.fitting.shooting.sandwich import FEW, Groups
+from frictionid.fitting.shooting.sandwich import FEW, Groups, excess_of
 from frictionid.fitting.torque_balance.solve import (
     TorqueProblem,
     TorqueSettings,
@@ -81,6 +87,7 @@ def fit_torques(
     dropped: list[Dropped] = []
     while True:
         solution, problem = _best(identifier, balance, blocks, settings, use, seed)
+        solution, problem = _weighted(solution, problem, use, settings)
         solution, problem, held = _at_neutral(solution, problem, use, settings)
         if settings.consistent:
             solution = made_consistent(problem, solution, use, settings)
@@ -178,19 +185,33 @@ def _result(
     )
 
 
+def _weighted(
+    solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
+) -> tuple[TorqueSolution, TorqueProblem]:
+    """The solution under priors that weigh what they say, see `excess_of`."""
+    excess = excess_of(_groups(problem, solution, use), problem.parameters)
+    if (excess == 1.0).all():
+        return solution, problem
+    blocks = with_excess([free.block for free in problem.blocks], problem.parameters, excess)
+    problem = replace(problem, blocks=free_blocks(blocks, problem.estimate))
+    start = replace(problem, estimate=solution.estimate)
+    return solve(start, use, settings), problem
+
+
 def _at_neutral(
     solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
 ) -> tuple[TorqueSolution, TorqueProblem, tuple[Unknown, ...]]:
     """The solution with parameters of friction held that the torques do not tell, one by one."""
     held: tuple[Unknown, ...] = ()
-    tried: list[tuple[int, ...]] = []
+    tried: list[Key] = []
     while True:
-        limits = solution.estimate.friction.constraints
+        friction = solution.estimate.friction
+        blocks = tuple(free.block for free in problem.blocks)
         H, covariance = solution.normal_equations()[0], _covariance(problem, solution, use)
-        unknown = unknown_parameters(covariance, limits, H, tried)
+        unknown = unknown_parameters(covariance, friction, blocks, H, tried)
         if not unknown:
             return solution, problem, held
-        tried += [u.parameter.place for u in unknown]
+        tried += [u.key for u in unknown]
         for single in unknown:
             blocks = tuple(free.block for free in problem.blocks)
             blocks, friction = at_neutral(blocks, solution.estimate.friction, (single,))

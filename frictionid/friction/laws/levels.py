@@ -67,13 +67,18 @@ class Level(NamedTuple):
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
         """Its parameters; fits start without friction, so that a first step is linear."""
-        # a direction without motion has the usual level
-        coulomb = COULOMB if self.symmetric else COULOMB._replace(neutral=1.0, size=0.5)
+        coulomb = by_direction(self.symmetric, COULOMB)
+        if not self.symmetric:  # a direction without motion is like the other one
+            up, down = coulomb
+            coulomb = (
+                up._replace(size=0.5, like=down.name),
+                down._replace(size=0.5, like=up.name),
+            )
         if not self.peaked:
-            return by_direction(self.symmetric, coulomb)
+            return coulomb
         # fits bound velocities by what the data resolve, see `friction.constraints`
         velocity = LawParameter("stribeck_velocity", "rad/s", initial=self.velocities)
-        return (*by_direction(self.symmetric, coulomb, PEAK), velocity)
+        return (*coulomb, *by_direction(self.symmetric, PEAK), velocity)
 
     def at(self, theta: Array, speed: Array, w: Array) -> Array:
         """Level (..., n) [N m] at a speed, in the direction of w."""

@@ -16,8 +16,8 @@ from frictionid.data.signals import Signal
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, LoadDependent
 

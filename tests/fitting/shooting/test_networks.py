@@ -19,8 +19,8 @@ from frictionid.evaluation.curves import curve_error, curves, steady_state, velo
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds
 from frictionid.fitting.shooting.networks import CombinationLaw
-from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import Stribeck as StribeckLaw
 from frictionid.friction.laws import WindowMLP, check_law

@@ -19,8 +19,8 @@ from frictionid.fitting.parameters import (
 )
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.laws import Stribeck as StribeckLaw

@@ -27,9 +27,9 @@ from frictionid.fitting.parameters import (
 )
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.refine import prepare_fit
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.servo import ServoMotion, drive_of, torque_signal
+from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
 from frictionid.friction.model_files import load_model, save_model

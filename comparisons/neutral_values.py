@@ -1,0 +1,141 @@
+"""Whether parameters that the motion does not show do harm, and what neutral values cost.
+
+    python comparisons/neutral_values.py [--sets 100] [LAW ...]
+
+A pendulum with Coulomb and viscous friction is recorded in motion that does not show a further
+parameter of a richer law: small swings, in which the load hardly changes; turns one way, without
+slow motion or reversal. The richer law and the law without that parameter are fitted to it in one
+step, and predict other motion: swings of all kinds. Their median errors after half a second should
+be the same. Then the truth has the further parameter and the motion shows it: the fit should be
+that without neutral values, in units of its standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from coverage_cases import MACHINES, NOISE, Case, case_of, runs_of, sets_of
+from rich.console import Console
+from rich.table import Table
+
+import frictionid as fid
+from frictionid.data.recordings import Dataset
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.friction import Law
+from frictionid.friction.laws import (
+    CoulombViscous,
+    Dahl,
+    FilmLag,
+    LoadDependent,
+    LuGre,
+    Play,
+    Quadratic,
+    Stribeck,
+)
+from frictionid.simulate import Camera, Rig, Run, simulate
+
+HORIZON = 0.5  # [s]
+RECORDINGS, TESTS = 6, 12
+TRUE = case_of("coulomb_viscous", "joint")
+
+
+def swings(draw: np.random.Generator, name: str) -> Run:
+    """A small swing: the load changes by a few per cent."""
+    return Run(name, (float(draw.uniform(0.35, 0.5) * draw.choice([-1, 1])),))
+
+
+def turns(draw: np.random.Generator, name: str) -> Run:
+    """Turns one way, fast: friction slows it down, and it does not come back in the recording."""
+    return Run(name, (float(draw.uniform(-3, 3)),), (float(draw.uniform(22.0, 26.0)),))
+
+
+Motion = Callable[[np.random.Generator, str], Run]
+HIDDEN: Mapping[str, tuple[Law, Motion]] = {
+    "load_dependent": (LoadDependent(), swings),
+    "quadratic": (Quadratic(), swings),
+    "stribeck": (Stribeck(), turns),
+    "coulomb_viscous, asymmetric": (CoulombViscous(symmetric=False), turns),
+    "stribeck, asymmetric": (Stribeck(symmetric=False), turns),
+    "film_lag": (FilmLag(), turns),
+    "dahl": (Dahl(), turns),
+    "lugre": (LuGre(), turns),
+    "play": (Play(), turns),
+}
+
+
+def rig(runs: Sequence[Run], seconds: float) -> Dataset:
+    """Recordings of a pendulum with Coulomb and viscous friction, at 60 Hz."""
+    camera = Camera(samples=round(60 * seconds) + 1, angle_noise=NOISE["joint"])
+    machine = MACHINES["joint"]
+    return simulate(Rig("hidden", machine, TRUE.truth, camera, tuple(runs), substeps=24))
+
+
+def hidden(motion: Motion, seeds: Sequence[int]) -> list[Dataset]:
+    """Sets whose motion does not show the parameter."""
+    runs = []
+    for seed in seeds:
+        draw = np.random.default_rng([seed, 11])
+        runs += [motion(draw, f"{seed:04d}_{k:02d}") for k in range(RECORDINGS)]
+    everything = rig(runs, 1.0)
+    parts = range(0, len(runs), RECORDINGS)
+    return [
+        replace(everything, recordings=everything.recordings[i : i + RECORDINGS]) for i in parts
+    ]
+
+
+def error(model: fid.Fit, test: Dataset) -> float:
+    """Median error [rad] after the horizon."""
+    table = fid.evaluate(model, test, horizons=(HORIZON,))
+    rows = (table.score == "rollout_angle") & (table.statistic == "median") & (table.joint == "all")
+    return float(table[rows].value.iloc[0])
+
+
+def harm(law: Law, motion: Motion, seeds: Sequence[int], neutral: bool) -> np.ndarray:
+    """Errors (sets,) of the law over those of the law without the parameter, on other motion."""
+    test = rig(runs_of("joint", 10_000, TESTS), 3.0)
+    ratios = []
+    for data in hidden(motion, seeds):
+        fits = (
+            fid.fit(data, LeastSquares(form, neutral=neutral)) for form in (law, CoulombViscous())
+        )
+        rich, plain = (error(fit, test) for fit in fits)
+        ratios.append(rich / plain)
+    return np.array(ratios)
+
+
+def cost(case: Case, seeds: Sequence[int]) -> float:
+    """Largest move of a parameter by neutral values, in standard errors, where motion shows all."""
+    most = 0.0
+    for data in sets_of(case, seeds, 12, late=False):
+        shown, plain = (fid.fit(data, LeastSquares(case.law, neutral=n)) for n in (True, False))
+        spread = (plain.frame.high_95 - plain.frame.low_95).to_numpy() / 4.0
+        off = np.abs(shown.friction.theta - plain.friction.theta).ravel() / spread
+        most = max(most, float(np.nanmax(off)))
+    return most
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("laws", nargs="*", help=", ".join(HIDDEN))
+    parser.add_argument("--sets", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    seeds, console = range(asked.seed, asked.seed + asked.sets), Console(width=110)
+    title = f"error on other motion over that of coulomb_viscous, {asked.sets} sets"
+    table = Table(title=title)
+    for head in ("law", "median", "worst", "without neutral values: median", "worst"):
+        table.add_column(head)
+    for name in asked.laws or HIDDEN:
+        with_, without = (harm(*HIDDEN[name], seeds, neutral) for neutral in (True, False))
+        each = (np.median(with_), with_.max(), np.median(without), without.max())
+        table.add_row(name, *(f"{value:.3f}" for value in each))
+        console.print(f"{name} done")
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,200 @@
+"""Stages of a fit by shooting: solved, with priors that weigh what they say, unknowns at neutral.
+
+A fit goes through several stages with fewer free parameters, each from where the last one ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.calibration import Calibration
+from frictionid.data.state_estimators import slowest_speeds
+from frictionid.fitting.parameters.parameter_block import (
+    Estimate,
+    ParameterBlock,
+    values_of,
+    with_excess,
+    with_values,
+)
+from frictionid.fitting.shooting.covariance import covariance_of
+from frictionid.fitting.shooting.data_checks import check_blocks, check_data, telling
+from frictionid.fitting.shooting.gauss_newton import Solution, solve
+from frictionid.fitting.shooting.networks import on_arrays, torque_samples, with_combinations
+from frictionid.fitting.shooting.neutral import Key, Unknown, at_neutral, unknown_parameters
+from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
+from frictionid.fitting.shooting.sample_intervals import Intervals
+from frictionid.fitting.shooting.sandwich import excess_of, groups_of
+from frictionid.fitting.shooting.servo import with_servo
+from frictionid.fitting.shooting.settings import Settings
+from frictionid.friction import DataRange, Friction, constraints_of
+from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+from frictionid.friction.provenance import Dropped
+
+_WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
+
+
+class Stage(NamedTuple):
+    """A fit on the way: where it begins, what is free, where it ended, and what was left out.
+
+    tried : parameters that have been held, or were shown to be needed
+    """
+
+    friction: Friction
+    blocks: tuple[ParameterBlock, ...]
+    ended: tuple[ShootingProblem, Solution] | None = None
+    dropped: tuple[Dropped, ...] = ()
+    held: tuple[Unknown, ...] = ()
+    tried: tuple[Key, ...] = ()
+
+    @property
+    def problem(self) -> ShootingProblem:
+        assert self.ended is not None
+        return self.ended[0]
+
+    @property
+    def solution(self) -> Solution:
+        assert self.ended is not None
+        return self.ended[1]
+
+
+def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with its fit, from where it ended before."""
+    before = None if stage.ended is None else stage.solution
+    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, settings, use)
+    if before is not None:
+        values = values_of(before.estimate, problem.blocks)
+        estimate = with_values(estimate, problem.blocks, values)
+    stage = stage._replace(ended=(problem, solve(problem, estimate, use, before)))
+    for _ in range(_WEIGHTS):
+        excess = excess_of(groups_of(stage.problem, stage.solution), stage.problem.parameters)
+        known = np.array([p.excess for p in stage.problem.parameters])
+        if np.abs(np.log(excess / known)).max(initial=0.0) < _ALIKE:
+            break
+        stage = _weighted(stage, excess, intervals, settings, use)
+    return stage
+
+
+def _weighted(
+    stage: Stage, excess: Array, intervals: Intervals, settings: Settings, use: Array
+) -> Stage:
+    """The stage with its fit under priors that weigh so many times more (D,)."""
+    blocks = with_excess(stage.blocks, stage.problem.parameters, excess)
+    problem, estimate = prepare_fit(stage.friction, intervals, blocks, settings, use)
+    values = values_of(stage.solution.estimate, problem.blocks)
+    estimate = with_values(estimate, problem.blocks, values)
+    solution = solve(problem, estimate, use, stage.solution)
+    return stage._replace(blocks=blocks, ended=(problem, solution))
+
+
+def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with parameters of friction held that the data do not tell, the worst known first.
+
+    One of each joint at a time: what two of them tell together, one tells alone.
+    """
+    while True:
+        problem, solution = stage.problem, stage.solution
+        tried = stage.tried
+        covariance = covariance_of(problem, solution)
+        unknown = unknown_parameters(
+            covariance, solution.estimate.friction, stage.blocks, solution.curvature, tried
+        )
+        if not unknown or problem.count == 0:
+            return stage
+        stage = stage._replace(tried=(*tried, *(u.key for u in unknown)))
+        held = _held(stage, unknown, intervals, settings, use)
+        if held is None and len(unknown) > 1:
+            for single in unknown:
+                stage = _held(stage, (single,), intervals, settings, use) or stage
+        stage = held or stage
+
+
+def _held(
+    stage: Stage,
+    unknown: tuple[Unknown, ...],
+    intervals: Intervals,
+    settings: Settings,
+    use: Array,
+) -> Stage | None:
+    """The stage with parameters held at neutral values; None where that is clearly worse."""
+    solution = stage.solution
+    blocks, friction = at_neutral(stage.blocks, stage.friction, unknown)
+    friction = replace(friction, constraints=solution.estimate.friction.constraints)
+    trial = solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
+    costs = [_squares(end, solution) for end in (solution, trial.solution)]
+    if any(u.shown(*costs) for u in unknown):
+        return None
+    return trial._replace(held=(*stage.held, *unknown))
+
+
+def _squares(solution: Solution, like: Solution) -> float:
+    """Squares of the residuals in units of the noise, weighed as in another solution."""
+    weight = like.weight * (like.counts[:, None] * solution.share)[..., None]
+    return float((weight * (solution.residual / like.sigma) ** 2).sum())
+
+
+def prepare_fit(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    settings: Settings,
+    use: Array | None = None,
+) -> tuple[ShootingProblem, Estimate]:
+    """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
+
+    use : (K,) true for the intervals that may be used, all by default
+    """
+    settings = settings.at(float(np.median(intervals.dt)))
+    estimate, blocks = _begin(friction, intervals, blocks, use)
+    check_blocks(blocks, estimate, intervals)
+    problem = shooting_problem(intervals, estimate, blocks, settings)
+    check_data(intervals, problem.parameters, settings.windows[-1])
+    return problem, estimate
+
+
+def _begin(
+    friction: Friction,
+    intervals: Intervals,
+    blocks: Sequence[ParameterBlock],
+    use: Array | None,
+) -> tuple[Estimate, Sequence[ParameterBlock]]:
+    """The estimate that a fit begins with; of a network also the blocks of its combinations."""
+    mechanism = intervals.dataset.mechanism
+    base = mechanism.base(mechanism.nominal(friction.parameters))
+    calibration = friction.calibration or Calibration.ideal(mechanism.n)
+    calibration = calibration if calibration.base is not None else replace(calibration, base=base)
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
+    network = friction.law.is_network
+    friction = with_units_of(mechanism, on_arrays(friction))
+    if friction.constraints is None and not network:
+        limits = constraints_of(friction.law, _speed_range(intervals, use))
+        friction = replace(friction, constraints=limits)
+    if network:
+        samples = torque_samples(friction, mechanism, calibration, intervals, use)
+        friction, blocks = with_combinations(friction, samples, blocks)
+    estimate = Estimate(friction, calibration, mechanism)
+    return with_servo(estimate, intervals.dataset, blocks), blocks
+
+
+def that_may_be_free(
+    blocks: Sequence[ParameterBlock], friction: Friction, intervals: Intervals, use: Array
+) -> tuple[ParameterBlock, ...]:
+    """The blocks, of those that are offered the ones that these data can tell beside the others."""
+    offered = [b for b in blocks if b.offered]
+    if not offered:
+        return tuple(blocks)
+    estimate, _ = _begin(friction, intervals, blocks, use)
+    return telling(tuple(b for b in blocks if not b.offered), offered, estimate, intervals)
+
+
+def _speed_range(intervals: Intervals, use: Array) -> DataRange:
+    """Speeds (m,) that the intervals in use (K,) resolve: usual slowest, and fastest one."""
+    states = [intervals.states[i] for i in np.unique(intervals.recording[use])]
+    turns = turns_of(intervals.dataset.mechanism, intervals.w)
+    slowest = np.median([slowest_speeds(s) for s in states], axis=0)
+    slowest = of_parts(slowest, None if turns is None else np.abs(turns))
+    return DataRange(slowest, np.abs(of_parts(intervals.w[use], turns)).max(axis=0))
