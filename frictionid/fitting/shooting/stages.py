@@ -70,7 +70,8 @@ def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -
         values = values_of(before.estimate, problem.blocks)
         estimate = with_values(estimate, problem.blocks, values)
     stage = stage._replace(ended=(problem, solve(problem, estimate, use, before)))
-    for _ in range(_WEIGHTS):
+    # what holds a network's combinations is no knowledge of anybody
+    for _ in range(0 if stage.friction.law.is_network else _WEIGHTS):
         excess = excess_of(groups_of(stage.problem, stage.solution), stage.problem.parameters)
         known = np.array([p.excess for p in stage.problem.parameters])
         if np.abs(np.log(excess / known)).max(initial=0.0) < _ALIKE:
