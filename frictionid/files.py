@@ -162,8 +162,9 @@ def read_json(path: Path) -> dict[str, Any]:
     InputError
         Where the file is missing or holds something else.
     """
+    regular_file(path)
     try:
-        document = json.loads(regular_file(path).read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -111,7 +112,8 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, monk
         code, out, err = run_command(monkeypatch, capsys, pipes, *arguments.split())
     finally:
         signal.alarm(0)
-    assert (code, out) == (2, "") and "is no regular file but a pipe" in err
+    assert (code, out) == (2, "") and "is no JSON" not in err
+    assert re.match("frictionid: .*is no regular file but a pipe", err)
 
 
 def test_nothing_heavy_was_imported(refused):
