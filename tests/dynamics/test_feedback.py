@@ -173,4 +173,4 @@ def test_steps_resolve_the_loop() -> None:
         return step_size_of(loop, friction, 0.01).pieces
 
     assert pieces(0.0, 0.0) == step_size_of(plant, friction, 0.01).pieces == 2
-    assert pieces(0.0, 2.0) == 4 and pieces(100.0, 0.0) == 4 and pieces(-1.0, -1.0) == 2
+    assert pieces(0.0, 4.0) == 4 and pieces(100.0, 0.0) == 4 and pieces(-1.0, -1.0) == 2
