@@ -334,16 +334,18 @@ def main() -> None:
     unknown = set(asked.machines) - set(MACHINES)
     if unknown:
         parser.error(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
-    rows = []
+    rows: list[Row] = []
     for name in asked.machines or MACHINES:
         begin = time.perf_counter()
         print(name, flush=True)
-        rows.append(row_of(name, MACHINES[name]()))
+        try:
+            rows.append(row_of(name, MACHINES[name]()))
+        except InputError as error:  # a default that fails is worse than any arm
+            rows.append(Row(name, f"fails: {error}", "", "", "", np.inf))
         print(f"  regret {rows[-1].regret:.2f}, {time.perf_counter() - begin:.0f} s", flush=True)
-    table = table_of(rows)
-    print(table)
-    if asked.out is not None:
-        asked.out.write_text(table + "\n", encoding="utf-8")
+        if asked.out is not None:
+            asked.out.write_text(table_of(rows) + "\n", encoding="utf-8")
+    print(table_of(rows))
 
 
 if __name__ == "__main__":
