@@ -137,8 +137,8 @@ def fit(
         Of the one-step fit: "integral", or "study".
     free : list of str, optional
         Blocks that these free: "friction", "inertia", "delay", "gain", "bias", "offset",
-        "actuator"; friction is always free. None: friction, and the delay where a motor's torque
-        is sampled.
+        "actuator"; friction is always free. None: friction, and of inertia, delay and bias those
+        that the data tell.
     fixed : list of str
         Parameters that stay as they are, such as "inertia.gravity_2".
     windows : list of float [s], optional

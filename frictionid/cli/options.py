@@ -39,7 +39,7 @@ Free = Annotated[
     str,
     typer.Option(
         help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash "
-        "[friction, and delay where a motor's torque is sampled]."
+        "[friction, and of inertia, delay and bias what the data tell]."
     ),
 ]
 KnownCalibration = Annotated[
