@@ -296,7 +296,7 @@ def _suite(draft: Draft, horizons: Sequence[float]) -> Iterator[str]:
     yield "\n[[recipes]]"
     yield _line("name", "shooting", "on the measured angles, with intervals: a minute or more")
     yield _line("by", "shooting")
-    yield "# free are friction, and of inertia, delay and bias what the data tell, or what is named:"
+    yield "# free are friction, and of inertia, delay, bias what the data tell, or what is named:"
     yield '# free = ["friction", "delay", "inertia"]     # also: "gain", "bias", "offset"'
     for kind, said in (
         ("none", "the baseline"),

@@ -1,7 +1,9 @@
 """A first verdict in about a minute: check, a few laws on held-out motion, the one that predicts.
 
 Folds of whole recordings choose, where there are enough: the law of the lowest error after the
-horizon, or the simplest that is within a twentieth of it. The few folds hold out very different
+horizon, or the simplest that is within a twentieth of it; or a richer one that has all of its
+parameters and is not shown to be worse, where the data identify one that it adds: few folds scatter
+more than a parameter's own interval. The few folds hold out very different
 motion, so that errors are compared by their ratios. Only folds count that hold out motion: in
 others all errors are noise. With fewer than three of them the law of the smallest error counts.
 Whether another law is shown to be practically worse stands beside it, by the rule of a comparison
@@ -41,6 +43,7 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
+_TRIALS = 5  # of parameters that might be there by chance
 _TIE = 0.05  # of the lowest error: laws within it predict alike
 
 
@@ -52,6 +55,7 @@ class Candidate:
     by_fold : (F,) the same in each fold
     standing : against the best law; None where too few folds hold out motion
     curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
+    names : of its parameters; identified : those that the fit to all data tells from zero
     """
 
     name: str
@@ -60,6 +64,8 @@ class Candidate:
     by_fold: Array
     standing: Standing | None
     curves: Array
+    names: frozenset[str] = frozenset()
+    identified: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +153,12 @@ def chosen_of(candidates: Sequence[Candidate]) -> Candidate:
         for law, test in zip(laws, tests, strict=True)
         if test is not None and test.mean <= np.log(1.0 + _TIE)
     ]
-    return min(alike, key=lambda c: c.parameters) if alike else min(laws, key=lambda c: c.error)
+    if not alike:
+        return min(laws, key=lambda c: c.error)
+    chosen = min(alike, key=lambda c: c.parameters)
+    needed = [c for c in laws if chosen.names < c.names and c.identified - chosen.names]
+    needed = [c for c in needed if c.standing and c.standing.standing not in ("worse", "diverged")]
+    return min(needed, key=lambda c: float(np.log(c.by_fold).mean()), default=chosen)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
@@ -220,12 +231,32 @@ def candidates_of(
             by_fold=by_fold,
             standing=standing,
             curves=result.curves,
+            names=frozenset(result.overall.law.names),
+            identified=_identified(result),
         )
         for (name, result), size, by_fold, standing in zip(
             results.items(), sizes, folds, standings, strict=True
         )
     )
     return int(moving.sum()), candidates, chosen_of(candidates)
+
+
+def _identified(result: Result) -> frozenset[str]:
+    """Parameters of friction, of any joint, whose intervals at 99 % do not hold zero.
+
+    Without velocities, which say nothing of how much there is.
+    """
+    fit = result.refined
+    if fit is None or fit.friction.law.is_network:
+        return frozenset()
+    names, units = fit.friction.law.names, fit.friction.law.units
+    shown = fit.covariance.significant(_TRIALS) & ~fit.covariance.meaningless
+    places = [
+        p.place[1]
+        for p, yes in zip(fit.covariance.parameters, shown, strict=True)
+        if yes and p.block == "friction"
+    ]
+    return frozenset(names[i] for i in places if units[i] != "rad/s")
 
 
 def _by_fold(result: Result, horizon: float) -> Array:

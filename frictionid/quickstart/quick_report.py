@@ -72,10 +72,7 @@ def verdict(result: Quick) -> list[str]:
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen:
-        out.append(
-            f"{best.name} predicts best fold by fold, {chosen.name} as well within 5 % and with "
-            "fewer parameters."
-        )
+        out.append(_why(chosen, best))
     worse = [c.name if c.parameters else "no friction" for c in result.candidates if _is_worse(c)]
     out.append(
         f"Practically worse than {best.name}: {', '.join(worse)}."
@@ -90,6 +87,20 @@ def verdict(result: Quick) -> list[str]:
     if len(result.free) > 1:
         out.append(f"Free beside friction: {', '.join(result.free[1:])}.")
     return out
+
+
+def _why(chosen: Candidate, best: Candidate) -> str:
+    """Why another law was chosen than that of the lowest error."""
+    if chosen.parameters < best.parameters:
+        return (
+            f"{best.name} predicts best fold by fold, {chosen.name} as well within 5 % and with "
+            "fewer parameters."
+        )
+    added = ", ".join(sorted(chosen.identified - best.names))
+    return (
+        f"{best.name} predicts best fold by fold, but {chosen.name} is not shown to be practically "
+        f"worse, and the data identify its {added}."
+    )
 
 
 def quick_json(result: Quick) -> str:

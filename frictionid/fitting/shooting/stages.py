@@ -73,8 +73,8 @@ def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -
     # what holds a network's combinations is no knowledge of anybody
     for _ in range(0 if stage.friction.law.is_network else _WEIGHTS):
         excess = excess_of(groups_of(stage.problem, stage.solution), stage.problem.parameters)
-        known = np.array([p.excess for p in stage.problem.parameters])
-        if np.abs(np.log(excess / known)).max(initial=0.0) < _ALIKE:
+        weighed = np.array([p.excess for p in stage.problem.parameters])
+        if np.abs(np.log(excess / weighed)).max(initial=0.0) < _ALIKE:
             break
         stage = _weighted(stage, excess, intervals, settings, use)
     return stage
