@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import lgamma
 
 import numpy as np
@@ -72,15 +73,29 @@ def telling(
     estimate: Estimate,
     intervals: Intervals,
 ) -> tuple[ParameterBlock, ...]:
-    """The blocks, and the offered ones that these data can tell beside them and each other."""
+    """The blocks, and the offered ones that these data can tell beside them and each other.
+
+    Where only ratios of inertia, gravity and friction show, the largest moment of gravity is held.
+    """
     for block in offered:
-        try:
-            if block.parameters(estimate):
-                check_blocks((*blocks, block), estimate, intervals)
-                blocks = (*blocks, block)
-        except InputError:
-            continue
+        for choice in (block, _held_scale(block, estimate)):
+            try:
+                if choice.parameters(estimate):
+                    check_blocks((*blocks, choice), estimate, intervals)
+                    blocks = (*blocks, choice)
+                    break
+            except InputError:
+                continue
     return blocks
+
+
+def _held_scale(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
+    """A block of base parameters with the largest moment of gravity held; others as they are."""
+    if block.enters != "base":
+        return block
+    moments = [p for p in block.parameters(estimate) if p.unit in ("N m", "N")]
+    held = max(moments, key=lambda p: abs(p.value), default=None)
+    return block if held is None else replace(block, fixed=(*block.fixed, held.name))
 
 
 def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: float) -> None:
