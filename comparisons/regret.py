@@ -160,7 +160,7 @@ def arm(name: str, sample_time: float | None, horizons: tuple[float, ...]) -> Ma
 def go2() -> Machine:
     """Quadruped in the air, tested on the last third of its chirp, with its controller."""
     tests, laws = {"free run": part("go2", 2 / 3, 1)}, ("coulomb_viscous", "stribeck")
-    return Machine(part("go2", 0, 2 / 3), tests, laws, "shooting", 0.02, None, free_runs, 3)
+    return Machine(part("go2", 0, 2 / 3), tests, laws, "shooting", 0.01, None, free_runs, 3)
 
 
 MACHINES: Mapping[str, Callable[[], Machine]] = {
