@@ -243,7 +243,9 @@ def _no_plateau(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     names, theta = friction.law.names, np.asarray(friction.theta)
     if "stribeck_velocity" not in names:
         return
-    usual = np.quantile(np.abs(problem.intervals.w), _MOST_SPEEDS, axis=0)
+    w = problem.intervals.w
+    speeds = np.abs(of_parts(w, turns_of(problem.intervals.dataset.mechanism, w)))
+    usual = np.quantile(speeds, _MOST_SPEEDS, axis=0)
     for p in problem.parameters:
         if p.block != "friction" or not names[p.place[1]].startswith("coulomb"):
             continue

@@ -121,13 +121,17 @@ def _held(
     settings: Settings,
     use: Array,
 ) -> Stage | None:
-    """The stage with parameters held at neutral values; None where that is clearly worse."""
+    """The stage with parameters held at neutral values; None where that is clearly worse.
+
+    A fit that only settles without them gives no evidence for them.
+    """
     solution = stage.solution
     blocks, friction = at_neutral(stage.blocks, stage.friction, unknown)
     friction = replace(friction, constraints=solution.estimate.friction.constraints)
     trial = solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
     costs = [_squares(end, solution) for end in (solution, trial.solution)]
-    if any(u.shown(*costs) for u in unknown):
+    wandered = trial.solution.converged and not solution.converged
+    if any(u.shown(*costs) for u in unknown) and not wandered:
         return None
     return trial._replace(held=(*stage.held, *unknown))
 

@@ -29,7 +29,7 @@ from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torq
 
 DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     FrictionBlock(),
-    InertiaBlock(),
+    InertiaBlock(offered=True),
     DelayBlock(offered=True),
     BiasBlock(),
 )
