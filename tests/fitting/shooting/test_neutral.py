@@ -1,0 +1,134 @@
+"""What data do not tell stays at neutral values, and priors weigh what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fixtures import tiny_pendulums as tiny
+from fixtures.exact_problems import everything, explained_by
+
+from frictionid.errors import InputError
+from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.sandwich import Groups, excess_of
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, MotorLoad, Quadratic, Stribeck
+from frictionid.mechanics import mechanism_of, pendulum
+
+FAST = 2.0  # [rad/s]
+SHORT = Settings(windows=(0.1, 0.3))
+LINE = [[0.1, 0.02]]
+
+
+def fitted(law, problem, rows, **settings):
+    return LeastSquares(law, **settings).fit(problem, rows, 0)[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
+    speeds = np.abs(problem.nodes.inputs.w[problem.stencil])
+    rows = (speeds > FAST).all(axis=(1, 2))[None] * 1.0
+    plain, rich = (fitted(law, problem, rows) for law in (CoulombViscous(), Stribeck()))
+    coulomb, peak = rich.theta[0, :2]
+    assert peak < 0.1 * coulomb
+    w = np.linspace(FAST, 8.0, 20)
+    np.testing.assert_allclose(rich.curve(w), plain.curve(w), rtol=0.01)
+
+
+def test_a_direction_without_motion_is_like_the_other_one():
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(0))
+    rows = (problem.nodes.inputs.w[problem.stencil] > 0).all(axis=(1, 2))[None] * 1.0
+    up, down, _ = fitted(CoulombViscous(symmetric=False), problem, rows).theta[0]
+    assert up == pytest.approx(down) == pytest.approx(0.1, rel=0.1)
+
+
+def test_what_the_rows_tell_is_the_plain_minimum():
+    truth = [[0.1, 0.04, 1.5, 0.02]]
+    problem = explained_by(Stribeck(), truth, 1e-3, np.random.default_rng(1))
+    both = [fitted(Stribeck(), problem, everything(problem), neutral=n) for n in (True, False)]
+    np.testing.assert_array_equal(both[0].theta, both[1].theta)
+
+
+def test_a_prior_stands_in_place_of_the_neutral_value():
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(2))
+    rows = everything(problem)
+    held = fitted(Quadratic(), problem, rows, prior={"drag": (0.004, 1e-9)})
+    assert held.theta[0, 2] == pytest.approx(0.004, rel=1e-3)
+
+
+def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
+    """Without motor torque nothing shows of the share that a gear loses of it."""
+    still = tuple(
+        replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
+    )
+    start = Friction(MotorLoad(), np.array([[0.02, 0.002, 0.2]]))
+    found = refine(start, tiny.dataset(recordings=still), (FrictionBlock(),), SHORT)
+    (loss,) = (k for k, p in enumerate(found.covariance.parameters) if "loss" in p.name)
+    assert found.friction.theta[0, 2] == found.covariance.values[loss] == 0.0
+    assert found.covariance.error[loss] == pytest.approx(0.3)
+    assert not found.covariance.identified[loss]
+    assert any("loss of joint 1 is not identified" in w for w in found.diagnostics.warnings)
+
+
+# --- Weights of priors ----------------------------------------------------------------------------
+
+
+def groups_of(seed, copies):
+    """Normal equations of 12 recordings; with copies every sample counts so many times."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((12, 30, 2))
+    y = A @ [1.0, 0.5] + rng.standard_normal((12, 30))
+    H = copies * np.einsum("wri,wrj->wij", A, A)
+    g = copies * np.einsum("wri,wr->wi", A, y)
+    labels = np.arange(12)
+    move = np.linalg.solve(H.sum(axis=0), g.sum(axis=0))
+    return Groups(H, g, move, np.ones(2, dtype=bool), labels, labels)
+
+
+def test_a_prior_weighs_the_same_however_often_a_sample_is_counted():
+    parameters = (
+        Parameter("inertia", "inertia", "kg m^2", 1.0, tolerance=0.1),
+        Parameter("inertia", "gravity", "N m", 0.5),
+    )
+    once, often = (excess_of(groups_of(3, copies), parameters) for copies in (1, 100))
+    assert 1.0 <= once[0] < 3.0 and once[1] == often[1] == 1.0
+    assert often[0] == pytest.approx(100.0 * once[0], rel=0.4) or once[0] == 1.0
+
+
+def test_a_tolerance_draws_a_wrong_mass_towards_what_was_stated():
+    """Nominal masses 3 % off, stated as 5 %: the data correct them; stated as .01 % they stay."""
+    wrong = {"kind": "pendulum", "parameters": {"mass": 0.206, "length": 0.2}}
+    start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+    found = {}
+    for tolerance in (5.0, 0.01):
+        mechanism = mechanism_of({**wrong, "tolerances": {"mass": tolerance}})
+        data = replace(tiny.dataset(), mechanism=mechanism)
+        fit = refine(start, data, (FrictionBlock(), InertiaBlock()), SHORT)
+        found[tolerance] = float(fit.calibration.base[0])
+    nominal = 0.206 * 0.2**2
+    assert found[0.01] == pytest.approx(nominal, rel=1e-3)
+    assert abs(found[5.0] - tiny.INERTIA) < 0.5 * abs(nominal - tiny.INERTIA)
+
+
+def test_tolerances_reach_the_base_parameters_to_first_order():
+    m = replace(pendulum(mass=0.5, length=0.2), tolerances={"length": 2.0})
+    share = m.base_tolerances() / m.base(m.nominal())
+    np.testing.assert_allclose(share, [0.04, 0.02], rtol=1e-3)  # m l^2 and m g l
+    assert not np.isfinite(pendulum(mass=0.5, length=0.2).base_tolerances()).any()
+    every = replace(m, tolerances={"all": 1.0})
+    assert (every.base_tolerances() > 0).all()
+    assert every.table["tolerances"] == {"all": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "words"),
+    [({"mas": 1.0}, "did you mean 'mass'"), ({"mass": -1.0}, "must be a positive number, in %")],
+)
+def test_wrong_tolerances_are_refused(tolerances, words):
+    with pytest.raises(InputError, match=words):
+        mechanism_of({"kind": "pendulum", "tolerances": tolerances})
