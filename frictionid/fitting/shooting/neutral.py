@@ -23,6 +23,7 @@ from frictionid.fitting.parameters.parameter_block import Parameter, ParameterBl
 from frictionid.fitting.shooting.sandwich import solve_scaled
 from frictionid.friction import Friction
 
+_BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
 
 
@@ -34,17 +35,19 @@ class Key(NamedTuple):
 
 
 class Unknown(NamedTuple):
-    """A parameter that the data do not tell: itself, its neutral value and size, and its excess.
+    """A parameter that the data do not tell: itself, its neutral value, size, excess, and off.
 
-    The neutral value of a base parameter is the nominal one, and so is its size.
+    The neutral value of a base parameter is the nominal one, its size a fifth of that.
 
     excess : its variance between recordings over that by the curvature
+    off : how far it is from neutral [sizes]
     """
 
     parameter: Parameter
     neutral: float
     size: float
     excess: float
+    off: float
 
     @property
     def held(self) -> Parameter:
@@ -65,8 +68,11 @@ class Unknown(NamedTuple):
         )
 
     def shown(self, before: float, after: float) -> bool:
-        """Whether costs, in squares of the noise, are clearly worse after holding it."""
-        return after - before > CLEAR * self.excess
+        """Whether costs, in squares of the noise, are clearly worse after holding it.
+
+        The farther from neutral it is, in units of its size, the more it takes to believe it.
+        """
+        return after - before > (CLEAR + self.off**2) * self.excess
 
 
 def unknown_parameters(
@@ -101,7 +107,7 @@ def unknown_parameters(
         excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
         group = p.block, p.place[0] if p.block == "friction" else 0
         if group not in worst or error / size > worst[group][0]:
-            worst[group] = (error / size, Unknown(p, neutral, size, excess))
+            worst[group] = (error / size, Unknown(p, neutral, size, excess, off / size))
     return tuple(unknown for _, unknown in worst.values())
 
 
@@ -120,7 +126,7 @@ def _neutral_values(
         base = [parameters[k] for k in places]
         for k, p, size in zip(places, base, block.sizes(base), strict=True):
             if not np.isfinite(p.tolerance) and size > 0:
-                out[k] = p.value, size
+                out[k] = p.value, _BASE * size
     return out
 
 
