@@ -162,9 +162,14 @@ class _Late(ParameterBlock):
         if not self.most > 0:
             raise InputError(f"block {self.name!r}: most = {self.most} s must be positive")
 
+    @property
+    def least(self) -> float:
+        """Lower bound [s]."""
+        return -self.most
+
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         value = float(np.asarray(getattr(estimate.calibration, self.name)))
-        yield Parameter(self.name, self.label, "s", value, -self.most, self.most)
+        yield Parameter(self.name, self.label, "s", value, self.least, self.most)
 
 
 @dataclass(frozen=True)
@@ -190,6 +195,7 @@ class TargetDelayBlock(_Late):
     """
 
     name, enters, label = "target_delay", "actuator", "target delay"
+    least = 0.0  # no controller acts on a target before it gets it
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ _STILL = 10.0  # [noise]: a joint that moves less does not move
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
 _EARLY = 0.001  # [s] that a torque acts before it was logged
+_MANY = 12  # base parameters
 _SCALE = 10.0  # times the nominal base parameters
 
 
@@ -75,9 +76,11 @@ def telling(
 ) -> tuple[ParameterBlock, ...]:
     """The blocks, and the offered ones that these data can tell beside them and each other.
 
-    Where only ratios of inertia, gravity and friction show, the largest moment of gravity is held.
+    Of many base parameters only the rotors are offered. Where only ratios of inertia, gravity and
+    friction show, the largest moment of gravity is held.
     """
     for block in offered:
+        block = _of_rotors(block, estimate)
         for choice in (block, _held_scale(block, estimate)):
             try:
                 if choice.parameters(estimate):
@@ -87,6 +90,19 @@ def telling(
             except InputError:
                 continue
     return blocks
+
+
+def _of_rotors(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
+    """A block of many base parameters with those held that are no rotor's inertia.
+
+    A robot's bodies are known from its description, its motors often are not; and predictions of
+    windows hardly tell so many apart.
+    """
+    names = estimate.mechanism.base_names
+    if block.enters != "base" or len(names) <= _MANY:
+        return block
+    rotors = {p.name for p in estimate.mechanism.parameters if p.rotor}
+    return replace(block, fixed=(*block.fixed, *(name for name in names if name not in rotors)))
 
 
 def _held_scale(block: ParameterBlock, estimate: Estimate) -> ParameterBlock:
