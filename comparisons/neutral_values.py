@@ -40,6 +40,8 @@ from frictionid.simulate import Camera, Rig, Run, simulate
 HORIZON = 0.5  # [s]
 RECORDINGS, TESTS = 6, 12
 TRUE = case_of("coulomb_viscous", "joint")
+# laws whose parameters the motion of `coverage_cases` shows, and sets of each
+SHOWN, SHOWN_SETS = ("stribeck", "load_dependent", "motor_load", "film_lag", "dahl"), 10
 
 
 def swings(draw: np.random.Generator, name: str) -> Run:
@@ -134,6 +136,12 @@ def main() -> None:
         each = (np.median(with_), with_.max(), np.median(without), without.max())
         table.add_row(name, *(f"{value:.3f}" for value in each))
         console.print(f"{name} done")
+    console.print(table)
+    few = seeds[:SHOWN_SETS]
+    title = f"largest move by neutral values where motion shows all, {len(few)} sets"
+    table = Table("law", "standard errors", title=title)
+    for name in SHOWN:
+        table.add_row(name, f"{cost(case_of(name, 'joint'), few):.3f}")
     console.print(table)
 
 
