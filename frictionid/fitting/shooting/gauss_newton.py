@@ -47,6 +47,7 @@ _LEADING = 4  # iterations of the stages before the last
 _CIRCLE = 8  # steps that may lead to and fro
 _DAMPED = 1e-2  # Levenberg damping that makes steps small by itself
 _NEAR = 0.5  # [standard errors]: steps with which those end
+_STRAY = 1.0  # [standard errors]: so far steps to and fro may go
 _COARSE = 3.0  # times as long are their substeps near rest
 _TRACE = 1e-12  # of the information on the best known parameter
 
@@ -212,9 +213,9 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
     """Whether the last step was small, or the last few led to and fro and nowhere.
 
     Where the cost has a kink (a joint that just stops in some window), steps from either side of it
-    point to the other one and never become small. The solution is the kink: over the last steps
-    none of the parameters got on by more than the tolerance, nor left by more than half a standard
-    error.
+    point to the other one and never become small. The solution is the kink: from the first half of
+    the last steps to the second none of the parameters got on, on average, by more than twice the
+    tolerance, nor did it stray by more than a standard error in all of them.
     """
     tolerance = problem.settings.tolerance
     if last.converged(tolerance):
@@ -223,8 +224,9 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
         return False
     end = values_of(last.solution.estimate, problem.blocks)
     way = np.stack([*(begin.values for begin in begins), end]) / last.error
-    onward = np.abs(way[-1] - way[0]).max(initial=0.0)
-    return bool(onward <= tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _NEAR)
+    half = len(way) // 2
+    onward = np.abs(way[-half:].mean(axis=0) - way[:half].mean(axis=0)).max(initial=0.0)
+    return bool(onward <= 2.0 * tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _STRAY)
 
 
 def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, float]:
