@@ -105,7 +105,7 @@ def test_friction_of_gears_sees_the_torque_of_the_closed_loop() -> None:
 
 
 def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop() -> None:
-    """The same motion, told in other units: nothing changes but the angles' frame."""
+    """The same motion, in other units: nothing changes but the angles' frame."""
     data, calibration = (
         logs(runs=1),
         replace(
@@ -115,7 +115,7 @@ def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop() -> None:
             offset=np.array([0.05]),
         ),
     )
-    told = tuple(
+    shifted_records = tuple(
         replace(
             r,
             angle=r.angle._replace(value=r.angle.value + 0.05),
@@ -128,5 +128,5 @@ def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop() -> None:
         )
         for r in data.recordings
     )
-    same = calibrated_dataset(replace(data, recordings=told), calibration)
+    same = calibrated_dataset(replace(data, recordings=shifted_records), calibration)
     np.testing.assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)

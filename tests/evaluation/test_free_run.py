@@ -134,8 +134,8 @@ def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs
     data, states = logs
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
     calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
-    told, _ = run_of(calibrated_dataset(weak, calibration), states)
-    np.testing.assert_allclose(told, run_of(data, states)[0], atol=1e-9)
+    corrected, _ = run_of(calibrated_dataset(weak, calibration), states)
+    np.testing.assert_allclose(corrected, run_of(data, states)[0], atol=1e-9)
 
 
 def test_a_bias_of_the_rig_is_a_constant_torque(logs):
@@ -149,9 +149,9 @@ def test_a_bias_of_the_rig_is_a_constant_torque(logs):
         return replace(servo, goal=servo.goal._replace(value=value), limit=1e9)
 
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
-    told, _ = run_of(calibrated_dataset(free, calibration), states)
-    np.testing.assert_allclose(told, run_of(servoed(data, raised), states)[0], atol=1e-9)
-    assert np.abs(told - run_of(free, states)[0]).max() > 1e-3
+    corrected, _ = run_of(calibrated_dataset(free, calibration), states)
+    np.testing.assert_allclose(corrected, run_of(servoed(data, raised), states)[0], atol=1e-9)
+    assert np.abs(corrected - run_of(free, states)[0]).max() > 1e-3
 
 
 def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
@@ -159,7 +159,7 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
     servo = data.recordings[0].servo
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
     calibration = replace(Calibration.ideal(1), delay=np.array(d))
-    told, _ = run_of(calibrated_dataset(free, calibration), states)
+    corrected, _ = run_of(calibrated_dataset(free, calibration), states)
 
     def later(servo):
         goal, on = (x._replace(time=x.time + d) for x in (servo.goal, servo.enabled))
@@ -168,8 +168,8 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
     less = VISCOUS - KT / R * servo.supply * servo.gain * d
     other = Friction(CoulombViscous(), np.array([[0.0, less]]))
     shifted, _ = run_of(servoed(data, later), states, other)
-    change = np.abs(told - run_of(free, states)[0]).max()
-    assert change > 1e-3 and np.abs(told - shifted).max() < 0.1 * change
+    change = np.abs(corrected - run_of(free, states)[0]).max()
+    assert change > 1e-3 and np.abs(corrected - shifted).max() < 0.1 * change
 
 
 def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
@@ -278,9 +278,9 @@ def test_scores_of_a_model_are_those_under_its_own_motor(logs):
         rows, _ = score_model(TRUTH, p)
         return {(r.score, r.statistic): r.value for r in lines(rows) if r.joint == "all"}
 
-    told, own = scores(prepared), scores(with_parameters(prepared, {"kt": KT, "R": R}))
+    corrected, own = scores(prepared), scores(with_parameters(prepared, {"kt": KT, "R": R}))
     for key in (("free_run", "mean"), ("rollout_angle", "median"), ("one_step_integral", "rms")):
-        assert own[key] < 0.3 * told[key]
+        assert own[key] < 0.3 * corrected[key]
     assert own == scores(
         prepare(with_motor_torque(wrong, plant_of(wrong, {"kt": KT, "R": R})), protocol)
     )

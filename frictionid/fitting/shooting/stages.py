@@ -63,33 +63,28 @@ class Stage(NamedTuple):
 
 
 def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
-    """The stage with its fit, from where it ended before."""
+    """The stage with its fit, from where it ended before, under priors that weigh what they say."""
+    stage = _fitted(stage, intervals, settings, use)
+    # what holds a network's combinations is no knowledge of anybody
+    for _ in range(0 if stage.friction.law.is_network else _WEIGHTS):
+        parameters = stage.problem.parameters
+        excess = excess_of(groups_of(stage.problem, stage.solution), parameters)
+        weighed = np.array([p.excess for p in parameters])
+        if np.abs(np.log(excess / weighed)).max(initial=0.0) < _ALIKE:
+            break
+        blocks = with_excess(stage.blocks, parameters, excess)
+        stage = _fitted(stage._replace(blocks=blocks), intervals, settings, use)
+    return stage
+
+
+def _fitted(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with the fit of its blocks, from where it ended before."""
     before = None if stage.ended is None else stage.solution
     problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, settings, use)
     if before is not None:
         values = values_of(before.estimate, problem.blocks)
         estimate = with_values(estimate, problem.blocks, values)
-    stage = stage._replace(ended=(problem, solve(problem, estimate, use, before)))
-    # what holds a network's combinations is no knowledge of anybody
-    for _ in range(0 if stage.friction.law.is_network else _WEIGHTS):
-        excess = excess_of(groups_of(stage.problem, stage.solution), stage.problem.parameters)
-        weighed = np.array([p.excess for p in stage.problem.parameters])
-        if np.abs(np.log(excess / weighed)).max(initial=0.0) < _ALIKE:
-            break
-        stage = _weighted(stage, excess, intervals, settings, use)
-    return stage
-
-
-def _weighted(
-    stage: Stage, excess: Array, intervals: Intervals, settings: Settings, use: Array
-) -> Stage:
-    """The stage with its fit under priors that weigh so many times more (D,)."""
-    blocks = with_excess(stage.blocks, stage.problem.parameters, excess)
-    problem, estimate = prepare_fit(stage.friction, intervals, blocks, settings, use)
-    values = values_of(stage.solution.estimate, problem.blocks)
-    estimate = with_values(estimate, problem.blocks, values)
-    solution = solve(problem, estimate, use, stage.solution)
-    return stage._replace(blocks=blocks, ended=(problem, solution))
+    return stage._replace(ended=(problem, solve(problem, estimate, use, before)))
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
