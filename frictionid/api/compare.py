@@ -7,6 +7,8 @@ from dataclasses import replace as with_changes
 from pathlib import Path
 from typing import Any
 
+from joblib import cpu_count
+
 from frictionid.api.comparison import Comparison
 from frictionid.api.fit import method_of
 from frictionid.api.models import (
@@ -74,7 +76,7 @@ def compare(
         How many: whole recordings where there are so many, else stretches of time. None: ten, or
         one for each recording where there are fewer.
     recipes : str, Method, or list of these
-        "integral", "study", "shooting", or a method; each fits every model.
+        "integral", "study", "calibrated", "shooting", or a method; each fits every model.
     protocol : Protocol, optional
         Everything that is scored, in place of the arguments below.
     seed : int
@@ -124,7 +126,9 @@ def compare(
         protocol = Protocol(initial_states=initial_states, sample_time=apart, whole=whole)
     others = tuple(map(dataset_of, tests))
     benchmark = Benchmark(dataset, _folds(dataset, folds), protocol, others)
-    benchmark, shared = _prepared(benchmark, methods, asked, fewer=horizons is None)
+    benchmark, shared = _prepared(
+        benchmark, methods, asked, jobs or cpu_count(), fewer=horizons is None
+    )
     tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
     about = About(dataset.name, "", _settings(tasks[0]))
@@ -210,18 +214,19 @@ def _prepared(
     benchmark: Benchmark,
     methods: Sequence[Method],
     horizons: tuple[float, ...] | None,
+    jobs: int,
     *,
     fewer: bool,
 ) -> tuple[Benchmark, PreparedBenchmark]:
     """The benchmark over some horizons; with `fewer`, over those that its folds hold out."""
     if horizons is None:
-        return benchmark, prepare_benchmark(benchmark, methods)
+        return benchmark, prepare_benchmark(benchmark, methods, jobs)
     first: InputError | None = None
     for last in range(len(horizons), 0, -1):
         protocol = with_changes(benchmark.protocol, horizons=horizons[:last])
         tried = with_changes(benchmark, protocol=protocol)
         try:
-            return tried, prepare_benchmark(tried, methods)
+            return tried, prepare_benchmark(tried, methods, jobs)
         except InputError as error:
             first = first or error
             if not fewer:

@@ -21,7 +21,7 @@ from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import RECIPES
 from frictionid.comparison.smoothing_bias import with_smoothing_bias
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
+from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_named, recipe_of
 from frictionid.config import checked, nearest
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
@@ -29,7 +29,8 @@ from frictionid.fitting.method import Method
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
 from frictionid.friction import Law
 
-METHODS = ("one_step", "shooting", "inverse_dynamics", *RECIPES)
+ONE_STEP = (*RECIPES, CALIBRATED.name)
+METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)
 
 
 def method_of(
@@ -67,7 +68,7 @@ def method_of(
         return method
     if method not in METHODS:
         raise InputError(f"method = {method!r} is unknown; {nearest(method, METHODS)}")
-    if method in RECIPES:
+    if method in ONE_STEP:
         method, recipe = "one_step", method
     calibrated = None if calibration is None else _calibration_of(calibration)
     shots: dict[str, Any] = {
@@ -134,7 +135,7 @@ def fit(
         that fit, with intervals; "inverse_dynamics" on the torques, for arms. The name of a recipe
         stands for a one-step fit by it.
     recipe : str
-        Of the one-step fit: "integral", or "study".
+        Of the one-step fit: "integral", "study", or "calibrated".
     free : list of str, optional
         Blocks that these free: "friction", "inertia", "delay", "gain", "bias", "offset",
         "actuator"; friction is always free. None: friction, and of inertia, delay and bias those

@@ -117,7 +117,7 @@ class OpenSuite:
             Where a task fails, or the folder holds what is not to be replaced.
         """
         suite, steps = self.suite, self.steps
-        prepared = prepare_benchmarks(self.tasks)
+        prepared = prepare_benchmarks(self.tasks, jobs)
         settings = suite.document() | ({"device": self.device} if self.device else {})
 
         def report(task: Task) -> None:

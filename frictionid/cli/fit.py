@@ -37,7 +37,9 @@ def fit(
     identifier: Annotated[str, typer.Option(help="Kind of identifier, e.g. stribeck.")],
     out: Annotated[Path, typer.Option(help="Model file to write.")],
     set_: Settings = None,
-    recipe: Annotated[str, typer.Option(help="One-step recipe: integral, or study.")] = "integral",
+    recipe: Annotated[
+        str, typer.Option(help="One-step recipe: integral, study or calibrated.")
+    ] = "integral",
     data: Tables = None,
     sample_time: SampleTime = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,

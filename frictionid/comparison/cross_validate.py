@@ -51,23 +51,21 @@ from frictionid.friction import Constraints, Friction
 def complexity_score(fit: Fit) -> Score | None:
     """Effective number of parameters of the friction of all data; None of recipes of one's own.
 
-    Of a fit with a covariance, by shooting or inverse dynamics, how many parameters, those of the
-    machine and its sensors too, the data determine: at no bound, not held,
-    with a finite error.
+    Of a fit by shooting or inverse dynamics how many parameters, those of the machine and its
+    sensors too, the data determine; those of a calibration count for every fit that it corrects.
     """
     friction, network = fit.friction, fit.friction.law.is_network
     if fit.fitted is not None and not network:
         covariance, constraints = fit.covariance, fit.fitted.constraints
-        determined = np.isfinite(covariance.error) & ~covariance.bound
-        determined &= np.array([p.tolerance > 0 for p in covariance.parameters], dtype=bool)
-        count = float(sum(determined[k] for k in _once(covariance.parameters, constraints)))
+        places = _once(covariance.parameters, constraints)
+        count = float(covariance.determined[places].sum())
     elif fit.problem is not None and fit.weights is not None:
         count = effective_parameters(friction, fit.problem, fit.weights)
     elif network:
         count = float(np.size(friction.theta))
     else:
         return None
-    return Score("all", "effective_parameters", "count", value=count)
+    return Score("all", "effective_parameters", "count", value=count + fit.beside)
 
 
 def _once(parameters: Sequence[Parameter], constraints: Constraints | None) -> list[int]:
@@ -139,8 +137,12 @@ class PreparedBenchmark(NamedTuple):
     training: TrainingSet
 
 
-def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> PreparedBenchmark:
+def prepare_benchmark(
+    benchmark: Benchmark, recipes: Sequence[Method], jobs: int = 1
+) -> PreparedBenchmark:
     """States, problems, training rows, initial states and calibrations of a benchmark.
+
+    jobs : number of folds that are calibrated side by side
 
     Raises
     ------
@@ -152,7 +154,7 @@ def prepare_benchmark(benchmark: Benchmark, recipes: Sequence[Method]) -> Prepar
     initial_state_folds(prepared.initial_states, benchmark.folds, prepared.causal)
     if prepared.trajectory is not None:
         trajectory_folds(prepared.trajectory, benchmark.folds)
-    training = training_set(prepared, recipes, benchmark.folds)
+    training = training_set(prepared, recipes, benchmark.folds, jobs)
     tests = tuple(prepare(test, benchmark.protocol) for test in benchmark.tests)
     return PreparedBenchmark(prepared, tests, training)
 

@@ -92,8 +92,10 @@ def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
     return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", part) for part in parts) + ".json"
 
 
-def prepare_benchmarks(tasks: Sequence[Task]) -> dict[str, PreparedBenchmark]:
+def prepare_benchmarks(tasks: Sequence[Task], jobs: int = 1) -> dict[str, PreparedBenchmark]:
     """What the tasks of each data set share, by its name.
+
+    jobs : number of folds that are calibrated side by side, 0 for one per core
 
     Raises
     ------
@@ -105,7 +107,7 @@ def prepare_benchmarks(tasks: Sequence[Task]) -> dict[str, PreparedBenchmark]:
     for task in tasks:
         recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
     return {
-        name: prepare_benchmark(benchmark, list(recipes[name].values()))
+        name: prepare_benchmark(benchmark, list(recipes[name].values()), jobs or cpu_count())
         for name, benchmark in benchmarks.items()
     }
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import Calibration
+from frictionid.comparison.processes import side_by_side
+from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     CalibratedView,
@@ -22,7 +23,7 @@ from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import CalibratedRecipe
-from frictionid.fitting.shooting.calibrated_recipe import part_of_calibration
+from frictionid.fitting.shooting.calibrated_recipe import PARTS, part_of_calibration
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.mechanics import Mechanism
 
@@ -35,6 +36,7 @@ class TrainingSet:
     weights : (F + 1, K), positive for the rows that train each of the F folds and, last, for all
     measured : intervals of the measured angles, and their weights (F + 1, L)
     calibrations : (F + 1,), of all folds and of all data
+    determined : how many of their parameters all data determine
     views : the data corrected by each of these calibrations
     """
 
@@ -43,6 +45,7 @@ class TrainingSet:
     weights: Mapping[str, Array]
     measured: tuple[Intervals, Array] | None = None
     calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    determined: Mapping[str, int] = field(default_factory=dict)
     views: Mapping[str, tuple[CalibratedView, ...]] = field(default_factory=dict)
 
     @property
@@ -73,9 +76,11 @@ class TrainingSet:
 
 
 def training_set(
-    prepared: Prepared, recipes: Sequence[Method], folds: Folds | None = None
+    prepared: Prepared, recipes: Sequence[Method], folds: Folds | None = None, jobs: int = 1
 ) -> TrainingSet:
     """What the recipes fit of a data set, in each fold, if any, and as a whole.
+
+    jobs : number of folds that are calibrated side by side
 
     Raises
     ------
@@ -89,25 +94,48 @@ def training_set(
     if any(recipe.needs_intervals for recipe in recipes):
         intervals = intervals_of(prepared.dataset, states=prepared.smoothed)
         data = replace(data, measured=(intervals, _training(folds, intervals)))
-    return _calibrated(data, recipes, folds)
+    return _calibrated(data, recipes, folds, jobs)
 
 
-def _calibrated(data: TrainingSet, recipes: Sequence[Method], folds: Folds | None) -> TrainingSet:
+def _calibrated(
+    data: TrainingSet, recipes: Sequence[Method], folds: Folds | None, jobs: int
+) -> TrainingSet:
     """The training set with the calibrations of the recipes; equal ones are estimated once."""
-    whole = folds is not None and not folds.contiguous
-    by_recipe: dict[str, Calibration] = {}
-    calibrations = {}
+    estimated: dict[str, tuple[Calibration, tuple[str, ...]]] = {}
+    calibrations, determined = {}, {}
     for recipe in recipes:
         if recipe.calibrator is not None:
             key = repr(recipe.calibrator)
-            if key not in by_recipe:
-                by_recipe[key] = recipe.calibrator.calibrate(data, whole)
-            calibrations[recipe.name] = part_of_calibration(by_recipe[key], recipe.corrects)
+            if key not in estimated:
+                estimated[key] = _of_folds(data, recipe.calibrator, folds, jobs)
+            calibration, blocks = estimated[key]
+            calibrations[recipe.name] = part_of_calibration(calibration, recipe.corrects)
+            determined[recipe.name] = sum(
+                block not in PARTS or block in recipe.corrects for block in blocks
+            )
     views = {
         name: calibrated_views(data.prepared, calibration, len(data.interval_weights))
         for name, calibration in calibrations.items()
     }
-    return replace(data, calibrations=calibrations, views=views)
+    return replace(data, calibrations=calibrations, determined=determined, views=views)
+
+
+def _of_folds(
+    data: TrainingSet, recipe: CalibratedRecipe, folds: Folds | None, jobs: int
+) -> tuple[Calibration, tuple[str, ...]]:
+    """Calibrations (F + 1,), and the blocks of the parameters that all data determine.
+
+    All folds have that of all data where they leave no windows to shoot at.
+    """
+    count = len(data.interval_weights)
+    whole = folds is not None and not folds.contiguous
+    rows = [-1] if whole else range(-1, count - 1)
+    calls = [(data, fold) for fold in rows]
+    by_call = dict(side_by_side(recipe.calibrate, calls, jobs))
+    each = [by_call[i] for i in range(len(calls))]
+    last, blocks = each[0]
+    others = [last] * (count - 1) if whole else [calibration for calibration, _ in each[1:]]
+    return stack_calibrations([*others, last]), blocks
 
 
 def _training(folds: Folds | None, rows: Problem | Intervals) -> Array:

@@ -61,6 +61,12 @@ class Covariance:
         error = np.where(np.isfinite(self.error) & (self.error > 0), self.error, np.nan)
         return self.matrix / np.outer(error, error)
 
+    @property
+    def determined(self) -> Array:
+        """True (D,) for parameters with a finite error, at no bound and not held."""
+        loose = np.array([p.tolerance > 0 for p in self.parameters], dtype=bool)
+        return np.asarray(np.isfinite(self.error) & ~self.bound & loose)
+
     def interval(self, level: float = 0.95) -> Array:
         """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
         half = stdtrit(self.freedom, 0.5 + level / 2) * self.error
@@ -138,6 +144,7 @@ class Fit:
     mechanism : whose base parameters were fitted
     folds : friction (F + 1, n, P) of the folds and, last, of all data
     problem, weights : the one-step problem that was fitted, with the weights (K,) of all data
+    beside : number of parameters of the calibration that corrected its data, which these determined
     """
 
     friction: Friction
@@ -148,6 +155,7 @@ class Fit:
     folds: Friction | None = None
     problem: Problem | None = None
     weights: Array | None = None
+    beside: int = 0
 
     @property
     def calibration(self) -> Calibration:

@@ -8,18 +8,22 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.config import check_settings
+from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import box_step
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import check_rows
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.grams import check_linear, columns, grams
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.residual import Problem, normalised
+from frictionid.fitting.one_step.residual import Problem, normalised, speed_range
 from frictionid.friction import Friction, Groups, Law
+from frictionid.friction.law import NUMERICAL_WIDTH
+from frictionid.friction.laws import Spline
 
 _RIDGE = 1e-13
 _CHECKED = 200  # nodes of each joint
 _ROUNDING = 1e-9
+_KNOTS, _SHARP = 5, 0.01  # of the flexible curve; its smoothing, of the fastest speed
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,25 @@ class Linear(Identifier):
             )
             theta[beyond] = law.once(by_steps.fit(problem, weights[beyond], seed).theta)
         return replace(law.friction(theta), law=self.law)
+
+
+@dataclass(frozen=True)
+class Flexible(Identifier):
+    """Fits a curve of any shape that grows with the load: friction to calibrate a machine beside.
+
+    It is nobody's candidate, `Spline(loaded=True)`. Its knots are octaves apart, the last one at
+    half of the fastest speed in the rows in use, so that nothing depends on how fast a machine is.
+    """
+
+    seeded = False
+
+    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
+        fastest = float(speed_range(problem, weights)[1].max())
+        if not fastest > 0:
+            raise InputError("no joint moves: nothing can be calibrated")
+        knots = tuple(fastest * 0.5**k for k in range(_KNOTS, 0, -1))
+        law = Spline(knots, width=min(NUMERICAL_WIDTH, _SHARP * fastest), loaded=True)
+        return Linear(law).fit(problem, weights, seed)
 
 
 def solutions(T: Array, low: Array, high: Array) -> Array:

@@ -1,8 +1,9 @@
 """One-step recipes on data corrected by a calibration: torque clock, inertia, sensors.
 
-In each training fold shooting fits a parametric friction together with the calibration. The data
-are corrected by that calibration, and any identifier fits its one-step problem on them. A model
-with memory then cannot mistake a torque delay or a missing inertia for friction.
+In each training fold shooting fits a friction that is nobody's candidate together with the
+calibration. The data are corrected by that calibration, and any identifier fits its one-step
+problem on them: all families have the same one. A model with memory then cannot mistake a torque
+delay or a missing inertia for friction.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from frictionid.data.calibration import Calibration, stack_calibrations
+from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
@@ -84,25 +85,25 @@ class CalibratedRecipe:
         """Parts of the calibration that correct the data."""
         return self.use
 
-    def calibrate(self, data: ShootingData, whole: bool) -> Calibration:
-        """Calibrations (F + 1,) of all folds and of all data, with only the parts in use.
+    def calibrate(self, data: ShootingData, fold: int) -> tuple[Calibration, tuple[str, ...]]:
+        """Calibration of one fold, of all data where it is -1.
 
-        whole : whether all folds have the calibration of all data, as they must where folds leave
-            no windows to shoot at
+        With the block of each of its parameters that the recordings of the fold determine; none of
+        a calibration that is held.
         """
-        rows = slice(-1, None) if whole else slice(None)
-        problem, weights = data.problems[self.by.start.name], data.weights[self.by.start.name]
         if self.by.held is not None and not self.by.blocks:
-            held = self.by.held.on(data.intervals.dataset)
-            return part_of_calibration(stack_calibrations([held] * len(weights)), self.use)
+            return self.by.held.on(data.intervals.dataset), ()
+        fit = self.estimate(data, fold)
+        parameters = zip(fit.covariance.parameters, fit.covariance.determined, strict=True)
+        blocks = tuple(p.block for p, shown in parameters if shown and p.block != "friction")
+        return fit.calibration, blocks
+
+    def estimate(self, data: ShootingData, fold: int) -> Fit:
+        """The fit of one fold that calibrates it, of all data where it is -1."""
+        rows = slice(fold, fold + 1 or None)
+        problem, weights = data.problems[self.by.start.name], data.weights[self.by.start.name]
         friction = self.friction.fit(problem, weights[rows], 0)
-        fitted = refine_folds(friction, data.intervals, self.by, data.interval_weights[rows]).folds
-        if fitted is None or fitted.calibration is None:
-            raise InputError(
-                f"recipe {self.name!r}: shooting estimates no calibration: free a part of it"
-            )
-        calibration = part_of_calibration(fitted.calibration, self.use)
-        return calibration[np.zeros(len(weights), dtype=int)] if whole else calibration
+        return refine_folds(friction, data.intervals, self.by, data.interval_weights[rows])
 
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, with their calibrations.
@@ -122,7 +123,8 @@ class CalibratedRecipe:
         together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
         calibration = data.calibrations[self.name]
         friction = with_units_of(data.mechanism, replace(together, calibration=calibration))
-        return one_step_fit(friction, problem, weights[-1])
+        fit = one_step_fit(friction, problem, weights[-1])
+        return replace(fit, beside=data.determined[self.name])
 
 
 def _together(frictions: Sequence[Friction], identifier: str) -> Friction:

@@ -86,7 +86,7 @@ class ShootingData(TrainingData, Protocol):
 
     `interval_weights` (F + 1, K) are positive where a fold may use an interval; the last row is
     that of all data. `calibrations` (F + 1,) of all folds and of all data are by the names of their
-    recipes, with only the parts that these use.
+    recipes, with only the parts that these use; of their parameters as many are `determined`.
     """
 
     @property
@@ -95,6 +95,8 @@ class ShootingData(TrainingData, Protocol):
     def interval_weights(self) -> Array: ...
     @property
     def calibrations(self) -> Mapping[str, Calibration]: ...
+    @property
+    def determined(self) -> Mapping[str, int]: ...
 
     def corrected(self, recipe: Any) -> Iterable[tuple[Array, Problem]]:
         """Folds that share a calibration, with the problem on the data that it corrects.

@@ -24,6 +24,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.levels import (
+    LOAD,
     SIDES,
     Speeds,
     above_zero,
@@ -110,6 +111,7 @@ class Spline(Law):
     not drive. A last knot that the data hardly reach leaves the last rise to chance.
 
     symmetric : false gives each direction a level of its own, w > 0 first
+    loaded : true adds `load_coefficient` load to the level, as `LoadDependent` does
     """
 
     knots: Speeds = KNOTS
@@ -117,6 +119,7 @@ class Spline(Law):
     width: float = 0.02
     shape: str = "tanh"
     symmetric: bool = True
+    loaded: bool = False
     is_linear = True
 
     def __post_init__(self) -> None:
@@ -137,25 +140,38 @@ class Spline(Law):
     def parameters(self) -> tuple[LawParameter, ...]:
         rises = (LawParameter(f"rise_{i}", "N m", -float("inf")) for i in range(1, self._size))
         rows = (LawParameter("level", "N m"), *rises)
-        return tuple(p._replace(name=f"{p.name}{side}") for side in self._sides for p in rows)
+        sides = (p._replace(name=f"{p.name}{side}") for side in self._sides for p in rows)
+        return (*sides, *((LOAD,) if self.loaded else ()))
+
+    @property
+    def uses_load(self) -> bool:  # type: ignore[override]
+        """Whether the level grows with the load."""
+        return self.loaded
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         levels = (above_zero(_sum(part, steps)) for part in self._parts(theta))
-        return on_side(x.w, *levels) * smooth_sign(x.w, self.width, self.shape)
+        level = self._with_load(on_side(x.w, *levels), theta, x)
+        return level * smooth_sign(x.w, self.width, self.shape)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         sign = smooth_sign(x.w, self.width, self.shape)
-        columns = []
+        columns: list[Array] = []
         signs = by_side(x.w, sign, len(self._sides))
         for part, side in zip(self._parts(theta), signs, strict=True):
             counts = (_sum(part, steps) >= 0) * side
             columns += [counts * step for step in steps]
+        if self.loaded:
+            columns.append(x.load * sign + 0.0 * theta[..., -1])
         return namespace(theta, x.w).stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return on_side(x.w, *(part[..., 0] for part in self._parts(theta))) + 0.0 * x.w
+        level = on_side(x.w, *(part[..., 0] for part in self._parts(theta))) + 0.0 * x.w
+        return self._with_load(level, theta, x)
+
+    def _with_load(self, level: Array, theta: Array, x: Inputs) -> Array:
+        return level + theta[..., -1] * x.load if self.loaded else level
 
     def _parts(self, theta: Array) -> list[Array]:
         """Parameters of each side."""

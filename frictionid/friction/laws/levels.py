@@ -33,6 +33,7 @@ PEAK = LawParameter("peak", "N m", size=0.5)
 VISCOUS = LawParameter("viscous", "N m s/rad")
 DRAG = LawParameter("drag", "N m s^2/rad^2", size=1.0)
 LOSS = LawParameter("loss", "1", high=1.0, size=0.3)
+LOAD = LawParameter("load_coefficient", "N m/N", size=1.0)
 
 
 def by_direction(symmetric: bool, *parameters: LawParameter) -> tuple[LawParameter, ...]:

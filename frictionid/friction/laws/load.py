@@ -22,6 +22,7 @@ from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws.levels import (
     COARSE_VELOCITIES,
     COULOMB,
+    LOAD,
     LOSS,
     PEAK,
     VISCOUS,
@@ -46,7 +47,7 @@ class LoadDependent(LevelLaw):
     stribeck: bool = False
     uses_load = True
     terms: ClassVar = (
-        Term(LawParameter("load_coefficient", "N m/N", size=1.0), lambda x: x.load, rubbing=True),
+        Term(LOAD, lambda x: x.load, rubbing=True),
         VISCOUS_TERM,
     )
 

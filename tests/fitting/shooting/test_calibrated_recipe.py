@@ -10,10 +10,11 @@ from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes_of
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
-from frictionid.fitting.identifiers import Frictionless, LeastSquares, SINDy
+from frictionid.fitting.identifiers import Flexible, Frictionless, LeastSquares, SINDy
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
@@ -69,10 +70,8 @@ def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
         recordings[i] = tiny.disturbed(recordings[i], 0.3)
     other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
     again = run(other, RUBS, CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
-    # the fold begins where the fit to all data ended, which is another one now
-    np.testing.assert_allclose(
-        again.friction.calibration.delay[1], corrected.friction.calibration.delay[1], atol=1e-4
-    )
+    assert again.friction.calibration.delay[1] == corrected.friction.calibration.delay[1]
+    np.testing.assert_array_equal(again.friction.theta[1], corrected.friction.theta[1])
     assert abs(again.friction.calibration.delay[0] - corrected.friction.calibration.delay[0]) > 1e-4
 
 
@@ -83,6 +82,50 @@ def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
     assert np.ptp(shared.training.calibrations["corrected"].delay) == 0.0
     found = run(benchmark, RUBS, recipe, 0, shared)
     np.testing.assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
+
+
+def heavy_contest():
+    """The late pendulums under a nominal mass that is too large."""
+    benchmark = late_contest()
+    nominal = {**tiny.PENDULUM["parameters"], "mass": 1.2 * tiny.PENDULUM["parameters"]["mass"]}
+    table = {**tiny.PENDULUM, "parameters": nominal}
+    return replace(benchmark, dataset=replace(benchmark.dataset, mechanism=table))
+
+
+def test_the_built_in_calibration_is_right_within_its_intervals():
+    data = prepare_benchmark(heavy_contest(), [CALIBRATED]).training
+    covariance = CALIBRATED.estimate(data, -1).covariance
+    names = [p.name for p in covariance.parameters]
+    truth = {"torque delay": LATE, "inertia": tiny.INERTIA, "gravity": tiny.GRAVITY}
+    for name, value in truth.items():
+        low, high = covariance.interval()[names.index(name)]
+        assert low < value < high and high - low < 0.1 * value
+    overall = data.calibrations["calibrated"][-1]
+    np.testing.assert_allclose(overall.base, [tiny.INERTIA, tiny.GRAVITY], rtol=0.02)
+
+
+def test_recipes_that_ask_the_same_calibration_share_one_for_each_fold(monkeypatch):
+    calls, fit = [], Flexible.fit
+    monkeypatch.setattr(Flexible, "fit", lambda *x: calls.append(x) or fit(*x))
+    tables = [
+        {"name": "calibrated"},
+        {"name": "by study", "like": "study", "calibration": {}},
+        {"name": "clock", "like": "integral", "calibration": {"use": ["delay"]}},
+    ]
+    recipes = recipes_of([RecipeEntry(**table) for table in tables])
+    assert recipes[0] == CALIBRATED
+    shared = prepare_benchmark(late_contest(), recipes).training.calibrations
+    assert len(calls) == 4  # three folds, and all data
+    for recipe in recipes[1:]:
+        np.testing.assert_array_equal(shared[recipe.name].delay, shared["calibrated"].delay)
+    assert shared["clock"].base is None and shared["by study"].base is not None
+
+
+def test_parameters_of_the_calibration_count_for_every_family(results):
+    _, shared, plain, corrected = results
+    counts = [r.value("effective_parameters", "count") for r in (plain, corrected)]
+    assert counts == pytest.approx([2.0, 3.0])  # coulomb, viscous; the delay
+    assert shared.training.determined == {"corrected": 1}
 
 
 def test_no_friction_is_left_as_it_is(results):

@@ -51,6 +51,17 @@ def test_rises_add_up_to_the_level_at_the_last_knot():
     assert Friction(law, theta).curve(np.array([8.0]))[0, 0] == pytest.approx(theta.sum())
 
 
+def test_the_level_grows_with_the_load():
+    x = at_rest(np.array([[3.0], [-3.0], [1e-9]]))._replace(load=np.array([[2.0], [5.0], [2.0]]))
+    theta = np.append(drawn(Spline())[0], 0.1)[None]
+    plain, loaded = (
+        Spline(loaded=loads).torque(theta[:, : 6 + loads], x, ()) for loads in (False, True)
+    )
+    np.testing.assert_allclose((loaded - plain)[:2, 0], [0.2, -0.5])
+    limits = [Spline(loaded=loads).limit(theta[:, : 6 + loads], x, ()) for loads in (False, True)]
+    np.testing.assert_allclose(limits[1] - limits[0], 0.1 * x.load)
+
+
 def test_a_negative_level_counts_as_zero():
     law = Spline((1.0, 2.0), 1)
     torque = Friction(law, np.array([[0.1, -0.3]])).curve(np.linspace(-4, 4, 101))[:, 0]
