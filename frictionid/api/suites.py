@@ -14,7 +14,7 @@ from frictionid.api.comparison import Comparison
 from frictionid.comparison import suite as suites
 from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.result_folder import lock, unfinished
+from frictionid.comparison.result_folder import UNFINISHED, lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -117,7 +117,8 @@ class OpenSuite:
             Where a task fails, or the folder holds what is not to be replaced.
         """
         suite, steps = self.suite, self.steps
-        prepared = prepare_benchmarks(self.tasks, jobs)
+        places = (self.folder / UNFINISHED / "tasks", self.folder / "tasks") if resume else ()
+        prepared = prepare_benchmarks(self.tasks, jobs, places)
         settings = suite.document() | ({"device": self.device} if self.device else {})
 
         def report(task: Task) -> None:

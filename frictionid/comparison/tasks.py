@@ -92,10 +92,13 @@ def file_name(dataset: str, identifier: str, recipe: str, seed: int) -> str:
     return "--".join(re.sub(r"[^A-Za-z0-9_.+-]+", "-", part) for part in parts) + ".json"
 
 
-def prepare_benchmarks(tasks: Sequence[Task], jobs: int = 1) -> dict[str, PreparedBenchmark]:
+def prepare_benchmarks(
+    tasks: Sequence[Task], jobs: int = 1, kept: Sequence[Path] = ()
+) -> dict[str, PreparedBenchmark]:
     """What the tasks of each data set share, by its name.
 
     jobs : number of folds that are calibrated side by side, 0 for one per core
+    kept : folders with earlier results, as in `run_tasks`: what they have needs no calibration
 
     Raises
     ------
@@ -105,7 +108,8 @@ def prepare_benchmarks(tasks: Sequence[Task], jobs: int = 1) -> dict[str, Prepar
     benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
     recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
     for task in tasks:
-        recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
+        if task.recipe.calibrator is None or not _is_kept(task, kept):
+            recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
     return {
         name: prepare_benchmark(benchmark, list(recipes[name].values()), jobs or cpu_count())
         for name, benchmark in benchmarks.items()
@@ -137,13 +141,18 @@ def run_tasks(
     report = done or (lambda _: None)
     left = []
     for task in tasks:
-        if any(finished(place / task.file, task.digest) for place in kept):
+        if _is_kept(task, kept):
             report(task)
         else:
             left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
         write_sealed(folder / task.file, document(task, result, laws))
         report(task)
+
+
+def _is_kept(task: Task, kept: Sequence[Path]) -> bool:
+    """Whether a folder has the task's result, of the same digest, and unchanged."""
+    return any(finished(place / task.file, task.digest) for place in kept)
 
 
 def results_of(
@@ -220,7 +229,8 @@ def _effort(task: Task) -> tuple[bool, bool, int]:
     """
     law: Law | None = getattr(task.identifier, "law", None)
     weights = len(law.names) if law is not None and law.is_network else 0
-    return not task.identifier.fixed, task.recipe.needs_intervals, weights
+    shoots = task.recipe.needs_intervals and task.recipe.calibrator is None
+    return not task.identifier.fixed, shoots, weights
 
 
 def _run(task: Task, shared: PreparedBenchmark) -> Result:

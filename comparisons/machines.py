@@ -1,0 +1,223 @@
+"""Every public machine by the same rules: which friction it needs, and how good the choice is.
+
+    python comparisons/machines.py [MACHINE ...] [--out docs/machines.md]
+
+One suite for each machine is made here and run as `frictionid compare --resume` does, into
+report/machines; the table is made of all that is finished there. By hand nothing is chosen but the
+data sets:
+
+- families: laws without memory, a sparse sum, a static and a recurrent network, published models;
+- recipes: `calibrated` for all, `shooting` for the laws; of arms whose controller is in no log
+  `integral` and `inverse_dynamics`, since without it predictions drift off;
+- samples at least 10 ms apart; horizons of 0.1 to 1 s, judged after 0.5 s, of these arms 0.05 to
+  0.2 s, judged after 0.1 s;
+- folds of whole recordings, or six of time where there are fewer than five recordings.
+
+An error is the median of the predictions, on test data where a collection has them, else on the
+folds. The choice is the verdict's, by the folds alone; its regret is its error over that of the
+best fitted model by hindsight.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from frictionid.api.suites import OpenSuite
+from frictionid.comparison.suite import Suite
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
+
+HERE = Path(__file__).parent
+DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
+LAWS = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
+LEARNED = ("sindy", "mlp", "lstm")
+APART, FEW, BLOCKS = 0.01, 5, 6
+
+
+class Machine(NamedTuple):
+    """A machine's data set, data sets that test what was fitted to it, and published models.
+
+    held : whether a controller held it that is in no log
+    """
+
+    name: str
+    tests: tuple[str, ...] = ()
+    published: tuple[str, ...] = ()
+    held: bool = False
+
+
+MACHINES = {
+    machine.name: machine
+    for machine in (
+        Machine("dfki_c1", ("dfki_c1_swingup", "dfki_c1_pendubot"), ("model_1.0", "model_2.0")),
+        Machine("dfki_a0"),
+        Machine("simple_pendulum", published=("published",)),
+        Machine("phy180"),
+        Machine("emps", published=("janot_2019",)),
+        Machine("bam_xl330", ("bam_xl330_passive",), ("m1", "m6")),
+        Machine("ibm"),
+        Machine("tx40", published=("figaroh",), held=True),
+        Machine("tiago", held=True),
+    )
+}
+
+
+# --- Suites --------------------------------------------------------------------------------------
+
+
+def suite_of(machine: Machine, dataset: Dataset) -> Suite:
+    """The suite of a machine, as a file beside this one would have it."""
+    one_step, refined = (
+        ("integral", "inverse_dynamics") if machine.held else ("calibrated", "shooting")
+    )
+    name, recordings = machine.name, dataset.recordings
+    driven = any(bool(np.any(r.torque.value)) for r in recordings)
+    dense = min(float(np.median(np.diff(r.angle.time))) for r in recordings) < APART
+    laws = LAWS if driven else LAWS[:-1]
+    identifiers: list[dict[str, Any]] = [{"kind": law} for law in laws]
+    identifiers += [{"kind": kind, "recipes": [one_step]} for kind in ("none", *LEARNED)]
+    for model in machine.published:
+        file = f"../data/{name}/{model}.json"
+        identifiers.append({"kind": "published", "name": model, "file": file})
+    folds = {"count": BLOCKS, "kind": "blocks"} if len(recordings) < FEW else {"kind": "recordings"}
+    table = {
+        "name": name,
+        "title": dataset.origin.get("description", name),
+        "horizons": [0.05, 0.1, 0.2] if machine.held else [0.1, 0.25, 0.5, 1.0],
+        "folds": folds,
+        "datasets": [
+            {"path": f"../data/{name}", "tests": [f"../data/{test}" for test in machine.tests]}
+        ],
+        "recipes": [{"name": one_step}, {"name": refined}],
+        "identifiers": identifiers,
+    }
+    return Suite.model_validate(table | ({"sample_time": APART} if dense else {}))
+
+
+def run(machine: Machine) -> None:
+    """Run what is left of a machine's suite, and write down how long that took."""
+    folder, begin = REPORT / machine.name, time.perf_counter()
+    suite = suite_of(machine, load_dataset(DATA / machine.name))
+    opened = OpenSuite(suite, HERE / "machines.py", folder)
+    opened.run(resume=True, replace=True, done=lambda task: print(f"  {task}", flush=True))
+    seconds = seconds_of() | {machine.name: round(time.perf_counter() - begin)}
+    (REPORT / "seconds.json").write_text(json.dumps(seconds), encoding="utf-8")
+
+
+def seconds_of() -> dict[str, int]:
+    """How long each machine took [s]."""
+    file = REPORT / "seconds.json"
+    seconds: dict[str, int] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    return seconds
+
+
+# --- Table ---------------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """What the verdict chose on a machine, and how good that is where it is judged.
+
+    over : its error over that of the best published model, NaN without; regret : over the best's
+    """
+
+    machine: str
+    judged: str
+    chosen: str
+    error: float
+    over: float
+    best: str
+    regret: float
+    needs: str
+
+
+def rows_of(machine: Machine) -> Iterator[Row]:
+    """A row for each test, or one for the folds."""
+    folder = REPORT / machine.name
+    verdict = json.loads((folder / "verdict.json").read_text(encoding="utf-8"))["datasets"][0]
+    scores = pd.read_csv(folder / "scores.csv")
+    chosen = verdict["recommended"] or verdict["provisional"]
+    sure = "" if verdict["recommended"] else " (provisional)"
+    answers = {q["name"]: q["answer"].replace("_", " ") for q in verdict["questions"]}
+    roles = {c["name"]: c["role"] for c in verdict["candidates"]}
+    for judged in machine.tests or (machine.name,):
+        error = errors(scores, judged, 0.1 if machine.held else 0.5)
+        error = error[[name in roles and np.isfinite(value) for name, value in error.items()]]
+        ours = error[[roles[name] != "published" for name in error.index]]
+        published = error.drop(ours.index).min()
+        yield Row(
+            machine.name,
+            judged if machine.tests else "folds",
+            chosen + sure,
+            error[chosen],
+            error[chosen] / published,
+            str(ours.idxmin()),
+            error[chosen] / ours.min(),
+            answers["beyond_coulomb_viscous"],
+        )
+
+
+def errors(scores: pd.DataFrame, dataset: str, horizon: float) -> pd.Series:
+    """Median errors of all models at a horizon, by name with recipe."""
+    rows = scores[
+        (scores.dataset == dataset)
+        & (scores.score == "rollout_angle")
+        & (scores.statistic == "median")
+        & (scores.joint == "all")
+        & (scores.horizon_s == horizon)
+        & (scores.fold.astype(str) == "all")
+    ]
+    return rows.set_index(rows.identifier + " (" + rows.fit + ")").value
+
+
+def table_of(rows: Sequence[Row], seconds: dict[str, int]) -> str:
+    """The table as Markdown, with the median and the worst regret at its end."""
+    head = ("machine", "judged on", "chosen", "error", "over published", "best", "regret")
+    lines = [f"| {' | '.join(head)} | beyond Coulomb and viscous | time |"]
+    lines.append("| --- | --- | --- | ---: | ---: | --- | ---: | --- | ---: |")
+    for r in rows:
+        over = "" if np.isnan(r.over) else f"{r.over:.2f}"
+        lines.append(
+            f"| {r.machine} | {r.judged} | {r.chosen} | {r.error:.3g} | {over} | {r.best} | "
+            f"{r.regret:.2f} | {r.needs} | {seconds[r.machine]} s |"
+        )
+    regret = [r.regret for r in rows]
+    for word, value in (("median", np.median(regret)), ("worst", max(regret))):
+        lines.append(f"| {word} | | | | | | {value:.2f} | | |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run all machines, or some, and print the table of all that are finished."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("machines", nargs="*", metavar="MACHINE", help=", ".join(MACHINES))
+    parser.add_argument("--out", type=Path, help="page whose table is replaced")
+    asked = parser.parse_args()
+    unknown = set(asked.machines) - set(MACHINES)
+    if unknown:
+        parser.error(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
+    for name in asked.machines or MACHINES:
+        print(name, flush=True)
+        try:
+            run(MACHINES[name])
+        except InputError as error:  # the others may be as they should
+            print(f"  {error}", flush=True)
+    finished = [m for m in MACHINES.values() if (REPORT / m.name / "verdict.json").exists()]
+    table = table_of([row for machine in finished for row in rows_of(machine)], seconds_of())
+    print(table)
+    if asked.out is not None:
+        before, _, after = asked.out.read_text(encoding="utf-8").partition("\n| machine |")
+        rest = after.partition("\n\n")[2]
+        asked.out.write_text(f"{before}\n{table}\n\n{rest}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
