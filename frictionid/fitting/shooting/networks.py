@@ -10,7 +10,7 @@ torques, the weights are fitted to the changed torques, and the combinations are
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,12 @@ from frictionid.fitting.parameters.parameter_block import (
     Parameter,
     ParameterBlock,
     Values,
+)
+from frictionid.fitting.shooting.network_curves import (
+    curve_of,
+    distance,
+    has_curve,
+    network_of,
 )
 from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.friction import Friction, Inputs, LawParameter, Memory
@@ -77,6 +83,35 @@ class CombinationLaw(SmoothedLaw):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self.inner.limit(self.numbers(theta), x, memory)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CurveCombinations(CombinationLaw):
+    """Combinations of the changes of a `CurveLaw`, by which a network's curve stands in a fit.
+
+    network : the friction whose curve it is where all combinations are zero
+    """
+
+    network: Friction = field()
+
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """Joint and place (C,) of each coefficient that some combination changes."""
+        joint, place = np.nonzero(self.directions.any(axis=-1))
+        return joint, place
+
+    def curve(self, friction: Friction) -> Friction:
+        """The friction as that of coefficients."""
+        return replace(friction, law=self.inner, theta=self.numbers(friction.theta))
+
+    def by_combinations(self, by: Array) -> Array:
+        """Derivatives (..., n r + E), of those (..., C + E) by coefficients and what follows."""
+        (joint, place), (n, _, r) = self.places, self.directions.shape
+        each = np.zeros((len(joint), n, r))
+        each[range(len(joint)), joint] = self.directions[joint, place]
+        rows = by.reshape(-1, by.shape[-1])  # one large product, not many small ones
+        first = rows[:, : len(joint)] @ each.reshape(len(joint), -1)
+        return np.concatenate([first, rows[:, len(joint) :]], axis=1).reshape(*by.shape[:-1], -1)
 
 
 _COUNT = 500
@@ -141,6 +176,7 @@ def torque_samples(
     return TorqueSamples(tuple(path), intervals.dt[rows][:, None])
 
 
+_ASTRAY = 1e-3  # of the level
 _MOST = 20  # combinations of a joint
 _DEVIATION = 1.0  # standard deviation of the prior of a joint's weights, relative to their size
 _ITERATIONS = 12  # Gauss-Newton iterations towards wanted torques
@@ -168,18 +204,30 @@ def as_given(friction: Friction, start: Friction) -> Friction:
     theta = friction.theta
     if isinstance(friction.law, CombinationLaw):
         theta = friction.law.numbers(theta)
+    if isinstance(friction.law, CurveCombinations):
+        theta = network_of(friction.law.curve(friction), friction.law.network).theta
     like = start.theta
     if hasattr(like, "detach"):
         theta = namespace(like).asarray(theta, dtype=like.dtype, device=like.device)
     return replace(friction, law=start.law, theta=theta, constraints=None)
 
 
+def goes_astray(friction: Friction, network: Friction) -> bool:
+    """Whether a curve is none of the network's, which has the nearest weights."""
+    law = friction.law
+    if not isinstance(law, CurveCombinations):
+        return False
+    return distance(law.curve(friction), replace(network, theta=np.array(network.theta))) > _ASTRAY
+
+
 def with_combinations(
-    friction: Friction, samples: TorqueSamples, blocks: Sequence[ParameterBlock]
+    friction: Friction, samples: TorqueSamples, blocks: Sequence[ParameterBlock], curves: bool
 ) -> tuple[Friction, tuple[ParameterBlock, ...]]:
     """A network as a law of the combinations that change the motion, and the block of these.
 
     Weights with bounds, the scales of inputs and outputs, stay as they are.
+
+    curves : whether the curve of a static network may stand for it
     """
     law = friction.law
     block = next((b for b in blocks if isinstance(b, FrictionBlock)), None)
@@ -194,7 +242,13 @@ def with_combinations(
         deviation=deviation,
         count=min(_MOST, int(free.sum())),
     )
-    return few.combined(friction), tuple(few if b is block else b for b in blocks)
+    combined: Any = few.combined(friction)
+    if curves and has_curve(law, free):
+        few = CurveBlock(**vars(few))
+        curve, directions = curve_of(friction, combined.law.directions)
+        parts = (curve.law, law.width, law.shape, curve.theta, directions, friction)
+        combined = replace(combined, law=CurveCombinations(*parts))
+    return combined, tuple(few if b is block else b for b in blocks)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -282,6 +336,20 @@ class CombinationBlock(ParameterBlock):
             parts = [_solved(slopes[:, j], off[:, j], damping[j]) for j in range(friction.n)]
             change = np.stack(parts)
         return replace(friction, theta=theta)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CurveBlock(CombinationBlock):
+    """Combinations of the changes of a curve, the same all through a fit."""
+
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        theta = np.array(estimate.friction.theta)
+        for parameter, value in values:
+            theta[parameter.place] = value
+        return estimate._replace(friction=replace(estimate.friction, theta=theta))
+
+    def _values(self, friction: Friction) -> Array:
+        return np.asarray(friction.theta)
 
 
 def _solved(slopes: Array, off: Array, damping: float) -> Array:

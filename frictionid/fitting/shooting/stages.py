@@ -24,7 +24,13 @@ from frictionid.fitting.parameters.parameter_block import (
 from frictionid.fitting.shooting.covariance import covariance_of
 from frictionid.fitting.shooting.data_checks import check_blocks, check_data, telling
 from frictionid.fitting.shooting.gauss_newton import Solution, solve
-from frictionid.fitting.shooting.networks import on_arrays, torque_samples, with_combinations
+from frictionid.fitting.shooting.networks import (
+    as_given,
+    goes_astray,
+    on_arrays,
+    torque_samples,
+    with_combinations,
+)
 from frictionid.fitting.shooting.neutral import Key, Unknown, at_neutral, unknown_parameters
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals
@@ -35,6 +41,7 @@ from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
 
+_CURVES = 3  # times that a fit goes on with another curve of a network
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
 
@@ -65,8 +72,9 @@ class Stage(NamedTuple):
 def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
     """The stage with its fit, from where it ended before, under priors that weigh what they say."""
     stage = _fitted(stage, intervals, settings, use)
-    # what holds a network's combinations is no knowledge of anybody
-    for _ in range(0 if stage.friction.law.is_network else _WEIGHTS):
+    if stage.friction.law.is_network:  # what holds its combinations is no knowledge of anybody
+        return _with_network(stage, intervals, settings, use)
+    for _ in range(_WEIGHTS):
         parameters = stage.problem.parameters
         excess = excess_of(groups_of(stage.problem, stage.solution), parameters)
         weighed = np.array([p.excess for p in parameters])
@@ -85,6 +93,24 @@ def _fitted(stage: Stage, intervals: Intervals, settings: Settings, use: Array) 
         values = values_of(before.estimate, problem.blocks)
         estimate = with_values(estimate, problem.blocks, values)
     return stage._replace(ended=(problem, solve(problem, estimate, use, before)))
+
+
+def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with what the weights of a network give.
+
+    Where a curve goes too far for them, the fit goes on from the nearest ones, a few times with
+    the curve of these, then with the layers themselves.
+    """
+    for left in range(_CURVES, -1, -1):
+        end = stage.solution.estimate
+        network = as_given(end.friction, stage.friction)
+        if not goes_astray(end.friction, network):
+            break
+        problem, estimate = prepare_fit(network, intervals, stage.blocks, settings, use, left > 0)
+        estimate = end._replace(friction=estimate.friction)
+        ended = problem, solve(problem, estimate, use, stage.solution)
+        stage = stage._replace(friction=network, ended=ended)
+    return stage
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
@@ -143,13 +169,15 @@ def prepare_fit(
     blocks: Sequence[ParameterBlock],
     settings: Settings,
     use: Array | None = None,
+    curves: bool = True,
 ) -> tuple[ShootingProblem, Estimate]:
     """The problem of fitting the blocks to intervals, and the estimate that the fit begins with.
 
     use : (K,) true for the intervals that may be used, all by default
+    curves : whether a static network is fitted as a curve
     """
     settings = settings.at(float(np.median(intervals.dt)))
-    estimate, blocks = _begin(friction, intervals, blocks, use)
+    estimate, blocks = _begin(friction, intervals, blocks, use, curves)
     check_blocks(blocks, estimate, intervals)
     problem = shooting_problem(intervals, estimate, blocks, settings)
     check_data(intervals, problem.parameters, settings.windows[-1])
@@ -161,6 +189,7 @@ def _begin(
     intervals: Intervals,
     blocks: Sequence[ParameterBlock],
     use: Array | None,
+    curves: bool = True,
 ) -> tuple[Estimate, Sequence[ParameterBlock]]:
     """The estimate that a fit begins with; of a network also the blocks of its combinations."""
     mechanism = intervals.dataset.mechanism
@@ -175,7 +204,7 @@ def _begin(
         friction = replace(friction, constraints=limits)
     if network:
         samples = torque_samples(friction, mechanism, calibration, intervals, use)
-        friction, blocks = with_combinations(friction, samples, blocks)
+        friction, blocks = with_combinations(friction, samples, blocks, curves)
     estimate = Estimate(friction, calibration, mechanism)
     return with_servo(estimate, intervals.dataset, blocks), blocks
 
