@@ -13,7 +13,7 @@ ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR
 # and loops that have changed are compiled before, not by each worker.
 COMPILED := PYTHONDONTWRITEBYTECODE=
 
-.PHONY: help compare compare-all test damage mutants check format bench docs clean ALWAYS
+.PHONY: help compare compare-all machines test damage mutants check format bench docs clean ALWAYS
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -26,6 +26,9 @@ compare: $(CORE) ## set up .venv, then compare friction models on the simulated 
 compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on two cores); goes on where it stopped
 	@for suite in acrobot acrobot_all acrobot_study; do \
 	  $(BIN)/frictionid compare comparisons/$$suite.toml --resume $(ARGS) || exit; done
+
+machines: $(CORE) ## every public machine by the same rules (an hour; FRICTIONID_DATA has the recordings); goes on where it stopped
+	@$(BIN)/python comparisons/machines.py $(ARGS)
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (8 minutes on two cores)
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops

@@ -147,18 +147,17 @@ def rows_of(machine: Machine) -> Iterator[Row]:
     chosen = verdict["recommended"] or verdict["provisional"]
     sure = "" if verdict["recommended"] else " (provisional)"
     answers = {q["name"]: q["answer"].replace("_", " ") for q in verdict["questions"]}
-    roles = {c["name"]: c["role"] for c in verdict["candidates"]}
+    fitted = {c["name"] for c in verdict["candidates"] if c["identifier"] not in machine.published}
     for judged in machine.tests or (machine.name,):
         error = errors(scores, judged, 0.1 if machine.held else 0.5)
-        error = error[[name in roles and np.isfinite(value) for name, value in error.items()]]
-        ours = error[[roles[name] != "published" for name in error.index]]
-        published = error.drop(ours.index).min()
+        published = error[[name.partition(" (")[0] in machine.published for name in error.index]]
+        ours = error[[name in fitted for name in error.index]]
         yield Row(
             machine.name,
             judged if machine.tests else "folds",
             chosen + sure,
             error[chosen],
-            error[chosen] / published,
+            error[chosen] / published.min(),
             str(ours.idxmin()),
             error[chosen] / ours.min(),
             answers["beyond_coulomb_viscous"],

@@ -9,9 +9,12 @@ import pytest
 from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
+from frictionid.comparison.registry import LAWS
+from frictionid.comparison.result_folder import write_sealed
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes_of
 from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.tasks import Task, document, prepare_benchmarks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, training_of, with_calibration
 from frictionid.fitting.identifiers import Flexible, Frictionless, LeastSquares, SINDy
@@ -126,6 +129,15 @@ def test_parameters_of_the_calibration_count_for_every_family(results):
     counts = [r.value("effective_parameters", "count") for r in (plain, corrected)]
     assert counts == pytest.approx([2.0, 3.0])  # coulomb, viscous; the delay
     assert shared.training.determined == {"corrected": 1}
+
+
+def test_what_is_finished_is_not_calibrated_anew(results, tmp_path):
+    benchmark, _, _, corrected = results
+    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
+    task = Task(benchmark, "rubs", RUBS, recipe, 0)
+    write_sealed(tmp_path / task.file, document(task, corrected, LAWS))
+    (prepared,) = prepare_benchmarks([task], kept=[tmp_path]).values()
+    assert not prepared.training.calibrations
 
 
 def test_no_friction_is_left_as_it_is(results):

@@ -1,0 +1,61 @@
+"""The table of machines: one rule for their suites, and what a row says."""
+
+import json
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures import tiny_pendulums as tiny
+from fixtures.paths import ROOT
+
+sys.path.append(str(ROOT / "comparisons"))
+
+import machines
+
+
+def test_suites_follow_one_rule():
+    few, many = tiny.dataset(recordings=tiny.recordings()[:4]), tiny.dataset()
+    suites = [machines.suite_of(machines.Machine("tiny"), data) for data in (few, many)]
+    assert [suite.folds.kind for suite in suites] == ["blocks", "recordings"]
+    assert suites[0].document()["recipes"] == suites[1].document()["recipes"]
+    kinds = {i.kind: i.recipes for i in suites[1].identifiers}
+    assert kinds["motor_load"] is None and kinds["lstm"] == ["calibrated"]
+    arm = machines.suite_of(machines.Machine("tiny", held=True), many)
+    assert [recipe.name for recipe in arm.recipes] == ["integral", "inverse_dynamics"]
+
+
+def write(folder, chosen, errors):
+    """A result folder with errors on one test by (identifier, recipe)."""
+    folder.mkdir(parents=True)
+    named = [{"name": f"{name} ({recipe})", "identifier": name} for name, recipe in errors]
+    verdict = {
+        "recommended": chosen,
+        "provisional": chosen,
+        "questions": [{"name": "beyond_coulomb_viscous", "answer": "cannot_tell"}],
+        "candidates": [entry for entry in named if entry["identifier"] != "truth"],
+    }
+    (folder / "verdict.json").write_text(json.dumps({"datasets": [verdict]}))
+    rows = [
+        ("rig_test", *name, "all", "rollout_angle", "median", 0.5, "all", error)
+        for name, error in errors.items()
+    ]
+    columns = ("dataset", "identifier", "fit", "fold", "score", "statistic", "horizon_s", "joint")
+    pd.DataFrame(rows, columns=[*columns, "value"]).to_csv(folder / "scores.csv", index=False)
+
+
+def test_a_regret_is_over_the_best_fitted_model_on_the_test(tmp_path, monkeypatch):
+    monkeypatch.setattr(machines, "REPORT", tmp_path)
+    errors = {
+        ("stribeck", "shooting"): 0.03,
+        ("mlp", "calibrated"): 0.02,
+        ("book", "calibrated"): 0.01,
+        ("truth", "calibrated"): 0.001,
+        ("lstm", "calibrated"): np.inf,
+    }
+    write(tmp_path / "rig", "stribeck (shooting)", errors)
+    (row,) = machines.rows_of(machines.Machine("rig", ("rig_test",), ("book",)))
+    assert (row.judged, row.best, row.needs) == ("rig_test", "mlp (calibrated)", "cannot tell")
+    assert (row.over, row.regret) == pytest.approx((3.0, 1.5))
+    last = machines.table_of([row], {"rig": 7}).splitlines()
+    assert "| 3.00 | mlp (calibrated) | 1.50 | cannot tell | 7 s |" in last[2]
