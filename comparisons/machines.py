@@ -24,6 +24,7 @@ import argparse
 import json
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,12 +104,13 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
     return Suite.model_validate(table | ({"sample_time": APART} if dense else {}))
 
 
-def run(machine: Machine) -> None:
+def run(machine: Machine, jobs: int) -> None:
     """Run what is left of a machine's suite, and write down how long that took."""
     folder, begin = REPORT / machine.name, time.perf_counter()
     suite = suite_of(machine, load_dataset(DATA / machine.name))
     opened = OpenSuite(suite, HERE / "machines.py", folder)
-    opened.run(resume=True, replace=True, done=lambda task: print(f"  {task}", flush=True))
+    said = partial(print, "  ", flush=True)
+    opened.run(jobs=jobs, resume=True, replace=True, done=said)
     seconds = seconds_of() | {machine.name: round(time.perf_counter() - begin)}
     (REPORT / "seconds.json").write_text(json.dumps(seconds), encoding="utf-8")
 
@@ -199,6 +201,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("machines", nargs="*", metavar="MACHINE", help=", ".join(MACHINES))
     parser.add_argument("--out", type=Path, help="page whose table is replaced")
+    parser.add_argument("--jobs", type=int, default=0, help="tasks side by side; 0: one per core")
     asked = parser.parse_args()
     unknown = set(asked.machines) - set(MACHINES)
     if unknown:
@@ -206,7 +209,7 @@ def main() -> None:
     for name in asked.machines or MACHINES:
         print(name, flush=True)
         try:
-            run(MACHINES[name])
+            run(MACHINES[name], asked.jobs)
         except InputError as error:  # the others may be as they should
             print(f"  {error}", flush=True)
     finished = [m for m in MACHINES.values() if (REPORT / m.name / "verdict.json").exists()]
