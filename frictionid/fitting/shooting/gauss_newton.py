@@ -42,7 +42,8 @@ from frictionid.progress import report_step
 _DAMPING = (1e-8, 1e4)
 _WORSE = 1.02  # a cost that grows by more was a step too far
 _ROUNDS = 3  # of Huber weights in an iteration
-_LEAST_SHARE = 0.2  # of a Gauss-Newton step
+_LEAST_SHARE = 0.1  # of a Gauss-Newton step
+_CALMER = 0.7  # times the largest share, each time that steps go to and fro
 _LEADING = 4  # iterations of the stages before the last
 _CIRCLE = 8  # steps that may lead to and fro
 _DAMPED = 1e-2  # Levenberg damping that makes steps small by itself
@@ -141,6 +142,14 @@ def solve(
     return solution._replace(iterations=total)
 
 
+def cost_rise(before: Solution, after: Solution, huber: float) -> float:
+    """How much higher the cost is after, of the windows that count before, by the noise before."""
+    size = [np.abs(s.residual) / before.sigma for s in (before, after)]
+    costs = [np.where(e <= huber, e**2, huber * (2 * e - huber)) for e in size]
+    share = before.counts[:, None] * before.share
+    return float((share[..., None] * (costs[1] - costs[0])).sum())
+
+
 def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Array:
     """What a Gauss-Newton step with windows of another length would change in the parameters (D,).
 
@@ -185,17 +194,29 @@ def _solve_stage(
     if kinked is not None:
         point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
-    begins, count = [_begin(problem, step)], 1
+    begins, count, most = [_begin(problem, step)], 1, 1.0
     report_step(what, settings.iterations - 1)
     while count < settings.iterations and not _converged(problem, step, begins):
-        point, damping = _accepted_or_last(problem, step)
-        share = _step_share(step, before)
+        try:
+            point, damping = _accepted_or_last(problem, step)
+        except TooSteepError:
+            if (begins[0].values == begins[-1].values).all():
+                raise
+            return _taken_back(step)._replace(iterations=count)
+        share, most = _step_share(step, before, most)
         before = step.solution.move
         step = _next_step(problem, point, step.solution.sigma, damping, share)
-        begins, count = [*begins, _begin(problem, step)][-_CIRCLE:], count + 1
+        begins, count = [*begins, _begin(problem, step)], count + 1
         report_step(what, settings.iterations - count)
     converged = _converged(problem, step, begins)
     return step.solution._replace(converged=converged, iterations=count)
+
+
+def _taken_back(step: _Step) -> Solution:
+    """The solution without the last step."""
+    solution, point = step.solution, step.point
+    stay = np.zeros_like(solution.move)
+    return solution._replace(estimate=point.estimate, nodes=point.nodes, move=stay)
 
 
 class _Begin(NamedTuple):
@@ -210,23 +231,28 @@ def _begin(problem: ShootingProblem, step: _Step) -> _Begin:
 
 
 def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) -> bool:
-    """Whether the last step was small, or the last few led to and fro and nowhere.
+    """Whether the last step was small, or the last eight or more led to and fro and nowhere.
 
-    Where the cost has a kink (a joint that just stops in some window), steps from either side of it
-    point to the other one and never become small. The solution is the kink: from the first half of
-    the last steps to the second none of the parameters got on, on average, by more than twice the
-    tolerance, nor did it stray by more than a standard error in all of them.
+    Where the cost has a kink (a joint that just stops in some window, a window that just counts),
+    steps from either side of it point to the other one and never become small. The solution is the
+    kink: from the first half of the last steps to the second none of the parameters got on, on
+    average, by more than twice the tolerance, nor did it stray by more than a standard error.
     """
     tolerance = problem.settings.tolerance
     if last.converged(tolerance):
         return True
-    if len(begins) < _CIRCLE or any(begin.damping >= _DAMPED for begin in begins):
-        return False
+    damped = [k for k, begin in enumerate(begins) if begin.damping >= _DAMPED]
     end = values_of(last.solution.estimate, problem.blocks)
     way = np.stack([*(begin.values for begin in begins), end]) / last.error
-    half = len(way) // 2
-    onward = np.abs(way[-half:].mean(axis=0) - way[:half].mean(axis=0)).max(initial=0.0)
-    return bool(onward <= 2.0 * tolerance and np.ptp(way, axis=0).max(initial=0.0) <= _STRAY)
+    longest = len(begins) - (damped[-1] + 1 if damped else 0)
+    for length in range(_CIRCLE, longest + 1, 2):
+        steps, half = way[-length - 1 :], (length + 1) // 2
+        if np.ptp(steps, axis=0).max(initial=0.0) > _STRAY:
+            return False
+        onward = np.abs(steps[-half:].mean(axis=0) - steps[:half].mean(axis=0)).max(initial=0.0)
+        if onward <= 2.0 * tolerance:
+            return True
+    return False
 
 
 def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, float]:
@@ -250,20 +276,21 @@ def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, flo
     return point, max(step.damping / 10.0, _DAMPING[0])
 
 
-def _step_share(step: _Step, before: Array | None) -> float:
-    """Share of the next Gauss-Newton step. Oscillating steps are damped.
+def _step_share(step: _Step, before: Array | None, most: float) -> tuple[float, float]:
+    """Share of the next Gauss-Newton step, and the largest from now on. Oscillation is damped.
 
     Windows with kinks may push now one way, now the other: the share halves where the last two
-    moves a, b point against each other in the metric of the normal matrix, -a H b > 0.3 |a| |b|.
+    moves a, b point against each other in the metric of the normal matrix, -a H b > 0.3 |a| |b|,
+    and then grows up to ever smaller ones.
     """
     if before is None:
-        return step.share
+        return step.share, most
     H, a, b = step.solution.curvature, before, step.solution.move
     against = -float(a @ H @ b)
     size = np.sqrt(max(float(a @ H @ a) * float(b @ H @ b), 0.0))
     if against > 0.3 * size:
-        return max(0.5 * step.share, _LEAST_SHARE)
-    return min(1.0, 1.5 * step.share)
+        return max(0.5 * step.share, _LEAST_SHARE), max(_CALMER * most, _LEAST_SHARE)
+    return min(most, 1.5 * step.share), most
 
 
 def _next_step(

@@ -9,7 +9,7 @@ divided by the ratio of the parameter's variance between recordings to that by t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,14 +17,23 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.fitting.fit import Covariance
+from frictionid.fitting.gauss_newton import box_step
 from frictionid.fitting.one_step.spread import CLEAR, KNOWN
 from frictionid.fitting.parameters.blocks import FrictionBlock
-from frictionid.fitting.parameters.parameter_block import Parameter, ParameterBlock
-from frictionid.fitting.shooting.sandwich import solve_scaled
+from frictionid.fitting.parameters.parameter_block import (
+    IDEAL,
+    Parameter,
+    ParameterBlock,
+    limits_of,
+)
+from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
+from frictionid.fitting.shooting.sandwich import Groups, solve_scaled
 from frictionid.friction import Friction
+from frictionid.friction.provenance import Dropped
 
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
+_DAMPING = 1e-8  # of unit diagonals
 
 
 class Key(NamedTuple):
@@ -67,12 +76,12 @@ class Unknown(NamedTuple):
             f"{p.name} is not identified by these data, and stays at {self.neutral:.3g} {p.unit}."
         )
 
-    def shown(self, before: float, after: float) -> bool:
-        """Whether costs, in squares of the noise, are clearly worse after holding it.
+    def shown(self, rise: float) -> bool:
+        """Whether the cost, in squares of the noise, is clearly higher by a rise after holding it.
 
         The farther from neutral it is, in units of its size, the more it takes to believe it.
         """
-        return after - before > (CLEAR + self.off**2) * self.excess
+        return rise > (CLEAR + self.off**2) * self.excess
 
 
 def unknown_parameters(
@@ -130,11 +139,19 @@ def _neutral_values(
     return out
 
 
+def parts_of(unknown: tuple[Unknown, ...]) -> Iterator[tuple[Unknown, ...]]:
+    """All of them to hold together, or else the first half, and so on down to the first."""
+    count = len(unknown)
+    while count:
+        yield unknown[:count]
+        count //= 2
+
+
 def at_neutral(
     blocks: Sequence[ParameterBlock], friction: Friction, unknown: Sequence[Unknown]
 ) -> tuple[tuple[ParameterBlock, ...], Friction]:
     """The blocks without parameters that are held, and friction (n, P) with these at neutral."""
-    theta = np.array(friction.theta, dtype=float)
+    theta = np.asarray(friction.theta, dtype=float).copy()
     held = [u for u in unknown if u.parameter.block == "friction"]
     for u in held:
         for place in u.parameter.places:
@@ -154,6 +171,91 @@ def at_neutral(
 def _without(block: FrictionBlock, theta: Array, places: set[tuple[int, ...]]) -> FrictionBlock:
     free = block.support or tuple((int(j), int(i)) for j, i in np.ndindex(*theta.shape))
     return replace(block, support=tuple(place for place in free if place not in places))
+
+
+Idle = tuple[tuple[Unknown, ...], tuple[Dropped, ...]]
+
+
+class LocalCost(NamedTuple):
+    """A fit's cost about its end, a quadratic in the parameters (D,): what holding some would do.
+
+    parameters, values (D,) at its minimum, groups of rows; friction (n, P) there, and the blocks
+    """
+
+    parameters: tuple[Parameter, ...]
+    values: Array
+    groups: Groups
+    friction: Friction
+    blocks: tuple[ParameterBlock, ...]
+
+    def idle(self, tried: Sequence[Key], level: float) -> Idle:
+        """All that would be held and dropped, one after the other, each time at the new minimum.
+
+        level : of significance of blocks, 1 to drop none; tried : parameters that are not held
+        """
+        cost, held, dropped = self, list[Unknown](), list[Dropped]()
+        while cost.parameters:
+            covariance = grouped_covariance(
+                cost.parameters, cost.values, cost.friction, cost.groups
+            )
+            curvature = cost.groups.H.sum(axis=0)
+            unknown = unknown_parameters(covariance, cost.friction, cost.blocks, curvature, tried)
+            block = None if unknown else least_significant(covariance, cost.blocks, level)
+            if block is not None:
+                dropped.append(block)
+                cost = cost._without_block(block.block)
+            elif unknown:
+                held += unknown
+                cost = cost._at_neutral(unknown)
+            else:
+                break
+        return tuple(held), tuple(dropped)
+
+    def _at_neutral(self, unknown: Sequence[Unknown]) -> LocalCost:
+        keys = [Key(p.block, p.place) for p in self.parameters]
+        rest = self.holding({keys.index(u.key): u.neutral for u in unknown})
+        blocks, friction = at_neutral(self.blocks, rest.friction, unknown)
+        return rest._replace(blocks=blocks, friction=friction)
+
+    def _without_block(self, name: str) -> LocalCost:
+        places = [k for k, p in enumerate(self.parameters) if p.block == name]
+        rest = self.holding(dict.fromkeys(places, IDEAL[name]))
+        return rest._replace(blocks=tuple(b for b in self.blocks if b.name != name))
+
+    def holding(self, held: Mapping[int, float]) -> LocalCost:
+        """The cost of the other parameters where some are held, at its minimum within bounds."""
+        groups, at = self.groups, np.array(list(held), dtype=int)
+        keep, limits = np.setdiff1d(np.arange(len(self.values)), at), limits_of(self.parameters)
+        step = self._step(held, at, keep)
+        values, move = self.values + step, groups.move + step
+        g = groups.g - groups.H[:, :, at] @ move[at]
+        free = (values > limits.low + 1e-12) & (values < limits.high - 1e-12)
+        H = groups.H[:, keep[:, None], keep]
+        theta = np.asarray(self.friction.theta, dtype=float).copy()
+        for p, value in zip(self.parameters, values, strict=True):
+            for place in p.places if p.block == "friction" else ():
+                theta[place] = value
+        return self._replace(
+            parameters=tuple(self.parameters[k] for k in keep),
+            values=values[keep],
+            groups=groups._replace(H=H, g=g[:, keep], move=move[keep], free=free[keep]),
+            friction=replace(self.friction, theta=theta),
+        )
+
+    def _step(self, held: Mapping[int, float], at: Array, keep: Array) -> Array:
+        """Step (D,) to the minimum where parameters `at` some places are held, others `keep` free.
+
+        What a fit that has not settled would gain by itself does not count.
+        """
+        groups, limits, step = self.groups, limits_of(self.parameters), np.zeros(len(self.values))
+        H = groups.H.sum(axis=0) + np.diag(limits.precision)
+        step[at] = np.array(list(held.values())) - self.values[at]
+        pull = groups.score.sum(axis=0) + limits.precision * (limits.mean - self.values)
+        descent = np.where(groups.free, 0.0, pull) - H @ step
+        low, high = limits.low - self.values, limits.high - self.values
+        descent, low, high = (x[keep][None] for x in (descent, low, high))
+        step[keep] = box_step(H[np.ix_(keep, keep)][None], descent, low, high, _DAMPING)[0]
+        return step
 
 
 def with_held(covariance: Covariance, held: Sequence[Unknown]) -> Covariance:

@@ -43,7 +43,7 @@ from frictionid.fitting.shooting.omitted_blocks import (
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
-from frictionid.fitting.shooting.stages import Stage, solved, that_may_be_free, with_neutral
+from frictionid.fitting.shooting.stages import Stage, begun, solved, that_may_be_free, with_neutral
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
 
@@ -143,7 +143,7 @@ def fit_blocks(
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
     blocks = that_may_be_free(blocks, friction, intervals, use)
-    stage = solved(Stage(friction, blocks), intervals, settings, use)
+    stage = begun(Stage(friction, blocks), intervals, settings, use)
     while True:
         stage = with_neutral(stage, intervals, settings, use)
         result = refined_by(stage.problem, stage.solution, friction, stage.dropped, stage.held)

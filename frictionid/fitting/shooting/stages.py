@@ -15,15 +15,15 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.fitting.parameters.parameter_block import (
+    IDEAL,
     Estimate,
     ParameterBlock,
     values_of,
     with_excess,
     with_values,
 )
-from frictionid.fitting.shooting.covariance import covariance_of
 from frictionid.fitting.shooting.data_checks import check_blocks, check_data, telling
-from frictionid.fitting.shooting.gauss_newton import Solution, solve
+from frictionid.fitting.shooting.gauss_newton import Solution, cost_rise, solve
 from frictionid.fitting.shooting.networks import (
     as_given,
     goes_astray,
@@ -31,7 +31,14 @@ from frictionid.fitting.shooting.networks import (
     torque_samples,
     with_combinations,
 )
-from frictionid.fitting.shooting.neutral import Key, Unknown, at_neutral, unknown_parameters
+from frictionid.fitting.shooting.neutral import (
+    Idle,
+    Key,
+    LocalCost,
+    Unknown,
+    at_neutral,
+    parts_of,
+)
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.sandwich import excess_of, groups_of
@@ -42,6 +49,7 @@ from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
+_ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
 
@@ -113,54 +121,63 @@ def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: A
     return stage
 
 
+def begun(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The fitted stage, without what a rough fit of all of it shows to be idle."""
+    law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
+    told = not offered and not any(np.isfinite(p.size) for p in law.parameters)
+    if law.is_network or told:
+        return solved(stage, intervals, settings, use)
+    rough = replace(settings, iterations=(settings.iterations + 1) // 2, tolerance=_ROUGH)
+    stage = solved(stage, intervals, rough, use)
+    idle = _local_cost(stage).idle((), settings.significance)
+    without = _without(stage, idle, intervals, settings, use)
+    return without or solved(stage, intervals, settings, use)
+
+
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
-    """The stage with parameters of friction held that the data do not tell, the worst known first.
+    """The stage with parameters held that the data do not tell, the worst known first.
 
-    One of each joint at a time: what two of them tell together, one tells alone.
+    As many as go together: what two of them tell together, one tells alone.
     """
-    while True:
-        problem, solution = stage.problem, stage.solution
-        tried = stage.tried
-        covariance = covariance_of(problem, solution)
-        unknown = unknown_parameters(
-            covariance, solution.estimate.friction, stage.blocks, solution.curvature, tried
-        )
-        if not unknown or problem.count == 0:
-            return stage
-        stage = stage._replace(tried=(*tried, *(u.key for u in unknown)))
-        held = _held(stage, unknown, intervals, settings, use)
-        if held is None and len(unknown) > 1:
-            for single in unknown:
-                stage = _held(stage, (single,), intervals, settings, use) or stage
-        stage = held or stage
+    while stage.problem.count:
+        unknown = _local_cost(stage).idle(stage.tried, 1.0)[0]
+        if not unknown:
+            break
+        for several in parts_of(unknown):
+            without = _without(stage, (several, ()), intervals, settings, use)
+            if without:
+                break
+        tried = (*stage.tried, *(u.key for u in several))
+        stage = (without or stage)._replace(tried=tried)
+    return stage
 
 
-def _held(
-    stage: Stage,
-    unknown: tuple[Unknown, ...],
-    intervals: Intervals,
-    settings: Settings,
-    use: Array,
+def _local_cost(stage: Stage) -> LocalCost:
+    problem, solution = stage.problem, stage.solution
+    values, groups = values_of(solution.estimate, problem.blocks), groups_of(problem, solution)
+    friction = solution.estimate.friction
+    return LocalCost(problem.parameters, values, groups, friction, stage.blocks)
+
+
+def _without(
+    stage: Stage, idle: Idle, intervals: Intervals, settings: Settings, use: Array
 ) -> Stage | None:
-    """The stage with parameters held at neutral values; None where that is clearly worse.
+    """The stage without what is idle; None where that is nothing, or the fit clearly worse.
 
-    A fit that only settles without them gives no evidence for them.
+    A fit that only settles without it gives no evidence for it.
     """
-    solution = stage.solution
-    blocks, friction = at_neutral(stage.blocks, stage.friction, unknown)
-    friction = replace(friction, constraints=solution.estimate.friction.constraints)
-    trial = solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
-    costs = [_squares(end, solution) for end in (solution, trial.solution)]
-    wandered = trial.solution.converged and not solution.converged
-    if any(u.shown(*costs) for u in unknown) and not wandered:
+    solution, (held, dropped) = stage.solution, idle
+    if not any(idle):
         return None
-    return trial._replace(held=(*stage.held, *unknown))
-
-
-def _squares(solution: Solution, like: Solution) -> float:
-    """Squares of the residuals in units of the noise, weighed as in another solution."""
-    weight = like.weight * (like.counts[:, None] * solution.share)[..., None]
-    return float((weight * (solution.residual / like.sigma) ** 2).sum())
+    blocks, friction = at_neutral(stage.blocks, stage.friction, held)
+    friction = replace(friction, constraints=solution.estimate.friction.constraints)
+    blocks = tuple(b for b in blocks if b.name not in {d.block for d in dropped})
+    trial = solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
+    rise = cost_rise(solution, trial.solution, settings.huber)
+    wandered = trial.solution.converged and not solution.converged
+    if any(u.shown(rise) for u in held) and not wandered:
+        return None
+    return trial._replace(held=(*stage.held, *held), dropped=(*stage.dropped, *dropped))
 
 
 def prepare_fit(

@@ -218,7 +218,7 @@ def _at_neutral(
             estimate = solution.estimate._replace(friction=friction)
             without = TorqueProblem(problem.balance, free_blocks(blocks, estimate), estimate)
             after = solve(without, use, settings)
-            if not single.shown(*(_squares(end, solution) for end in (solution, after))):
+            if not single.shown(_squares(after, solution) - _squares(solution, solution)):
                 solution, problem, held = after, without, (*held, single)
 
 

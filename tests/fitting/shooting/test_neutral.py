@@ -14,6 +14,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting.neutral import LocalCost
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad, Quadratic, Stribeck
@@ -73,6 +74,36 @@ def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
     assert found.covariance.error[loss] == pytest.approx(0.3)
     assert not found.covariance.identified[loss]
     assert any("loss of joint 1 is not identified" in w for w in found.diagnostics.warnings)
+
+
+def test_what_a_quadratic_foresees_is_what_a_fit_without_the_parameter_finds():
+    """Linear rows with a bound and a prior: held parameters, minimum, groups and their scores."""
+    draw = np.random.default_rng(0)
+    X, truth = draw.normal(size=(40, 5, 4)), np.array([1.0, 0.1, -1.0, 2.0])
+    y = X @ truth + draw.normal(size=(40, 5))
+    kinds = ({"low": 0.0}, {"tolerance": 0.5}, {}, {})
+    parameters = tuple(
+        Parameter("bias", str(k), "N m", 0.0, place=(k,), **kind) for k, kind in enumerate(kinds)
+    )
+
+    def fit(rest, start, y):
+        H, g = (np.einsum("gri,gr...->gi...", X[..., rest], z) for z in (X[..., rest], y))
+        prior = np.diag([parameters[k].tolerance ** -2.0 for k in rest])
+        end = np.linalg.solve(H.sum(axis=0) + prior, g.sum(axis=0))
+        at = start[rest]
+        groups = Groups(H, g - H @ at, end - at, np.ones(len(rest)) > 0, *2 * (np.arange(40),))
+        return end, groups
+
+    start, law = draw.normal(size=4), Friction(CoulombViscous(), np.array(LINE))
+    end, groups = fit([0, 1, 2, 3], start, y)
+    without = LocalCost(parameters, end, groups, law, ()).holding({3: 1.5})
+    again, other = fit([0, 1, 2], start, y - 1.5 * X[..., 3])
+    np.testing.assert_allclose(without.values, again)
+    np.testing.assert_allclose(without.groups.score, other.score, atol=1e-9)
+    np.testing.assert_allclose(without.groups.H, other.H)
+    assert [p.name for p in without.parameters] == ["0", "1", "2"] and without.groups.free.all()
+    bound = LocalCost(parameters, end, groups, law, ()).holding({2: 50.0, 3: -90.0})
+    assert bound.values[0] == 0.0 and not bound.groups.free[0]
 
 
 # --- Weights of priors ----------------------------------------------------------------------------
