@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 from frictionid.arrays import Array
 from frictionid.fitting.one_step.residual import Problem
@@ -24,6 +25,13 @@ class Identifier(ABC):
         and a fold's result does not depend on the others, nor on the size of its weights. The same
         seed gives the same numbers.
         """
+
+    def fit_each(self, problems: Sequence[Problem], weights: Array, seed: int) -> Friction | None:
+        """The same for folds that have each a problem of its own, of the same rows and nodes.
+
+        None where they are to be fitted one by one.
+        """
+        return None
 
     @property
     def seeded(self) -> bool:

@@ -98,7 +98,7 @@ def test_costs_of_networks_and_their_gradients_stay_on_the_device(law):
     weights = synthetic_weights(problem)
     shape = (len(weights), problem.r.shape[1], 2)
     theta = law.initial_parameters(np.full(shape, [0.1, 5.0]), np.random.default_rng(0))
-    stack = FoldStack(law, problem, theta, "meta")
+    stack = FoldStack(law, [problem] * len(theta), theta, "meta")
     recurrent = law.cells > 0
     training = (
         SequenceTrainingSet(stack, weights, 4, 6) if recurrent else RowTrainingSet(stack, weights)

@@ -96,25 +96,37 @@ class Network(Identifier):
             check_compiler()
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        weights, law = normalised(weights, problem), self.law
+        scales = friction_scales(problem, normalised(weights, problem))
+        return self._fitted([problem] * len(weights), weights, scales, seed)
+
+    def fit_each(self, problems: Sequence[Problem], weights: Array, seed: int) -> Friction | None:
+        each = zip(problems, normalised(weights, problems[0]), strict=True)
+        scales = np.concatenate([friction_scales(p, weight[None]) for p, weight in each])
+        return self._fitted(problems, weights, scales, seed)
+
+    def _fitted(
+        self, problems: Sequence[Problem], weights: Array, scales: Array, seed: int
+    ) -> Friction:
+        weights, law = normalised(weights, problems[0]), self.law
         if self.inputs == "all":
-            law = replace(law, others=problem.r.shape[1] - 1)
-        scales = friction_scales(problem, weights)
-        friction, costs = self.train(law, problem, weights, scales, seed)
+            law = replace(law, others=problems[0].r.shape[1] - 1)
+        friction, costs = self.train(law, problems, weights, scales, seed)
         training, held = costs.round(5)
         return friction.noted({"learning": {"training": training, "held_out": held}})
 
     def train(
-        self, law: Any, problem: Problem, weights: Array, scales: Array, seed: int
+        self, law: Any, problems: Sequence[Problem], weights: Array, scales: Array, seed: int
     ) -> tuple[Friction, Array]:
         """Friction of a network law, and the costs (2, F, E) of its epochs, without friction 1.
 
+        problems : of the same rows, one of each fold
         scales : (F, n, k) of the first k parameters of the law
         costs : in training and on what is held out; means over the members
         """
         from frictionid.fitting.networks.training_sets import FoldStack  # imports torch: late
 
         check_device(self.device)
+        problem = problems[0]
         if law.sample_time is not None:
             law = replace(law, sample_time=float(np.median(problem.dt)))
         seeds = member_seeds(seed, self.members)
@@ -122,7 +134,7 @@ class Network(Identifier):
         initial = np.concatenate([law.initial_parameters(scales, rng) for rng in draws])
         held = np.concatenate([held_out(problem, weights, self.share, start) for start in seeds])
         weights = np.tile(weights, (self.members, 1))
-        stack = FoldStack(law, problem, initial, self.device)
+        stack = FoldStack(law, [*problems] * self.members, initial, self.device)
         by_fold = [start for start in seeds for _ in range(len(scales))]
         theta, costs = self._descended(stack, weights * ~held, weights * held, by_fold)
         friction = together(law, np.split(theta, self.members))
@@ -227,7 +239,8 @@ class StateNetwork(Identifier):
         weights = normalised(weights, problem)
         law = replace(self.training.law, joints=problem.r.shape[1])
         scales = _scales(problem, weights)
-        return self.training.train(law, problem, weights, scales, seed)[0]
+        problems = [problem] * len(weights)
+        return self.training.train(law, problems, weights, scales, seed)[0]
 
 
 def _scales(problem: Problem, weights: Array) -> Array:

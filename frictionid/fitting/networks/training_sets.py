@@ -5,12 +5,14 @@ Cells of recurrent networks read some samples before the rows that count, to fil
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
+from frictionid.fitting.networks.cells import CompiledCells
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Nodes
 from frictionid.friction.laws.layers import count
@@ -24,28 +26,41 @@ Tensor = Any  # of torch
 
 
 class FoldStack(NamedTuple):
-    """A law on a problem, with initial parameters theta (F, n, P) of F folds, on a device.
+    """A law on the problems of F folds, with initial parameters theta (F, n, P), on a device.
 
-    The scales in theta stay as they are: features of the network that depend on them are computed
-    once.
+    Problems have the same rows, of other residuals where calibrations differ. The scales in theta
+    stay as they are: features of the network that depend on them are computed once.
     """
 
     law: NetworkLaw
-    problem: Problem
+    problems: Sequence[Problem]
     theta: Array
     device: str
+
+    @property
+    def problem(self) -> Problem:
+        """One of them, for what all share: rows, nodes and their times."""
+        return self.problems[0]
 
     def tensor(self, values: Array) -> Tensor:
         """Values on the device; a copy."""
         return torch.tensor(values, device=self.device)
 
-    def by_fold(self, values: Array, axes: int) -> Tensor:
-        """Values of the S nodes of fold after fold, (F S, n) with one axis, (F S, n, a) with two.
+    def features(self) -> list[Tensor]:
+        """Features of the S nodes of fold after fold, (F S, n, ...), in the order of `Features`."""
+        pairs = zip(self.theta, self.problems, strict=True)
+        each = [
+            self.law.features(theta, p.nodes.inputs, window(self.law, p.nodes))
+            for theta, p in pairs
+        ]
+        return [None if x[0] is None else self._joined(x) for x in zip(*each, strict=True)]
 
-        They are the same in all folds where they lack the axis of the folds.
-        """
-        shape = (len(self.theta), *values.shape[-1 - axes :])
-        return self.tensor(np.concatenate(np.broadcast_to(values, shape)))
+    def _joined(self, values: Sequence[Array]) -> Tensor:
+        """Values (S, n, ...) of each fold, one after the other; some are the same at all nodes."""
+        S, n = self.problem.nodes.inputs.w.shape
+        return self.tensor(
+            np.concatenate([np.broadcast_to(x, (S, n, *x.shape[2:])) for x in values])
+        )
 
     def first_nodes(self) -> Tensor:
         """First place (F,) of each fold in values that `by_fold` gives."""
@@ -60,16 +75,21 @@ class WeightedRows:
     """
 
     def __init__(self, stack: FoldStack, weights: Array):
-        problem = stack.problem
-        squares = weights @ (problem.r**2).sum(1)
+        distinct = {id(p): p for p in stack.problems}
+        places = {key: place for place, key in enumerate(distinct)}
+        owner = np.array([places[id(p)] for p in stack.problems])
+        r, G = (np.stack([getattr(p, x) for p in distinct.values()]) for x in ("r", "G"))
+        squares = (weights * (r**2).sum(axis=2)[owner]).sum(axis=1)
         size = (weights > 0).sum(axis=1) / np.maximum(squares, 1e-300)
         self.weights = stack.tensor(np.pad(weights * size[:, None], ((0, 0), (0, 1))))
-        self.r = stack.tensor(np.pad(problem.r, ((0, 1), (0, 0))))
-        self.G = stack.tensor(np.pad(problem.G, ((0, 1), (0, 0), (0, 0))))
+        r, G = (np.pad(x, ((0, 0), (0, 1), *((0, 0),) * (x.ndim - 2))) for x in (r, G))
+        self.r, self.G = (stack.tensor(np.concatenate(x)) for x in (r, G))
+        self.first = stack.tensor(owner * r.shape[1])
 
     def squares(self, rows: Tensor, torque: Tensor) -> Tensor:
         """Weighted squares of rows (F, ...) under mean torques (F, ..., n) [N m]."""
-        e = self.r[rows] - (self.G[rows] * torque[..., None, :]).sum(-1)
+        at = rows + self.first.reshape(-1, *(1,) * (rows.ndim - 1))
+        e = self.r[at] - (self.G[at] * torque[..., None, :]).sum(-1)
         weights = self.weights.gather(1, rows.flatten(1)).unflatten(1, rows.shape[1:])
         return weights * (e * e).sum(-1)
 
@@ -174,9 +194,7 @@ class SequenceTrainingSet:
         self.rows = WeightedRows(stack, weights)
         self.coefficients = [float(c) for c in problem.coefficients]
         self.first = stack.first_nodes()[:, None, None]
-        node = stack.law.features(stack.theta[:, None], problem.nodes.inputs)
-        parts: Any = ((node.read, 2), (node.z, 2), (node.share, 1), (node.sign, 1))
-        self.read, self.z, self.share, self.sign = (stack.by_fold(*part) for part in parts)
+        self.z, self.share, self.sign, self.read = stack.features()
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:
         """Mean weighted squares (F,) of the rows of the pieces (F, B)."""
@@ -212,9 +230,11 @@ class SequenceTrainingSet:
     def _cells(self, theta: Tensor, read: Tensor) -> Tensor:
         """Outputs (F, B, T - burn_in, n, cells) of the cells that read (F, B, T, n, a)."""
         a, b = self.law.gate_sizes
-        weights = theta[..., 3 : 3 + count(self.law.gate_sizes)].flatten(0, 1)
+        weights = theta[..., 3 : 3 + count(self.law.gate_sizes)].unflatten(2, (a + 1, b))
+        if theta.device.type == "cpu" and not torch.compiler.is_compiling():
+            return CompiledCells.apply(weights, read, self.burn_in)
         by_time = read.permute(2, 0, 3, 4, 1).flatten(1, 2)  # (T, F n, a, B)
-        h = Cells.apply(weights.unflatten(1, (a + 1, b)), by_time, self.burn_in)
+        h = Cells.apply(weights.flatten(0, 1), by_time, self.burn_in)
         return h.unflatten(1, theta.shape[:2]).permute(1, 4, 0, 2, 3)
 
 
@@ -258,10 +278,7 @@ class RowTrainingSet:
         self.stencil = stack.tensor(np.pad(problem.stencil, ((0, 1), (0, 0))))
         self.coefficients = stack.tensor(problem.coefficients)[:, None]
         self.first = stack.first_nodes()[:, None]
-        memory = window(stack.law, problem.nodes)
-        node = stack.law.features(stack.theta[:, None], problem.nodes.inputs, memory)
-        parts = ((node.z, 2), (node.share, 1), (node.sign, 1))
-        self.features = [stack.by_fold(part, axes) for part, axes in parts]
+        self.features = stack.features()[:3]
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:
         """Mean weighted squares (F,) of the items (F, B)."""
@@ -280,12 +297,14 @@ class RowTrainingSet:
 def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
     """Memory (S, n) at each node of a law that remembers samples of the velocity, newest first.
 
+    None of laws with cells, which read the samples one after the other.
+
     Raises
     ------
     InputError
         Where a law has a memory of another kind.
     """
-    if not law.has_memory:
+    if law.cells or not law.has_memory:
         return ()
     if not law.reads_window:
         raise InputError(f"{law}: networks with a memory of this kind cannot be trained")

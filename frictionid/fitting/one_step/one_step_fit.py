@@ -125,14 +125,20 @@ def one_step_fit(
 
 
 def checked_fit(identifier: Identifier, problem: Problem, weights: Array, seed: int) -> Friction:
-    """Friction (F, n, P) that an identifier fits under weights (F, K).
+    """Friction (F, n, P) that an identifier fits under weights (F, K), see `checked`."""
+    return checked(identifier.fit(problem, weights, seed), identifier, problem, weights)
+
+
+def checked(
+    friction: Friction, identifier: Identifier, problem: Problem, weights: Array
+) -> Friction:
+    """The friction that an identifier gives.
 
     Raises
     ------
     InputError
         Where it is not finite, or not one for each row of the weights and each joint.
     """
-    friction = identifier.fit(problem, weights, seed)
     shape = np.shape(friction.theta)
     wanted = (len(weights), problem.r.shape[-1], len(friction.law.names))
     if shape != wanted:

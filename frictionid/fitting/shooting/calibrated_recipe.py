@@ -10,16 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.one_step.one_step_fit import checked_fit, one_step_fit
+from frictionid.fitting.one_step.one_step_fit import checked, checked_fit, one_step_fit
+from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting.recipe import Shooting, ShootingData, refine_folds
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import with_units_of
@@ -115,43 +117,35 @@ class CalibratedRecipe:
         """
         if identifier.fixed:
             return self.step.fit(identifier, data, seed)
-        weights = data.weights[self.step.name]
-        frictions: dict[int, Friction] = {}
-        for folds, problem in data.corrected(self):
-            fitted = checked_fit(identifier, problem, weights[folds], seed)
-            frictions |= {int(fold): fitted[place] for place, fold in enumerate(folds)}
-        together = _together([frictions[fold] for fold in range(len(weights))], repr(identifier))
+        weights, parts = data.weights[self.step.name], list(data.corrected(self))
+        problems = {int(fold): problem for folds, problem in parts for fold in folds}
+        each = [problems[fold] for fold in range(len(weights))]
+        friction = identifier.fit_each(each, weights, seed)
+        if friction is None:
+            friction = _one_by_one(identifier, parts, weights, seed)
+        friction = checked(friction, identifier, each[-1], weights)
         calibration = data.calibrations[self.name]
-        friction = with_units_of(data.mechanism, replace(together, calibration=calibration))
-        fit = one_step_fit(friction, problem, weights[-1])
+        friction = with_units_of(data.mechanism, replace(friction, calibration=calibration))
+        fit = one_step_fit(friction, each[-1], weights[-1])
         return replace(fit, beside=data.determined[self.name])
 
 
-def _together(frictions: Sequence[Friction], identifier: str) -> Friction:
-    """Frictions (n, P) as one (F, n, P), with the provenance of the last one."""
+def _one_by_one(
+    identifier: Identifier, parts: Sequence[tuple[Array, Problem]], weights: Array, seed: int
+) -> Friction:
+    """Friction (F, n, P) of the folds of each problem, with the provenance of the last one."""
+    each: dict[int, Friction] = {}
+    for folds, problem in parts:
+        fitted = checked_fit(identifier, problem, weights[folds], seed)
+        each |= {int(fold): fitted[place] for place, fold in enumerate(folds)}
+    frictions = [each[fold] for fold in range(len(weights))]
     last = frictions[-1]
     if any(friction.law != last.law for friction in frictions):
         raise InputError(
-            f"{identifier} has another law in each fold: give it a recipe without calibration"
+            f"{identifier!r} has another law in each fold: give it a recipe without calibration"
         )
     theta = np.stack([np.asarray(friction.theta) for friction in frictions])
-    source = last.provenance.but(_learning(frictions))
-    return replace(last, theta=theta, provenance=source, constraints=None)
-
-
-def _learning(frictions: Sequence[Friction]) -> dict[str, Any]:
-    """Learning curves of frictions that were fitted one by one, as one table; NaN after an end."""
-    each = [friction.provenance.learning for friction in frictions]
-    if any(not losses or len(losses["training"]) != 1 for losses in each):
-        return {}
-    table = {}
-    for key in ("training", "held_out"):
-        lines = [np.asarray(losses[key][0]) for losses in each]
-        longest = max(map(len, lines))
-        table[key] = np.stack(
-            [np.pad(x, (0, longest - len(x)), constant_values=np.nan) for x in lines]
-        )
-    return {"learning": table}
+    return replace(last, theta=theta, constraints=None)
 
 
 def part_of_calibration(calibration: Calibration, use: tuple[str, ...]) -> Calibration:

@@ -10,10 +10,11 @@ from fixtures.exact_problems import cost, everything, explained_by
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.networks.cells import CompiledCells
 from frictionid.fitting.networks.network import Network, check_device
 from frictionid.fitting.networks.training_sets import Cells, FoldStack, SequenceTrainingSet
 from frictionid.friction import Friction, along, at_rest, memory_along
-from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, check_law
+from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, WindowMLP, check_law
 
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
@@ -126,6 +127,37 @@ def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
         assert torch.autograd.gradcheck(Cells.apply, (weights, read, burn_in))
 
 
+@pytest.mark.parametrize("burn_in", [0, 3])
+def test_compiled_loops_are_those_of_tensors(burn_in):
+    rng = torch.Generator().manual_seed(0)
+
+    def drawn(*shape):
+        return torch.randn(*shape, dtype=torch.float64, generator=rng)
+
+    read, slope = 5.0 * drawn(2, 4, 7, 3, 2), drawn(2, 4, 7 - burn_in, 3, 5)
+    weights = drawn(2, 3, 2 + 5 + 1, 20).requires_grad_()  # two folds, three joints, five cells
+    by_time = read.permute(2, 0, 3, 4, 1).flatten(1, 2)
+    plain = Cells.apply(weights.flatten(0, 1), by_time, burn_in)
+    plain = plain.unflatten(1, (2, 3)).permute(1, 4, 0, 2, 3)
+    fast = CompiledCells.apply(weights, read, burn_in)
+    torch.testing.assert_close(fast, plain, rtol=1e-9, atol=1e-9)
+    a, b = (torch.autograd.grad((x * slope).sum(), weights)[0] for x in (fast, plain))
+    torch.testing.assert_close(a, b, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("law", [LSTM(3, hidden=(4,)), WindowMLP(2, hidden=(3,))], ids=str)
+def test_folds_with_problems_of_their_own_are_as_alone(law):
+    problem = synthetic_problem(2)
+    weights = synthetic_weights(problem)
+    each = [replace(problem, r=(1.0 + 0.1 * f) * problem.r) for f in range(len(weights))]
+    settings = Network(law, epochs=3, batch=32)
+    together = settings.fit_each(each, weights, 1)
+    assert len(together.provenance.learning["training"]) == len(weights)
+    for f, alone in enumerate(each):
+        theta = settings.fit(alone, weights[f : f + 1], 1).theta
+        np.testing.assert_allclose(together.theta[f : f + 1], theta, rtol=1e-7, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     "law", [LSTM(3, hidden=(4,)), LSTM(3, hidden=(4,), odd=True), FREE], ids=["", "odd", "free"]
 )
@@ -136,7 +168,7 @@ def test_cost_of_the_pieces_is_that_of_the_rows(law):
     weights, theta = synthetic_weights(problem) * late, drawn(law)
     a, b = law.gate_sizes
     theta[..., 3 + a * b + law.cells : 3 + a * b + 2 * law.cells] -= 2.0
-    stack = FoldStack(law, problem, theta, "cpu")
+    stack = FoldStack(law, [problem] * len(theta), theta, "cpu")
     pieces = SequenceTrainingSet(stack, weights, 40, 8)
     items = stack.tensor(np.tile(np.arange(pieces.items), (3, 1)))
     found = pieces.cost(stack.tensor(theta), items) * pieces.items * pieces.rows_per_item

@@ -127,7 +127,7 @@ def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
 def test_cost_in_training_is_that_of_the_rows(law):
     problem = synthetic_problem(2)
     weights, theta = synthetic_weights(problem), drawn(law)
-    stack = FoldStack(law, problem, theta, "cpu")
+    stack = FoldStack(law, [problem] * len(theta), theta, "cpu")
     rows = RowTrainingSet(stack, weights)
     items = stack.tensor(np.tile(np.arange(rows.items), (3, 1)))
     found = rows.cost(stack.tensor(theta), items) * rows.items
