@@ -63,7 +63,7 @@ class FoldStack(NamedTuple):
         )
 
     def first_nodes(self) -> Tensor:
-        """First place (F,) of each fold in values that `by_fold` gives."""
+        """First place (F,) of each fold in values that `features` gives."""
         return self.tensor(np.arange(len(self.theta)) * len(self.problem.nodes.time))
 
 
