@@ -49,6 +49,7 @@ from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.quickstart.quick import candidates_of
+from frictionid.report.verdict import HORIZON
 
 DATA = Path(__file__).parent.parent / "data"
 HORIZONS = (0.5, 1.0)  # [s]
@@ -253,14 +254,14 @@ def default_of(machine: Machine) -> tuple[str, str, dict[str, fid.Fit]]:
     ).fitted
     assert fitted is not None
     by_law = {name: fitted[name, machine.method] for name in machine.laws}
-    longest = float(next(iter(by_law.values())).scores.horizon_s.max())
+    scored = next(iter(by_law.values())).scores.horizon_s.dropna()
+    horizon = float(min(scored.unique(), key=lambda h: abs(h - HORIZON)))
     each = np.array([joint.angle_noise for joint in check(machine.train).joints])
     units, sizes = machine.train.mechanism.position_units, machine.train.scales.size
     noise = float(norm_of(each, units, sizes)[0])
-    _, candidates, choice = candidates_of(by_law, longest, noise)
+    _, candidates, choice = candidates_of(by_law, horizon, noise)
     for law in candidates:
-        standing = law.standing.standing if law.standing else ""
-        print(f"  folds, {longest:g} s: {_numbers(law.by_fold):60s} {law.name} {standing}")
+        print(f"  folds, {horizon:g} s: {_numbers(law.by_fold):60s} {law.name} {law.standing}")
     refined = by_law[choice.name].refined
     free = dict.fromkeys(p.block for p in refined.covariance.parameters) if refined else ()
     fits = {name: fid.Fit(r.overall, machine.train) for name, r in by_law.items()}

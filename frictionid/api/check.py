@@ -128,10 +128,7 @@ class FirstVerdict(first.Quick):
     @property
     def frame(self) -> pd.DataFrame:
         """The laws on held-out motion: name, parameters, error [rad], standing."""
-        rows = [
-            (c.name, c.parameters, c.error, c.standing.standing if c.standing else "undecided")
-            for c in self.candidates
-        ]
+        rows = [(c.name, c.parameters, c.error, c.standing or "undecided") for c in self.candidates]
         return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
 
     def plot(self) -> Any:

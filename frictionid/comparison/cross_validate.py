@@ -21,6 +21,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
     CalibratedView,
     Folds,
+    HorizonErrors,
     Prepared,
     Protocol,
     curves,
@@ -102,6 +103,7 @@ class Result(NamedTuple):
     loops: tuple[HysteresisLoop, ...] = ()
     members: Array | None = None
     beyond: Beyond | None = None
+    errors: HorizonErrors | None = None
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -215,11 +217,11 @@ def score(
     folds, overall = friction[:-1], friction[-1]
     prepared = prepared_for(shared.prepared, friction)
     lines, members = _curves(friction, prepared.grid)
-    scores, motions = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
+    scores, motions, errors = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
     tests = {}
     for test in shared.tests:
         name = test.dataset.name
-        tests[name], test_motions = score_model(overall, prepared_for(test, friction))
+        tests[name], test_motions, _ = score_model(overall, prepared_for(test, friction))
         motions = [*motions, *test_motions]
     return Result(
         scores=scores,
@@ -232,6 +234,7 @@ def score(
         grid=prepared.grid,
         loops=_loops(friction, prepared, benchmark.protocol),
         members=members,
+        errors=errors,
         beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
     )
 

@@ -28,6 +28,7 @@ from frictionid.comparison.cross_validate import (
 from frictionid.comparison.processes import package_digest, side_by_side
 from frictionid.comparison.result_folder import finished, write_sealed
 from frictionid.errors import InputError
+from frictionid.evaluation import HorizonErrors
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
@@ -36,6 +37,7 @@ from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
 
 FORMAT = 1  # of the result files
+_DIGITS = 7
 
 
 class Task(NamedTuple):
@@ -270,7 +272,13 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "members": result.members,
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],
+        "starts": result.errors and _rounded(result.errors),
     }
+
+
+def _rounded(errors: HorizonErrors) -> dict[str, Any]:
+    """Errors of predictions as a document; what is far counts 1, digits far below it nothing."""
+    return {**errors._asdict(), "error": errors.error.round(_DIGITS)}
 
 
 # --- Digests: equal for equal data, settings and code

@@ -24,7 +24,7 @@ from frictionid.evaluation.initial_states import (
     initial_state_folds,
     make_initial_states,
 )
-from frictionid.evaluation.predicted_motion import predict, rollout_scores
+from frictionid.evaluation.predicted_motion import HorizonErrors, predict, rollout_scores
 from frictionid.evaluation.prepared import (
     CalibratedView,
     EstimatedStates,

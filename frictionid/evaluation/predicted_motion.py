@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import TURN, joint_sizes, norm_of
+from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes, norm_of
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.closed_loop import closed_loop
 from frictionid.dynamics.rollout import Rollout, rollout
@@ -25,7 +25,9 @@ from frictionid.evaluation.prepared import (
     prepare,
     prepared_for,
 )
+from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.score_frame import Score, summarise_rollouts
+from frictionid.evaluation.statistics import FEWEST
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
@@ -93,6 +95,45 @@ def rollout_scores(
                 error = motion.q[at] - reference[at]
                 template = Score("all", score, horizon_s=float(horizon))
                 yield from _horizon_scores(error, fold[h, use], template, units, limit)
+
+
+class HorizonErrors(NamedTuple):
+    """Errors (H, S, n) of predictions after H horizons [s], from S starts, in units of what is far.
+
+    That is the size of a joint, or of the largest one; not finite where a prediction has diverged.
+
+    recording, fold : (S,) of each start; held_out : (H, S) where the error counts
+    """
+
+    horizons: Array
+    recording: Array
+    fold: Array
+    held_out: Array
+    error: Array
+
+    def after(self, horizon: float) -> StartErrors:
+        """The errors after the nearest horizon, of each recording.
+
+        Of each fold, where they are of fewer than three recordings.
+        """
+        nearest = int(np.argmin(np.abs(self.horizons - horizon)))
+        used = self.held_out[nearest]
+        few = len(np.unique(self.recording[used])) < FEWEST
+        return StartErrors(self.error[nearest, used], (self.fold if few else self.recording)[used])
+
+
+def horizon_errors(
+    motion: Rollout, initial: InitialStates, fold: Array, position_units: Sequence[str] = ()
+) -> HorizonErrors:
+    """Errors of all predictions against the measured angles; `fold` as for `rollout_scores`."""
+    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
+    limit = joint_sizes(units, initial.measured)
+    held_out = (initial.last > 0) & (fold >= 0)
+    error = (motion.q - initial.measured)[initial.last, np.arange(len(initial.recording))]
+    error = np.where(held_out[..., None], error, 0.0)
+    size = limit if are_mixed(units) else limit.max()
+    owner = fold.max(axis=0)
+    return HorizonErrors(initial.horizons, initial.recording, owner, held_out, error / size)
 
 
 def _horizon_scores(

@@ -29,7 +29,12 @@ from frictionid.evaluation.folds import Folds
 from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory_folds
 from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
 from frictionid.evaluation.plausibility import dissipated
-from frictionid.evaluation.predicted_motion import predict, rollout_scores
+from frictionid.evaluation.predicted_motion import (
+    HorizonErrors,
+    horizon_errors,
+    predict,
+    rollout_scores,
+)
 from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
 from frictionid.evaluation.score_frame import Score, score_frame, summarise
 from frictionid.fitting.one_step.residual import Problem
@@ -86,10 +91,12 @@ class Evaluation(NamedTuple):
 
     scores : score frame, see `frictionid.evaluation.score_frame`
     motions : predicted and measured angles over the longest horizon, as result files have them
+    errors : of its predictions from each start
     """
 
     scores: pd.DataFrame
     motions: list[dict[str, Any]]
+    errors: HorizonErrors
 
 
 class HeldOut(NamedTuple):
@@ -148,8 +155,11 @@ def score_folds(
         views = calibrated_views(prepared, friction.calibration, len(friction.theta))
     views_fitted = [view.of_folds(len(friction.theta)) for view in views]
     views_used = [view for view in views_fitted if len(view.folds)]
-    rows, motions = _scored(_Model(friction, views_used), overall, prepared, held_out, lines)
-    return Evaluation(score_frame(rows), [{**m, "friction_of": "fold"} for m in motions])
+    rows, motions, errors = _scored(
+        _Model(friction, views_used), overall, prepared, held_out, lines
+    )
+    shown = [{**m, "friction_of": "fold"} for m in motions]
+    return Evaluation(score_frame(rows), shown, errors)
 
 
 def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
@@ -176,9 +186,9 @@ def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
     )
     batch = friction[None]
     model = _Model(batch, calibrated_views(prepared, batch.calibration, 1))
-    rows, motions = _scored(model, friction, prepared, everything)
+    rows, motions, errors = _scored(model, friction, prepared, everything)
     pooled = [row for row in rows if row.fold == "all"]
-    return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions])
+    return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions], errors)
 
 
 def _held_out_rows(problem: Problem, folds: Folds) -> Array:
@@ -191,8 +201,8 @@ def _scored(
     prepared: Prepared,
     held_out: HeldOut,
     lines: Array | None = None,
-) -> tuple[list[Score], list[dict[str, Any]]]:
-    """All scores of a model, and examples of its rollouts."""
+) -> tuple[list[Score], list[dict[str, Any]], HorizonErrors]:
+    """All scores of a model, examples of its rollouts, and their errors."""
     # where any horizon of a rollout is held out, one fold holds it out: its friction predicts
     owner = np.maximum(held_out.rollouts.max(axis=0), 0)
     initial, motion = _rollouts(model, owner)
@@ -210,7 +220,8 @@ def _scored(
     scores.append(_parameter_count(model.friction))
     shown = motion.q, initial, prepared, held_out.rollouts[-1] >= 0
     band = partial(_band, model) if len(model.friction.theta) >= FEWEST else None
-    return scores, [*common_examples(*shown), *ranked_examples(*shown, band)]
+    errors = horizon_errors(motion, initial, held_out.rollouts, prepared.position_units)
+    return scores, [*common_examples(*shown), *ranked_examples(*shown, band)], errors
 
 
 def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:

@@ -43,6 +43,13 @@ class CorrelatedTest(NamedTuple):
     above: float
     folds: int
 
+    @property
+    def turned(self) -> CorrelatedTest:
+        """The test of the opposite difference."""
+        return self._replace(
+            mean=-self.mean, low=-self.high, high=-self.low, below=self.above, above=self.below
+        )
+
 
 def correlated_test(
     differences: Array, region: float, *, test_share: float | None = None
@@ -81,17 +88,22 @@ def correlated_test(
         raise ValueError(f"differences of {count} folds: at least 2, all finite")
     share = 1.0 / count if test_share is None else test_share
     mean, deviation = float(np.mean(differences)), float(np.std(differences, ddof=1))
-    error = deviation * float(np.sqrt(1.0 / count + share / (1.0 - share)))
-    if error == 0.0:  # all folds agree
+    return t_test(mean, deviation * np.sqrt(1.0 / count + share / (1.0 - share)), count, region)
+
+
+def t_test(mean: float, error: float, count: int, region: float) -> CorrelatedTest:
+    """The test of a mean difference of so many folds or recordings by its standard error."""
+    if error == 0.0:  # all agree
         sides = float(mean < -region), float(mean > region)
         inside = 1.0 - sum(sides)
         p_value = float(mean == 0.0)
         return CorrelatedTest(mean, 0.0, mean, mean, p_value, sides[0], inside, sides[1], count)
     below, above = (float(stdtr(count - 1, (-region + s * mean) / error)) for s in (-1.0, 1.0))
-    half = float(stdtrit(count - 1, 0.975)) * error
+    half = float(stdtrit(count - 1, 0.975) * error)
     low, high = mean - half, mean + half
     p_value = 2.0 * float(stdtr(count - 1, -abs(mean) / error))
-    return CorrelatedTest(mean, error, low, high, p_value, below, 1 - below - above, above, count)
+    error, inside = float(error), 1 - below - above
+    return CorrelatedTest(mean, error, low, high, p_value, below, inside, above, count)
 
 
 class Pair(NamedTuple):
@@ -126,103 +138,3 @@ def paired(mine: Array, other: Array) -> Pair:
         return Pair(float("nan"), float("nan"), len(mine))
     test = correlated_test(mine - other, 0.0)
     return Pair(test.mean, test.error, test.folds, test.p_value)
-
-
-class Standing(NamedTuple):
-    """How a model stands against the best one.
-
-    standing : "best"; "adequate", shown to be not practically worse; "worse", shown to be;
-        "undecided", neither; "diverged", its error is not finite in every fold
-    test : of its errors less those of the best, None where they are not finite
-    """
-
-    standing: str
-    test: CorrelatedTest | None
-
-
-class Choice(NamedTuple):
-    """Which of several models the rule recommends, by their places.
-
-    best : the lowest mean error; None where no model is finite
-    region : half the width of the region of practical equivalence, 10 % of that error; of relative
-        errors ln(1.1)
-    standings : of all models
-    simplest : the simplest one that is not shown to be practically worse
-    adequate : the simplest one that is shown to be not practically worse
-    """
-
-    best: int | None
-    region: float
-    standings: tuple[Standing, ...]
-    simplest: int | None
-    adequate: int | None
-
-    @property
-    def recommended(self) -> int | None:
-        """The model that the rule recommends; None where these data cannot tell."""
-        return self.adequate if self.adequate == self.simplest else None
-
-
-def choose(
-    errors: Array,
-    complexity: Array,
-    implausible: Array | None = None,
-    *,
-    relative: bool = False,
-) -> Choice:
-    """The simplest model that is not practically worse than the best.
-
-    The best model has the lowest mean error. Another one is practically worse where its error is
-    larger by more than a tenth of the best one's with a probability of 95 %, and adequate where
-    that has a probability of at most 5 % (`correlated_test`). Models are simple in the order of
-    their complexity; of equally complex ones the first is that of the lower error.
-
-    Parameters
-    ----------
-    errors : array (M, J)
-        Error of each model in each fold.
-    complexity : array (M,)
-        Effective number of parameters; infinite for models that are never simpler than others.
-    implausible : bool array (M,), optional
-        Models that are chosen only where no other is left.
-    relative : bool
-        Whether the logarithms of the errors are compared. With few folds, of very different motion,
-        the largest error hides what all folds agree on.
-
-    Examples
-    --------
-    The first model makes no practical difference, the second one does:
-
-    >>> folds = np.array([0.30, 0.31, 0.29, 0.30, 0.32])
-    >>> choose(np.array([folds, folds + 0.003]), np.array([8.0, 4.0])).recommended
-    1
-    >>> choose(np.array([folds, folds + 0.3]), np.array([8.0, 4.0])).recommended
-    0
-    """
-    finite = np.all(np.isfinite(errors), axis=1)
-    if errors.shape[1] < FEWEST or not finite.any():
-        return Choice(None, float("nan"), (), None, None)
-    if relative:
-        errors = np.log(errors)
-    means = np.where(finite[:, None], errors, np.inf).mean(axis=1)
-    best = int(np.argmin(means))
-    region = float(np.log(1.0 + REGION)) if relative else REGION * float(means[best])
-    standings = []
-    for place, model_errors in enumerate(errors):
-        test = correlated_test(model_errors - errors[best], region) if finite[place] else None
-        standings.append(Standing(_standing(test, place == best), test))
-    last = np.zeros(len(errors)) if implausible is None else implausible
-    order = np.lexsort((means, complexity, last))
-    kept = [int(i) for i in order if standings[i].standing not in ("worse", "diverged")]
-    shown = [i for i in kept if standings[i].standing != "undecided"]
-    return Choice(best, region, tuple(standings), kept[0], shown[0])
-
-
-def _standing(test: CorrelatedTest | None, is_best: bool) -> str:
-    if test is None:
-        return "diverged"
-    if is_best:
-        return "best"
-    if test.above >= CERTAIN:
-        return "worse"
-    return "adequate" if test.above <= 1 - CERTAIN else "undecided"

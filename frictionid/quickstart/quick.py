@@ -1,18 +1,14 @@
 """A first verdict in about a minute: check, a few laws on held-out motion, the one that predicts.
 
-Folds of whole recordings choose, where there are enough: the law of the lowest error after the
-horizon, or the simplest that is within a twentieth of it; or a richer one that has all of its
-parameters and is not shown to be worse, where the data identify one that it adds: few folds scatter
-more than a parameter's own interval. The few folds hold out very different
-motion, so that errors are compared by their ratios. Only folds count that hold out motion: in
-others all errors are noise. With fewer than three of them the law of the smallest error counts.
-Whether another law is shown to be practically worse stands beside it, by the rule of a comparison
-(`frictionid.evaluation.statistics.choose`). Laws are fitted by shooting, with its defaults.
+The rule is that of a comparison (`frictionid.evaluation.reference_model`), on fewer candidates:
+the simplest law whose predictions are not practically worse than those of the best one. Laws are
+fitted by shooting, with its defaults. Only folds count that hold out motion: in others all errors
+are noise. With fewer than three of them the law of the smallest error counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +24,7 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
-from frictionid.evaluation.statistics import Standing, choose
+from frictionid.evaluation.reference_model import Loss, StartErrors, choose
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
@@ -36,15 +32,13 @@ from frictionid.friction.provenance import Estimates
 # by their number of parameters; `motor_load` where a motor's torque is sampled
 LAWS = ("none", "coulomb_viscous", "motor_load", "stribeck", "spline")
 STEPS = ("check", *LAWS)
-_HORIZONS = (1.0, 0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
+_HORIZONS = (0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
 _FOLDS = 5
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
-_TRIALS = 5  # of parameters that might be there by chance
-_TIE = 0.05  # of the lowest error: laws within it predict alike
 
 
 @dataclass(frozen=True)
@@ -53,19 +47,19 @@ class Candidate:
 
     error : median error after the horizon [rad], of all folds
     by_fold : (F,) the same in each fold
-    standing : against the best law; None where too few folds hold out motion
     curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
-    names : of its parameters; identified : those that the fit to all data tells from zero
+    standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
+        too few folds hold out motion
+    loss : against it, None of itself
     """
 
     name: str
     parameters: int
     error: float
     by_fold: Array
-    standing: Standing | None
     curves: Array
-    names: frozenset[str] = frozenset()
-    identified: frozenset[str] = frozenset()
+    standing: str = ""
+    loss: Loss | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,26 +135,6 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     )
 
 
-def chosen_of(candidates: Sequence[Candidate]) -> Candidate:
-    """The simplest law that predicts as well as the best one, else that of the smallest error.
-
-    No friction is never chosen: too little motion does not show that there is none.
-    """
-    laws = [c for c in candidates if c.parameters]
-    tests = [c.standing.test if c.standing else None for c in laws]
-    alike = [
-        law
-        for law, test in zip(laws, tests, strict=True)
-        if test is not None and test.mean <= np.log(1.0 + _TIE)
-    ]
-    if not alike:
-        return min(laws, key=lambda c: c.error)
-    chosen = min(alike, key=lambda c: c.parameters)
-    needed = [c for c in laws if chosen.names < c.names and c.identified - chosen.names]
-    needed = [c for c in needed if c.standing and c.standing.standing not in ("worse", "diverged")]
-    return min(needed, key=lambda c: float(np.log(c.by_fold).mean()), default=chosen)
-
-
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
     """As much of a data set as is compared in a minute, and the time [s] between its samples.
 
@@ -217,46 +191,46 @@ def _folds(dataset: Dataset) -> Folds:
 def candidates_of(
     results: Mapping[str, Result], horizon: float, noise: float
 ) -> tuple[int, tuple[Candidate, ...], Candidate]:
-    """Number of folds that hold out motion, the laws compared on these, and the chosen one."""
+    """Number of folds that hold out motion, the laws compared on these, and the chosen one.
+
+    No friction is never chosen: too little motion does not show that there is none.
+    """
     folds = np.array([_by_fold(result, horizon) for result in results.values()])
-    sizes = np.array([result.overall.theta.size for result in results.values()])
-    moving = folds.max(axis=0) > _ABOVE * noise
-    choice = choose(folds[:, moving], sizes, implausible=sizes == 0, relative=True)
-    standings = choice.standings or (None,) * len(results)
+    frictionless = np.array([result.overall.theta.size == 0 for result in results.values()])
+    moving = np.flatnonzero(folds.max(axis=0) > _ABOVE * noise)
+    errors = [_starts(result, horizon, moving) for result in results.values()]
+    counts = np.array([_complexity(result) for result in results.values()])
+    choice = choose(errors, counts, unfit=frictionless)
     candidates = tuple(
         Candidate(
             name=name,
-            parameters=int(size),
+            parameters=int(result.overall.theta.size),
             error=result.value("rollout_angle", "median", horizon),
             by_fold=by_fold,
-            standing=standing,
             curves=result.curves,
-            names=frozenset(result.overall.law.names),
-            identified=_identified(result),
+            standing=choice.standings[i] if choice.standings else "",
+            loss=choice.losses[i] if choice.losses else None,
         )
-        for (name, result), size, by_fold, standing in zip(
-            results.items(), sizes, folds, standings, strict=True
-        )
+        for i, ((name, result), by_fold) in enumerate(zip(results.items(), folds, strict=True))
     )
-    return int(moving.sum()), candidates, chosen_of(candidates)
+    laws = [c for c in candidates if c.parameters]
+    smallest = min(laws, key=lambda c: c.error)
+    chosen = smallest if choice.adequate is None else candidates[choice.adequate]
+    return len(moving), candidates, chosen
 
 
-def _identified(result: Result) -> frozenset[str]:
-    """Parameters of friction, of any joint, whose intervals at 99 % do not hold zero.
+def _starts(result: Result, horizon: float, moving: Array) -> StartErrors:
+    """Errors of predictions that start in some of the folds."""
+    assert result.errors is not None
+    held_out = result.errors.held_out & np.isin(result.errors.fold, moving)
+    return result.errors._replace(held_out=held_out).after(horizon)
 
-    Without velocities, which say nothing of how much there is.
-    """
-    fit = result.refined
-    if fit is None or fit.friction.law.is_network:
-        return frozenset()
-    names, units = fit.friction.law.names, fit.friction.law.units
-    shown = fit.covariance.significant(_TRIALS) & ~fit.covariance.meaningless
-    places = [
-        p.place[1]
-        for p, yes in zip(fit.covariance.parameters, shown, strict=True)
-        if yes and p.block == "friction"
-    ]
-    return frozenset(names[i] for i in places if units[i] != "rad/s")
+
+def _complexity(result: Result) -> float:
+    """Effective number of parameters, as in a comparison."""
+    scores: Any = result.scores
+    counts = scores.value[scores.score == "effective_parameters"]
+    return float(counts.iloc[0]) if len(counts) else float(result.overall.theta.size)
 
 
 def _by_fold(result: Result, horizon: float) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import IDENTIFIERS
-from frictionid.evaluation.statistics import FEWEST, CorrelatedTest
+from frictionid.evaluation.reference_model import factors
+from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
@@ -27,9 +28,10 @@ from frictionid.report.figures.style import (
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
-from frictionid.report.numbers import NOTHING, norm_unit, short
+from frictionid.report.numbers import NOTHING, factor, norm_unit, short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
 from frictionid.report.terminal import parameter_table
+from frictionid.report.verdict import times
 
 
 def show_quick(result: Quick) -> None:
@@ -71,8 +73,12 @@ def verdict(result: Quick) -> list[str]:
     ]
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
-    if best is not chosen:
-        out.append(_why(chosen, best))
+    if best is not chosen and chosen.loss is not None:
+        words = times(chosen.loss.test)
+        out.append(f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %).")
+    unsure = [c for c in result.candidates if c.standing == "undecided"]
+    if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
+        out.append(f"These data cannot tell whether {', '.join(simpler)} would do.")
     worse = [c.name if c.parameters else "no friction" for c in result.candidates if _is_worse(c)]
     out.append(
         f"Practically worse than {best.name}: {', '.join(worse)}."
@@ -87,20 +93,6 @@ def verdict(result: Quick) -> list[str]:
     if len(result.free) > 1:
         out.append(f"Free beside friction: {', '.join(result.free[1:])}.")
     return out
-
-
-def _why(chosen: Candidate, best: Candidate) -> str:
-    """Why another law was chosen than that of the lowest error."""
-    if chosen.parameters < best.parameters:
-        return (
-            f"{best.name} predicts best fold by fold, {chosen.name} as well within 5 % and with "
-            "fewer parameters."
-        )
-    added = ", ".join(sorted(chosen.identified - best.names))
-    return (
-        f"{best.name} predicts best fold by fold, but {chosen.name} is not shown to be practically "
-        f"worse, and the data identify its {added}."
-    )
 
 
 def quick_json(result: Quick) -> str:
@@ -119,8 +111,8 @@ def quick_json(result: Quick) -> str:
                 "parameters": c.parameters,
                 "error": c.error,
                 "by_fold": c.by_fold,
-                "standing": c.standing and c.standing.standing,
-                "times_best": c.standing and c.standing.test and times_best(c.standing.test),
+                "standing": c.standing,
+                "times_best": c.loss and factors(c.loss.test),
             }
             for c in result.candidates
         ],
@@ -136,7 +128,7 @@ def _table(result: Quick) -> Table:
         *text_columns("law"),
         Column("parameters"),
         Column(f"error after {result.horizon:g} s [{_unit(result)}]"),
-        Column("times the best (95 %)"),
+        Column("times the best (80 %)"),
     ]
     lines = []
     for c in result.candidates:
@@ -147,27 +139,18 @@ def _table(result: Quick) -> Table:
 
 def best_of(result: Quick) -> Candidate:
     """The law of the lowest mean error over the folds, or overall where nothing is shown."""
-    first = [c for c in result.candidates if c.standing and c.standing.standing == "best"]
+    first = [c for c in result.candidates if c.standing == "best"]
     return first[0] if first else min(result.candidates, key=lambda c: c.error)
 
 
-def times_best(test: CorrelatedTest) -> tuple[float, float, float]:
-    """Error as a multiple of the best law's, geometric mean over the folds, and 95 % interval."""
-    mean, low, high = np.exp((test.mean, test.low, test.high)).tolist()
-    return mean, low, high
-
-
 def _times_best(c: Candidate) -> str:
-    if c.standing is None or c.standing.test is None:
-        return NOTHING
-    if c.standing.standing == "best":
-        return "best"
-    mean, low, high = (short(value) for value in times_best(c.standing.test))
-    return f"{mean} ({low} to {high})"
+    if c.loss is None:
+        return c.standing if c.standing == "best" else NOTHING
+    return f"{factor(factors(c.loss.test)[0])} ({times(c.loss.test)})"
 
 
 def _is_worse(c: Candidate) -> bool:
-    return c.standing is not None and c.standing.standing in ("worse", "diverged")
+    return c.standing in ("worse", "diverged")
 
 
 def _without(result: Quick) -> Candidate:

@@ -1,4 +1,4 @@
-"""Candidates of a verdict: models that can be recommended, and how they stand fold by fold."""
+"""Candidates of a verdict: models that can be recommended, and how they stand."""
 
 from __future__ import annotations
 
@@ -8,17 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.statistics import (
-    CERTAIN,
-    REGION,
-    Choice,
-    CorrelatedTest,
-    correlated_test,
-)
+from frictionid.evaluation.reference_model import CERTAIN, Choice, Loss, StartErrors, choose, loss
+from frictionid.evaluation.statistics import FEWEST, CorrelatedTest
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed
 from frictionid.report.plausibility import FAILED, Check, checks_of
-from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
@@ -32,22 +27,23 @@ class Candidate:
     Attributes
     ----------
     model : its line of the tables
-    errors : (F,) median error of its predictions in each fold, infinite where one is missing
+    error : median error of all its predictions, as in the tables; by_fold : (F,) of each fold
+    starts : its error from each start
     complexity : effective number of parameters, infinite where it is not known
     checks : whether it is physically plausible
-    standing : "best", "adequate", "undecided", "worse" or "diverged", against the best one; see
-        `frictionid.evaluation.statistics.Standing`
-    against_best, against_provisional : tests of its errors less those of the best model and of the
-        simplest adequate one; None where an error is not finite
+    standing : "best", "adequate", "undecided", "worse" or "diverged", against the reference, see
+        `frictionid.evaluation.reference_model.Choice`; "" of another recipe than the verdict's
+    loss : against the reference, None of itself
     """
 
     model: Model
-    errors: Array
+    error: float
+    by_fold: Array
+    starts: StartErrors
     complexity: float
     checks: tuple[Check, ...] = ()
     standing: str = ""
-    against_best: CorrelatedTest | None = None
-    against_provisional: CorrelatedTest | None = None
+    loss: Loss | None = None
 
     @property
     def name(self) -> str:
@@ -60,24 +56,26 @@ class Candidate:
         return tuple(check.statement for check in self.checks if check.outcome == FAILED)
 
     @property
-    def error(self) -> float:
-        """Mean over the folds of its errors; infinite where one is not finite, NaN of none."""
-        return float(self.errors.mean()) if len(self.errors) else float("nan")
+    def unfit(self) -> bool:
+        """Whether it is implausible, or its fit has not converged."""
+        return bool(self.implausible or (self.model.refined and not self.model.refined.settled))
 
     @property
     def is_finite(self) -> bool:
-        """Whether its error is finite in every fold."""
-        return bool(len(self.errors) and np.isfinite(self.errors).all())
+        """Whether most of its predictions of each recording are finite."""
+        return bool(len(self.starts.group)) and not self.starts.diverged
+
+    @property
+    def level(self) -> float:
+        """Mean size of its errors, 1 at most: what models are compared by."""
+        return float(self.starts.size.mean())
 
 
 @dataclass(frozen=True, eq=False)
 class Contrast:
-    """The best candidates of two groups, and whether the second one predicts better.
+    """The best candidates of two groups, and whether the first one predicts worse.
 
-    Attributes
-    ----------
-    first, second : lowest mean errors of each group
-    test : errors of the first less those of the second; the region is 10 % of the lower one's error
+    test : of the logarithm of the factor by which it is farther off
     """
 
     first: Candidate
@@ -91,31 +89,38 @@ class Contrast:
             return "yes"
         return "no" if self.test.above <= 1 - CERTAIN else "undecided"
 
-    @property
-    def effect(self) -> float:
-        """By which share of its error the second one is better; negative where it is worse."""
-        return self.test.mean / self.second.error
 
-
-def candidates_of(data: SummaryData, column: str) -> list[Candidate]:
+def candidates_of(data: SummaryData, horizon: float) -> list[Candidate]:
     """All models of a data set that can be recommended, with their checks, as in the tables.
 
     Given numbers that were fitted to these recordings are none: nothing is held out of them.
 
-    column : of the score that is compared
+    horizon : [s] of the predictions that are compared
     """
-    models = [model for model in data.of_role(*CANDIDATES) if not _has_seen(model, data)]
+    column = rollout(horizon)
     candidates = [
-        Candidate(model, errors, complexity_of(data, model))
-        for model, errors in zip(models, _fold_errors(data, models, column), strict=True)
+        Candidate(
+            model,
+            data.value(model, column),
+            data.of_folds(model, column),
+            model.start_errors(horizon),
+            complexity_of(data, model),
+        )
+        for model in data.of_role(*CANDIDATES)
+        if not _has_seen(model, data)
     ]
-    static = [c for c in candidates if not has_memory(c.model)]
     controls = {
         c.model: (best.first.name, best.test)
         for c in candidates
-        if c not in static and (best := contrast(static, [c])) is not None
+        if has_memory(c.model)
+        and (best := contrast(_static(candidates, c.model.recipe), [c])) is not None
     }
     return [replace(c, checks=checks_of(c.model, data, controls.get(c.model))) for c in candidates]
+
+
+def _static(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
+    """Candidates without memory by a recipe."""
+    return [c for c in candidates if c.model.recipe in (ANY, recipe) and not has_memory(c.model)]
 
 
 def _has_seen(model: Model, data: SummaryData) -> bool:
@@ -132,24 +137,31 @@ def complexity_of(data: SummaryData, model: Model) -> float:
     return next((count for count in counts if np.isfinite(count)), float("inf"))
 
 
-def _fold_errors(data: SummaryData, models: Sequence[Model], column: str) -> Array:
-    """A score of each model in each fold (M, F); infinite where it is missing."""
-    each = [data.of_folds(model, column) for model in models]
-    folds = max(map(len, each), default=0)
-    whole = [errors if len(errors) == folds else np.full(folds, np.inf) for errors in each]
-    return np.where(np.isnan(whole), np.inf, whole) if whole else np.empty((0, 0))
+def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ...]]:
+    """What the rule chooses of candidates from the same starts, and these with how they stand."""
+    choice = choose(
+        [c.starts for c in candidates],
+        np.array([c.complexity for c in candidates]),
+        np.array([c.unfit for c in candidates], dtype=bool),
+    )
+    standings = zip(candidates, choice.standings, choice.losses, strict=False)
+    return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
 
 
-def judged_by(choice: Choice, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """The candidates with how they stand, from the simplest to the most complex."""
-    reference = None if choice.adequate is None else candidates[choice.adequate]
-    out = []
-    for candidate, (standing, test) in zip(candidates, choice.standings, strict=True):
-        other = None if reference is None else _test(candidate, reference, choice.region)
-        out.append(
-            replace(candidate, standing=standing, against_best=test, against_provisional=other)
-        )
-    return tuple(sorted(out, key=lambda c: (c.complexity, c.error)))
+def recipe_to_judge(candidates: Sequence[Candidate]) -> str:
+    """The recipe whose models are compared: one that corrects the data, of the most models.
+
+    Shooting, which estimates the calibration beside friction, corrects them too. Of equal ones that
+    of the lowest error.
+    """
+
+    def rank(recipe: str) -> tuple[bool, int, float]:
+        models = [c for c in candidates if c.model.recipe == recipe]
+        corrects = any(c.model.method.get("corrects") or c.model.refined for c in models)
+        return corrects, len(models), -min(c.level for c in models if c.is_finite)
+
+    usable = {c.model.recipe for c in candidates if c.model.recipe != ANY and c.is_finite}
+    return max(sorted(usable), key=rank, default=ANY)
 
 
 def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contrast | None:
@@ -157,15 +169,12 @@ def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contras
     groups = [[c for c in group if c.is_finite] for group in (first, second)]
     if not all(groups):
         return None
-    a, b = (min(group, key=lambda c: c.error) for group in groups)
-    test = _test(a, b, REGION * min(a.error, b.error))
-    return test and Contrast(a, b, test)
-
-
-def _test(first: Candidate, second: Candidate, region: float) -> CorrelatedTest | None:
-    if len(first.errors) < 2 or not (first.is_finite and second.is_finite):
+    a, b = (min(group, key=lambda c: c.level) for group in groups)
+    if len(np.unique(a.starts.group)) < FEWEST:
         return None
-    return correlated_test(first.errors - second.errors, region)
+    if a.level >= b.level:
+        return Contrast(a, b, loss(a.starts, b.starts).test)
+    return Contrast(a, b, loss(b.starts, a.starts).test.turned)
 
 
 FAMILIES = {

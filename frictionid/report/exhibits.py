@@ -148,7 +148,7 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
 
 def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[NamedTable]:
     """Tables about what was fitted to a data set, beside the summary."""
-    if verdict.candidates:
+    if verdict.compared:
         numbers = verdict_numbers(verdict)
         heading = "Error against complexity, and how the models stand"
         yield NamedTable(f"verdict--{stem}", verdict_table(verdict, numbers), numbers, heading)

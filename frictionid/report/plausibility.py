@@ -15,7 +15,8 @@ from frictionid.evaluation.plausibility import (
     lowest_dissipation,
     tail_drop,
 )
-from frictionid.evaluation.statistics import CERTAIN, FEWEST, CorrelatedTest, correlated_test
+from frictionid.evaluation.reference_model import CERTAIN
+from frictionid.evaluation.statistics import FEWEST, CorrelatedTest, correlated_test
 from frictionid.report.memory import KINDS, loops_of, middle
 from frictionid.report.numbers import MINUS
 from frictionid.report.sections import Model, SummaryData
@@ -27,7 +28,7 @@ UNBALANCED = 0.1  # of the energy that the motion implies
 ENERGY = "dissipated_energy_ratio"
 
 
-# Name of the best model without memory beside one with memory, and the test of its errors less its.
+# Name of the best model without memory beside one with memory, and the test of its loss against it.
 Control = tuple[str, CorrelatedTest]
 
 

@@ -1,16 +1,21 @@
-"""Questions that a comparison answers, each by the rule of the verdict, or says why it cannot."""
+"""Questions that a comparison answers, each by the rule of the verdict, or says why it cannot.
+
+Models are compared with models of the same recipe: another one corrects the data otherwise.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from frictionid.evaluation.reference_model import factors
 from frictionid.report.candidates import Candidate, contrast, family
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import MINUS, factor, percent, short
-from frictionid.report.sections import EULER, Model, Section
+from frictionid.report.sections import ANY, EULER, Model, Section, rollout
 
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
@@ -37,13 +42,18 @@ class Asked:
     """What the questions are put to.
 
     candidates : of the fitted data; recommended : the one that is used until further data decide
-    column : of the error that is compared
+    horizon : [s] of the predictions that are compared
     """
 
     section: Section
     candidates: Sequence[Candidate]
     recommended: Candidate
-    column: str
+    horizon: float
+
+    @property
+    def column(self) -> str:
+        """Column of the error that is compared."""
+        return rollout(self.horizon)
 
     def group(self, traits: set[str]) -> list[Candidate]:
         """Candidates with all of these traits."""
@@ -88,22 +98,41 @@ def _nothing(reason: str) -> Answer:
 def _contrast(
     asked: Asked, first: Sequence[Candidate], second: Sequence[Candidate], missing: str
 ) -> Answer:
-    """Whether the best of the second group is practically better than the best of the first."""
-    contrasted = contrast(first, second)
-    if contrasted is None:
-        return _nothing(missing)
-    a, b, test = contrasted.first, contrasted.second, contrasted.test
-    worse, better = (a, b) if a.error >= b.error else (b, a)
-    ends = (test.low, test.high) if worse is a else (-test.high, -test.low)
-    low, high = (factor(max(1 + end / better.error, 0.0)) for end in ends)
+    """Whether the best of the second group is practically better than the best of the first.
+
+    Within the recipe that fitted both, of several that of the lowest error.
+    """
+    shared = _recipes(first, second)
+    contrasts = {r: contrast(_under(first, r), _under(second, r)) for r in shared}
+    judged = {r: c for r, c in contrasts.items() if c is not None}
+    if not judged:
+        apart = first and second and not shared
+        return _nothing("no recipe fitted both: fit them by the same one." if apart else missing)
+    recipe = min(judged, key=lambda r: min(judged[r].first.level, judged[r].second.level))
+    a, b, test = judged[recipe].first, judged[recipe].second, judged[recipe].test
+    several = len({c.model.recipe for c in asked.candidates} - {ANY}) > 1
+    within = f"by recipe {recipe}: " if several and recipe else ""
+    worse, better, shown = (a, b, test) if test.mean >= 0 else (b, a, test.turned)
+    middle, low, high = map(factor, factors(shown))
     unit = asked.section.description.angle_unit
     reason = (
-        f"{worse.name} is {short(worse.error)} {unit} off, {better.name} {short(better.error)} "
-        f"{unit}: {factor(worse.error / better.error)} times as far (95 %: {low} to {high})."
+        f"{within}{worse.name} is {short(worse.error)} {unit} off, {better.name} "
+        f"{short(better.error)} {unit}: by what they predict {middle} times as far (80 %: "
+        f"{low} to {high})."
     )
-    effects = {"effect": contrasted.effect, "low": test.low / b.error, "high": test.high / b.error}
+    effects = dict(zip(("times", "low", "high"), factors(test), strict=True))
     chances = {"worse": test.above, "equivalent": test.inside, "better": test.below}
-    return contrasted.answer, reason, effects | chances | {"folds": float(test.folds)}
+    return judged[recipe].answer, reason, effects | chances | {"recordings": float(test.folds)}
+
+
+def _under(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
+    return [c for c in candidates if c.model.recipe in (ANY, recipe)]
+
+
+def _recipes(first: Sequence[Candidate], second: Sequence[Candidate]) -> list[str]:
+    """Recipes that have models of both groups; what no recipe changes belongs to each of them."""
+    names = list(dict.fromkeys(c.model.recipe for c in (*first, *second)))
+    return [r for r in names if _under(first, r) and _under(second, r)]
 
 
 def _between(first: set[str], second: set[str], missing: str) -> Callable[[Asked], Answer]:
@@ -129,13 +158,19 @@ def percent_of(share: float) -> str:
 
 
 def _loss(asked: Asked) -> Answer:
-    data, fitted = asked.section.fitted, asked.group({"fitted"})
-    lowest = data.best(data.of_role("fitted"), EULER)
-    first = [c for c in fitted if c.model is lowest]
-    if len(fitted) < 2:
-        return _nothing("needs two fitted models.")
-    answer, reason, evidence = _turned(_contrast(asked, first, fitted, "no loss is finite."))
-    return answer, f"Of the lowest one-step loss is {first[0].name}. {reason}", evidence
+    """Whether the lowest one-step loss of the recipe with most models is that of a good model."""
+    data, fitted = asked.section.fitted, [c for c in asked.group({"fitted"}) if c.is_finite]
+    counts = Counter(c.model.recipe for c in fitted)
+    if not counts or max(counts.values()) < 2:
+        return _nothing("needs two models that were fitted by one recipe.")
+    rivals = _under(fitted, max(counts, key=lambda recipe: counts[recipe]))
+    lowest = data.best([c.model for c in rivals], EULER)
+    first = [c for c in rivals if c.model is lowest]
+    if not first:
+        return _nothing("no loss is finite.")
+    others = [c for c in rivals if c is not first[0]]
+    answer, reason, evidence = _turned(_contrast(asked, first, others, "no other is finite."))
+    return answer, f"Of the lowest one-step loss is {first[0].name}; {reason}", evidence
 
 
 def _dissipative(asked: Asked) -> Answer:
@@ -196,9 +231,12 @@ def _curve(asked: Asked) -> Answer:
 
 def _truth(asked: Asked) -> Answer:
     data = asked.section.fitted
-    truth = [Candidate(m, data.of_folds(m, asked.column), 0.0) for m in data.of_role("truth")[:1]]
-    if not truth:
+    if not data.of_role("truth"):
         return _nothing("no truth is known.")
+    model = data.of_role("truth")[0]
+    starts = model.start_errors(asked.horizon)
+    error, by_fold = data.value(model, asked.column), data.of_folds(model, asked.column)
+    truth = [Candidate(model, error, by_fold, starts, 0.0)]
     missing = "the truth has no scores of its own."
     return _turned(_contrast(asked, [asked.recommended], truth, missing))
 
@@ -228,8 +266,7 @@ def _recordings(asked: Asked) -> Answer:
     count = asked.section.description.recordings
     if count < 2:
         return _nothing("one recording: its parts say nothing about another one.")
-    tests = asked.recommended.against_best
-    folds = float(tests.folds) if tests else 0.0
+    folds = float(len(asked.recommended.by_fold))
     return "yes", f"{count} recordings are behind the folds.", {"recordings": count, "folds": folds}
 
 

@@ -12,6 +12,8 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, task_provenance
+from frictionid.evaluation import HorizonErrors
+from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
 from frictionid.report.numbers import either, norm_unit
@@ -121,6 +123,7 @@ class Model:
         empty of black boxes
     motions, examples : predictions from the same starts as others', and from its own best, median
         and worst start
+    starts : errors of held-out predictions, see `frictionid.evaluation.HorizonErrors`
     """
 
     task: int
@@ -141,6 +144,17 @@ class Model:
     method: Mapping[str, Any] = field(default_factory=dict)
     beyond: Mapping[str, Any] = field(default_factory=dict)
     examples: Sequence[Mapping[str, Any]] = ()
+    starts: Mapping[str, Any] = field(default_factory=dict)
+
+    def start_errors(self, horizon: float) -> StartErrors:
+        """Errors of held-out predictions after a horizon [s]; none where they are not on record."""
+        if not self.starts or not np.isfinite(horizon):
+            return StartErrors(np.empty((0, 1)), np.empty(0, dtype=int))
+        kinds: dict[str, type] = {"recording": int, "fold": int, "held_out": bool}
+        arrays: dict[str, Array] = {
+            k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in self.starts.items()
+        }
+        return HorizonErrors(**arrays).after(horizon)
 
     @property
     def refined(self) -> Estimates | None:
@@ -308,7 +322,8 @@ def _model(
     twins = [t for t in tasks if t["identifier"] == identifier and t["fit"] == task["fit"]]
     differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
     label = f"{identifier}, seed {task['seed']}" if differ else identifier
-    recipe = str(task["fit"]) if role == "fitted" else ANY
+    corrects = (task.get("method") or {}).get("corrects")  # the data, without friction as well
+    recipe = str(task["fit"]) if role == "fitted" or (role == "none" and corrects) else ANY
     return Model(
         task=number,
         identifier=identifier,
@@ -319,6 +334,7 @@ def _model(
         curves=np.asarray(task["curves"], dtype=float),
         motions=[motion for motion in task["motions"] if "place" not in motion],
         examples=[motion for motion in task["motions"] if "place" in motion],
+        starts=task.get("starts") or {},
         theta=theta,
         document=task["model"],
         settings=task["settings"],

@@ -1,8 +1,9 @@
 """The verdict: which model the evidence supports, by a stated rule, and how sure that is.
 
-Every model is compared with the best one over identical folds; the simplest that is not practically
-worse is recommended (`frictionid.evaluation.statistics.choose`). What is compared is the median
-error of each fold's predictions, half a second ahead or at the nearest reported horizon.
+Models that were fitted by one recipe are compared with the best of them by their predictions from
+the same held-out starts; the simplest that is not practically worse is recommended, refined by
+shooting where it was (`frictionid.evaluation.reference_model`). Predictions are compared half a
+second ahead or at the nearest reported horizon.
 """
 
 from __future__ import annotations
@@ -11,20 +12,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.evaluation.statistics import FEWEST, Choice, CorrelatedTest, choose
-from frictionid.report.candidates import Candidate, candidates_of, judged_by
-from frictionid.report.numbers import percent, seconds, short
+from frictionid.evaluation.reference_model import CERTAIN, WITHIN, Choice, Loss, factors
+from frictionid.evaluation.statistics import FEWEST, REGION, CorrelatedTest
+from frictionid.report.candidates import Candidate, candidates_of, judged, recipe_to_judge
+from frictionid.report.numbers import factor, percent, seconds, short
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
     NOT_EVALUATED,
     Asked,
     Question,
-    percent_of,
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import Model, Section, rollout
+from frictionid.report.sections import ANY, Model, Section, rollout
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
@@ -48,8 +50,9 @@ class Verdict:
         until further data decide; it is the recommended one where there is one
     sentence : the verdict in one sentence
     horizon : [s] of the predictions that are compared, NaN where none are
-    error, unit : mean over the folds of the provisional model's median errors
-    region : half the width of the region of practical equivalence, in the same unit
+    error, unit : median error of the provisional model's predictions
+    region : a tenth of the reference's error, in the same unit
+    recipe : by which the models that are compared were fitted
     folds, recordings : how many there are behind it
     candidates : all models that can be recommended, from the simplest to the most complex
     main_doubt, record_next : what speaks against it most, and what to record next, a sentence each
@@ -65,6 +68,7 @@ class Verdict:
     error: float = float("nan")
     unit: str = ""
     region: float = float("nan")
+    recipe: str = ANY
     folds: int = 0
     recordings: int = 0
     candidates: tuple[Candidate, ...] = ()
@@ -80,6 +84,11 @@ class Verdict:
         }
         return {model: checks for model, checks in names.items() if checks}
 
+    @property
+    def compared(self) -> tuple[Candidate, ...]:
+        """The candidates that are compared: those of the recipe."""
+        return tuple(c for c in self.candidates if c.standing)
+
     def candidate(self, name: str | None) -> Candidate | None:
         """The candidate of a name; None where there is none."""
         return next((c for c in self.candidates if c.name == name), None)
@@ -87,31 +96,30 @@ class Verdict:
 
 def verdict_of(section: Section) -> Verdict:
     """The verdict on the models that were fitted to a data set."""
-    data, choice = section.fitted, None
+    data, choice = section.fitted, Choice()
     horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
-    candidates = candidates_of(data, rollout(horizon) if data.reported else "")
-    folds = max((len(c.errors) for c in candidates), default=0)
+    candidates = candidates_of(data, horizon)
+    folds = max((len(c.by_fold) for c in candidates), default=0)
+    groups = max((len(np.unique(c.starts.group)) for c in candidates), default=0)
+    recipe = recipe_to_judge(candidates)
     if not data.reported:
         reason = "the comparison predicts no motion"
-    elif folds < FEWEST:
-        reason = f"errors are known of {folds} folds, and {FEWEST} are needed"
+    elif groups < FEWEST:
+        reason = f"errors are known of {groups} recordings or folds, and {FEWEST} are needed"
     else:
-        reason = "no model's predictions are finite in every fold"
-        choice = choose(
-            np.array([c.errors for c in candidates]),
-            np.array([c.complexity for c in candidates]),
-            np.array([bool(c.implausible) for c in candidates]),
-        )
+        reason = "no model's predictions are finite in every recording"
+        choice, candidates = _judged(candidates, recipe)
     verdict = Verdict(
         dataset=data.dataset,
         horizon=horizon,
         unit=data.description.angle_unit,
+        recipe=recipe,
         folds=folds,
         recordings=data.description.recordings,
-        candidates=tuple(sorted(candidates, key=lambda c: c.complexity)),
+        candidates=tuple(sorted(candidates, key=lambda c: (c.complexity, c.error))),
     )
-    if choice is not None and choice.best is not None:
-        return _decided(section, verdict, choice, candidates)
+    if choice.best is not None:
+        return _decided(section, verdict, choice, [c for c in candidates if c.standing])
     sentence = f"No verdict: {reason}."
     question = Question("model", MODEL, NOT_EVALUATED, sentence, {})
     return replace(
@@ -122,25 +130,29 @@ def verdict_of(section: Section) -> Verdict:
     )
 
 
+def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
+    """The choice among those of a recipe, which come first, with how they stand."""
+    of_recipe = [c for c in candidates if c.model.recipe in (ANY, recipe) and len(c.starts.group)]
+    choice, compared = judged(of_recipe)
+    return choice, [*compared, *(c for c in candidates if c not in of_recipe)]
+
+
 def _decided(
-    section: Section, verdict: Verdict, choice: Choice, candidates: Sequence[Candidate]
+    section: Section, verdict: Verdict, choice: Choice, compared: Sequence[Candidate]
 ) -> Verdict:
     """The verdict with what was chosen of the candidates, which are in the choice's order."""
-    assert choice.simplest is not None and choice.adequate is not None
-    judged = judged_by(choice, candidates)
-    by_model = {c.model: c for c in judged}
-    simplest, provisional = (
-        by_model[candidates[i].model] for i in (choice.simplest, choice.adequate)
-    )
+    assert choice.best is not None and choice.simplest is not None and choice.adequate is not None
+    simplest, adequate = compared[choice.simplest], compared[choice.adequate]
+    provisional = _refined(adequate, verdict.candidates)
     kind = UNDECIDED
     if choice.recommended is not None:
-        kind = SIMPLE if _is_simplest(provisional, judged) else RECOMMENDED
+        kind = SIMPLE if _is_simplest(adequate, compared) else RECOMMENDED
     recommended = None if kind == UNDECIDED else provisional.name
     error = f"{short(provisional.error)} {verdict.unit} off after {seconds(verdict.horizon)}"
-    sentence = _sentence(kind, provisional, simplest, judged, error)
+    sentence = _sentence(kind, provisional, adequate, simplest, compared, error)
     evidence = {"error": provisional.error}
     question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
-    asked = Asked(section, judged, provisional, rollout(verdict.horizon))
+    asked = Asked(section, verdict.candidates, provisional, verdict.horizon)
     doubt, remedy = _doubt(section, kind, provisional, simplest)
     return replace(
         verdict,
@@ -149,47 +161,61 @@ def _decided(
         provisional=provisional.name,
         sentence=sentence,
         error=provisional.error,
-        region=choice.region,
-        candidates=judged,
+        region=REGION * compared[choice.best].error,
         main_doubt=doubt,
         record_next=remedy,
         questions=(question, *questions_to(asked)),
     )
 
 
-def _is_simplest(candidate: Candidate, candidates: Sequence[Candidate]) -> bool:
-    """Whether no model with friction is simpler, and some model is richer complex."""
-    simpler = [c for c in candidates if c.complexity < candidate.complexity]
-    richer = any(c.complexity > candidate.complexity for c in candidates)
+def _refined(chosen: Candidate, candidates: Sequence[Candidate]) -> Candidate:
+    """The same identifier fitted by shooting, where that predicts as well."""
+    twins = [c for c in candidates if c.model.label == chosen.model.label and c.model.refined]
+    finer = [c for c in twins if c.is_finite and not c.unfit and c.level <= chosen.level]
+    return min(finer, key=lambda c: c.level, default=chosen)
+
+
+def _is_simplest(candidate: Candidate, compared: Sequence[Candidate]) -> bool:
+    """Whether no model with friction is simpler, and some model is more complex."""
+    simpler = [c for c in compared if c.complexity < candidate.complexity]
+    richer = any(c.complexity > candidate.complexity for c in compared)
     return richer and all(c.model.role == "none" for c in simpler)
 
 
 def _sentence(
     kind: str,
     model: Candidate,
+    adequate: Candidate,
     simplest: Candidate,
-    candidates: Sequence[Candidate],
+    compared: Sequence[Candidate],
     error: str,
 ) -> str:
-    """The verdict in one sentence; `error` says how far off the model is."""
+    """The verdict in one sentence; `error` says how far off the model is.
+
+    model : what is delivered of the adequate one, fitted by shooting where it was
+    """
+    delivered = "" if model is adequate else f" ({adequate.name} among its like)"
     if kind == UNDECIDED:
         return (
-            f"These data cannot tell whether {simplest.name} is enough or {model.name} is needed, "
-            f"{error}."
+            f"These data cannot tell whether {simplest.name} is enough or {adequate.name} is "
+            f"needed; {model.name} is {error}."
         )
-    if model.model.role == "none":
+    if adequate.model.role == "none":
         return f"No friction is needed to predict this motion: {model.name} is {error}."
-    others = len(candidates) - 1
-    worse = sum(c.standing in ("worse", "diverged") for c in candidates)
+    others = len(compared) - 1
+    worse = sum(c.standing in ("worse", "diverged") for c in compared)
     rivals = f"{worse} of {others} other models are practically worse"
     rivals += f", {others - worse} no better" if worse < others else ""
-    good = [c for c in candidates if c.standing in ("best", "adequate") and c is not model]
+    good = [c for c in compared if c.standing in ("best", "adequate") and c is not adequate]
     unfit = [c.name for c in good if c.implausible]
     if unfit:
         rivals += f"; {', '.join(unfit)} would do, but {'are' if unfit[1:] else 'is'} implausible"
+    contradicted = [c.name for c in compared if c.loss and c.loss.contradicted]
+    if contradicted:
+        rivals += f"; of {', '.join(contradicted)} the measured errors decide"
     if kind == SIMPLE:
-        return f"The simple model is enough: {model.name} is {error}; {rivals}."
-    return f"Use {model.name}, {error}" + (f"; {rivals}." if others else ".")
+        return f"The simple model is enough: {model.name} is {error}{delivered}; {rivals}."
+    return f"Use {model.name}, {error}{delivered}" + (f"; {rivals}." if others else ".")
 
 
 def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -> tuple[str, str]:
@@ -199,14 +225,13 @@ def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -
     if model.implausible:
         doubt = f"{model.name} is not plausible: it {model.implausible[0]}."
         return doubt, "Motion through the speeds at which it fails."
-    if kind == UNDECIDED and simplest.against_best is not None:
-        low, high = (percent_of(v / model.error) for v in simplest.against_best[2:4])
-        most = recordings_needed(recordings, simplest.against_best, 0.1 * model.error)
+    if kind == UNDECIDED and simplest.loss is not None:
+        most = recordings_needed(recordings, simplest.loss)
         words = f"about {most} recordings in place of {recordings}"
         if most > MANY * recordings:
             words = f"more than {MANY} times as many recordings, or longer ones"
-        doubt = f"{simplest.name} is between {low} and {high} worse than the best model."
-        return doubt, f"More of the same motion: {words}."
+        doubt = f"{simplest.name} is {times(simplest.loss.test)} times as far off as the best model"
+        return f"{doubt}.", f"More of the same motion: {words}."
     if recordings < FEWEST:
         parts = f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}"
         return f"{parts}: another one may say something else.", WHOLE
@@ -227,14 +252,19 @@ def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -
     )
 
 
-def recordings_needed(recordings: int, test: CorrelatedTest, region: float) -> int:
-    """How many recordings make the interval of a difference as wide as the region, about.
+def times(test: CorrelatedTest) -> str:
+    """The 80 % interval of a factor: "1.1 to 1.4"."""
+    return " to ".join(map(factor, factors(test)[1:]))
 
-    Its width falls with the square root of their number.
 
-    >>> from frictionid.evaluation.statistics import correlated_test
-    >>> test = correlated_test(np.array([0.05, 0.0, 0.01, 0.04]), region=0.02)
-    >>> recordings_needed(4, test, 0.02)
-    33
+def recordings_needed(recordings: int, loss: Loss) -> int:
+    """How many recordings would decide, about: errors fall with the square root of their number.
+
+    >>> from frictionid.evaluation.statistics import t_test
+    >>> test = t_test(mean=0.12, error=0.04, count=10, region=0.0953)
+    >>> recordings_needed(10, Loss(test, test, test))
+    44
     """
-    return max(recordings + 1, round(recordings * ((test.high - test.low) / (2 * region)) ** 2))
+    test = loss.test
+    apart = abs(test.mean - WITHIN) / (stdtrit(test.folds - 1, CERTAIN) * test.error)
+    return max(recordings + 1, round(min(recordings / apart**2, 1e6)))

@@ -12,7 +12,8 @@ import pandas as pd
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import Criteria, information_criteria
-from frictionid.evaluation.statistics import CERTAIN, REGION
+from frictionid.evaluation.reference_model import CERTAIN, factors
+from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
 from frictionid.report.candidates import Candidate
 from frictionid.report.numbers import (
@@ -36,22 +37,21 @@ _SAME = 1e-3  # of the number of residuals
 
 
 def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
-    """A line for each candidate, from the simplest on: complexity, error, test, criteria, checks.
+    """A line for each candidate of the recipe, from the simplest on: complexity, error, loss.
 
-    effect, low, high : error less that of the provisional model, share of the latter, with the 95 %
-        interval; worse, equivalent, better : probabilities, by the region of practical equivalence
+    times, low, high : by which factor it is farther off than the reference, with the 80 % interval;
+        measured : the ratio of both errors; worse : probability that it is practically worse
     aic, bic : of fits by shooting to the same residuals, NaN of others
     """
-    reference = verdict.candidate(verdict.provisional)
-    criteria = shooting_criteria(verdict.candidates)
+    criteria = shooting_criteria(verdict.compared)
     nothing, rows = float("nan"), []
-    for candidate in verdict.candidates:
-        test = candidate.against_provisional
-        tested = 6 * [nothing]
-        if test is not None and reference is not None:
-            sizes = np.divide((test.mean, test.low, test.high), reference.error)
-            tested = [*sizes, test.above, test.inside, test.below]
-        names = ("effect", "low", "high", "worse", "equivalent", "better")
+    for candidate in verdict.compared:
+        against = candidate.loss
+        tested = 5 * [nothing]
+        if against is not None:
+            measured = float(np.exp(against.measured.mean))
+            tested = [*factors(against.test), measured, against.test.above]
+        names = ("times", "low", "high", "measured", "worse")
         aic, bic = criteria.get(candidate.model, Criteria(nothing, nothing))
         rows.append(
             {
@@ -91,20 +91,20 @@ def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteri
 def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
     """The table of these numbers; columns that say nothing are left out."""
     at = f"{seconds(verdict.horizon)} ahead"
-    versus = f"against {verdict.provisional or 'none'}"
     errors, counts = (numbers[name] for name in ("error", "effective_parameters"))
     parts: list[tuple[Column, Iterable[str]]] = [
         (Column("model", words=True), numbers["model"]),
         (Column("effective parameters"), [fixed(v, int(abs(v - round(v)) > 0.05)) for v in counts]),
         (Column(at, "error", verdict.unit), [fixed(v, decimals(errors)) for v in errors]),
         (
-            Column("times as far off [95 %]", versus),
+            Column("times as far off [80 %]", "implied"),
             [_effect(row) for _, row in numbers.iterrows()],
         ),
-        *(
-            (Column(name, "probability"), [_chance(v) for v in numbers[name]])
-            for name in ("worse", "equivalent", "better")
+        (
+            Column("times as far off", "measured"),
+            [NOTHING if np.isnan(v) else factor(v) for v in numbers["measured"]],
         ),
+        (Column("worse", "probability"), [_chance(v) for v in numbers["worse"]]),
         (Column("standing", words=True), numbers["standing"]),
     ]
     for name in ("aic", "bic") if numbers["aic"].notna().any() else ():
@@ -134,21 +134,22 @@ def marked(table: Table, verdict: Verdict) -> Table:
 
 
 def _caption(verdict: Verdict) -> str:
+    by = f" by recipe {verdict.recipe}" if verdict.recipe else ""
     return (
-        f"{verdict.dataset}: error against complexity, mean over {verdict.folds} folds of "
-        f"{verdict.recordings} recordings of each fold's median error. Practically worse, "
-        "equivalent or better: by more or less than a tenth of the best model's error. Effective "
-        "parameters: trace of the hat matrix; of shooting those that the data determine; of "
-        "networks all weights."
+        f"{verdict.dataset}: error against complexity of the models{by}, median of predictions of "
+        f"{verdict.recordings} recordings, held out in {verdict.folds} folds. Times as far off, "
+        "against the best model: implied by the distance of both predictions, and measured. "
+        "Practically worse: by more than a tenth. Effective parameters: trace of the hat matrix; "
+        "of shooting and of a calibration those that the data determine; of networks all weights."
     )
 
 
 def _effect(row: pd.Series) -> str:
-    """The ratio of two errors with its interval."""
-    if not np.isfinite(row["effect"]):
+    """A factor with its interval."""
+    if not np.isfinite(row["times"]):
         return NOTHING
-    whole, low, high = (factor(max(1 + row[name], 0.0)) for name in ("effect", "low", "high"))
-    return f"{whole} [{low}, {high}]" if row["low"] < row["high"] else whole
+    middle, low, high = (factor(row[name]) for name in ("times", "low", "high"))
+    return f"{middle} [{low}, {high}]" if row["low"] < row["high"] else middle
 
 
 def _chance(probability: float) -> str:
@@ -224,11 +225,12 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
-    del fields["model"]
-    for name in ("against_best", "against_provisional"):
-        fields[name] = fields[name] and fields[name]._asdict()
+    del fields["model"], fields["starts"]
+    if candidate.loss is not None:
+        tests = candidate.loss._asdict()
+        fields["loss"] = {name: test._asdict() for name, test in tests.items()}
     names = {key: getattr(model, key) for key in ("name", "identifier", "recipe", "role")}
-    return {**names, "error": candidate.error, "implausible": candidate.implausible, **fields}
+    return {**names, "implausible": candidate.implausible, **fields}
 
 
 # --- What scripts may require ---------------------------------------------------------------------

@@ -114,7 +114,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert tuple(table.columns) == COLUMNS
     assert set(table["fold"]) == {"all"} and set(table["fit"]) == {"given"}
     assert set(table["identifier"]) == {"fitted"} and set(table["dataset"]) == {"tiny"}
-    scores, _ = score_model(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
+    scores, *_ = score_model(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
     np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
     assert table["score"].tolist() == scores["score"].tolist()
     tables = len(data.hashes)
@@ -128,7 +128,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert code == 0 and "states that each model estimates" in out
     table = pd.read_csv(place / "own_states.csv", dtype={"fold": str, "joint": str})
     protocol = Protocol(horizons=(0.1, 0.3), initial_states="model")
-    scores, _ = score_model(found, prepare(data, protocol))
+    scores, *_ = score_model(found, prepare(data, protocol))
     np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
 
 

@@ -275,7 +275,7 @@ def test_scores_of_a_model_are_those_under_its_own_motor(logs):
     prepared = prepare(wrong, protocol)
 
     def scores(p):
-        rows, _ = score_model(TRUTH, p)
+        rows, *_ = score_model(TRUTH, p)
         return {(r.score, r.statistic): r.value for r in lines(rows) if r.joint == "all"}
 
     corrected, own = scores(prepared), scores(with_parameters(prepared, {"kt": KT, "R": R}))
@@ -326,7 +326,7 @@ def test_folds_judge_what_they_hold_out(logs):
     # one fold has the true friction, the others none
     theta = np.zeros((4, 1, 2))
     theta[held[1]] = TRUTH.theta
-    rows, _ = score_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
+    rows, *_ = score_folds(Friction(CoulombViscous(), theta), TRUTH, prepared, folds)
     own = {r.fold: r.value for r in lines(rows) if (r.score, r.statistic) == ("free_run", "mean")}
     assert all(own[str(held[1])] < 0.1 * own[str(f)] for f in held if f != held[1])
 

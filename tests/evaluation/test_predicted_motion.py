@@ -26,7 +26,7 @@ def test_errors_of_the_table_are_the_scores():
     ends = table.groupby(["recording", "start_s"]).tail(1)
     assert ends.ahead_s.to_numpy() == pytest.approx(0.3, abs=1e-9)
     off = (ends.q1 - ends.measured_q1).abs()
-    scores, _ = score_model(WRONG, prepare(data, Protocol(horizons=(0.3,), every=0.25)))
+    scores, *_ = score_model(WRONG, prepare(data, Protocol(horizons=(0.3,), every=0.25)))
     own = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
     assert float(own[own.joint == "all"].value.iloc[0]) == pytest.approx(float(off.median()))
 

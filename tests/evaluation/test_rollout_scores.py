@@ -102,7 +102,7 @@ def test_the_truth_from_causal_states_beats_no_friction_by_far():
         "truth": true_friction(TRUTH),
         "none": Friction(NoFriction(), np.zeros((1, 0))),
     }.items():
-        rows, _ = score_model(friction, prepared)
+        rows, *_ = score_model(friction, prepared)
         scores[name] = select(rows, score="rollout_angle", statistic="median")["all", "all"]
     assert scores["truth"] < 0.05 * scores["none"]
 
@@ -259,7 +259,7 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     folds = make_folds(data.recordings, Split(count=4, kind=kind))
     prepared = prepare(data, Protocol(horizons=HORIZONS))
     friction = Friction(CoulombViscous(), np.array([[[0.0, 0.1 * f]] for f in range(4)]))
-    rows, _ = score_folds(friction, friction[0], prepared, folds)
+    rows, *_ = score_folds(friction, friction[0], prepared, folds)
     held_out, starts = lines(rows), prepared.initial_states
     fold = initial_state_folds(starts, folds, prepared.causal)
     for f in range(4):
@@ -328,7 +328,7 @@ def _cold(starts):
 def test_one_step_scores_remember_along_the_recording_too():
     prepared = prepare(dataset(), Protocol(horizons=HORIZONS))
     friction = Friction(FilmLag(), np.array([[0.03, 0.01, 1.0, 0.004, 0.08]]))
-    rows, _ = score_model(friction, prepared)
+    rows, *_ = score_model(friction, prepared)
     residual = prepared.euler.residual(along(friction, prepared.euler.nodes))
     rms = select(rows, score="one_step_euler", statistic="rms")["all", "all"]
     assert rms == pytest.approx(np.sqrt(np.mean(residual**2)))
@@ -338,7 +338,7 @@ def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
     data = dataset()
     prepared = prepare(data, Protocol(horizons=(0.5,)))
     friction = Friction(CoulombViscous(), np.array([[0.0, -5.0]]))
-    rows, motions = score_model(friction, prepared)
+    rows, motions, _ = score_model(friction, prepared)
     assert select(rows, statistic="diverged", score="rollout_angle")["all", "all"] > 0.9
     assert select(rows, statistic="median", score="rollout_angle")["all", "all"] == np.inf
     assert not np.isfinite(motions[0]["predicted"]).all()
@@ -392,5 +392,5 @@ def test_the_best_example_is_one_of_motion():
         for name in ("angle", "torque")
     }
     resting = replace(data, recordings=(*data.recordings, replace(first, name="rest", **still)))
-    _, motions = score_model(true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS)))
+    _, motions, _ = score_model(true_friction(TRUTH), prepare(resting, Protocol(horizons=HORIZONS)))
     assert "rest" not in [m["recording"] for m in motions if "place" in m]

@@ -66,7 +66,7 @@ def by_hand(recording, torque):
 
 def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
     coefficients = (0.0, 0.004, 0.03)
-    rows, _ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
+    rows, *_ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
     errors = {fold: [] for fold in range(3)}
     for recording, label in zip(dataset().recordings, folds.labels, strict=True):
         fold = int(label[0])
@@ -83,7 +83,7 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
     data = dataset()
-    rows, _ = score_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
+    rows, *_ = score_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
     squares = []
     for recording, s in zip(data.recordings, prepared.smoothed, strict=True):
         dt, q, w = np.diff(s.time), s.q[:, 0], s.w[:, 0]
@@ -102,7 +102,7 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
 
 
 def test_pooled_is_over_all_rows_and_not_the_mean_of_the_folds(prepared, folds):
-    rows, _ = score_folds(viscous(0.0, 0.2, 0.4), viscous(0.0)[0], prepared, folds)
+    rows, *_ = score_folds(viscous(0.0, 0.2, 0.4), viscous(0.0)[0], prepared, folds)
     median = select(rows, score="one_step_euler", statistic="median")
     each = [median[str(f), "all"] for f in range(3)]
     assert min(each) < median["all", "all"] < max(each)
@@ -116,10 +116,10 @@ def test_pooled_is_over_all_rows_and_not_the_mean_of_the_folds(prepared, folds):
 
 def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
     base = [0.0, 0.0, 0.0]
-    rows, _ = score_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
+    rows, *_ = score_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
     for fold in range(3):
         other = [*base[:fold], 0.5, *base[fold + 1 :]]
-        changed, _ = score_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
+        changed, *_ = score_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
         for score in ("one_step_euler", "one_step_integral", "rollout_angle"):
             before, after = (select(r, score=score, statistic="median") for r in (rows, changed))
             differ = {key for key in before if before[key] != after[key]}
@@ -147,9 +147,9 @@ def test_norms_are_over_the_joints():
 
 def test_a_data_set_that_only_tests_has_no_folds(prepared, folds):
     friction = viscous(0.004)[0]
-    alone, _ = score_model(friction, prepared)
+    alone, *_ = score_model(friction, prepared)
     assert set(alone.fold) == {"all"}
-    same, _ = score_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
+    same, *_ = score_folds(friction[None][np.zeros(3, int)], friction, prepared, folds)
     pooled = {row[1:5]: row.value for row in lines(same) if row.fold == "all"}
     assert {row[1:5]: row.value for row in lines(alone)} == pytest.approx(pooled, rel=1e-12)
 
@@ -161,7 +161,7 @@ def test_models_of_another_machine_are_refused(prepared, theta):
 
 
 def test_every_score_has_all_its_statistics(prepared, folds):
-    rows, _ = score_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
+    rows, *_ = score_folds(viscous(0.0, 0.0, 0.0), viscous(0.0)[0], prepared, folds)
     found = {(row.score, row.statistic, row.horizon_s) for row in lines(rows)}
     steps = {(f"one_step_{s}", name, None) for s in ("euler", "integral") for name in STATISTICS}
     ahead = {
@@ -182,7 +182,7 @@ def test_every_score_has_all_its_statistics(prepared, folds):
 
 def test_parameters_are_counted_over_the_joints(prepared, folds):
     for friction, count in ((viscous(0.0, 0.0, 0.0), 2.0), (nothing(3), 0.0)):
-        rows, _ = score_folds(friction, friction[0], prepared, folds)
+        rows, *_ = score_folds(friction, friction[0], prepared, folds)
         assert select(rows, score="n_parameters") == {("all", "all"): count}
 
 
@@ -260,7 +260,7 @@ def test_a_joint_without_friction_or_motion_has_no_curve_error():
 
 def test_measured_data_have_neither_curve_error_nor_truth(folds):
     bare = tuple(replace(r, truth=None) for r in dataset().recordings)
-    rows, _ = score_folds(
+    rows, *_ = score_folds(
         nothing(3), nothing(3)[0], prepare(dataset(recordings=bare, truth=None), PROTOCOL), folds
     )
     assert set(rows.score) == {

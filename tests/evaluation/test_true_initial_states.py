@@ -33,12 +33,12 @@ def scores(rows, score="rollout_true_start"):
 
 def test_what_is_off_from_true_states_is_the_models_alone():
     prepared = prepare(dataset(), PROTOCOL)
-    rows, _ = score_model(true_friction(TRUTH), prepared)
+    rows, *_ = score_model(true_friction(TRUTH), prepared)
     true, causal = scores(rows)["all", "all"], scores(rows, "rollout_angle_truth")["all", "all"]
     assert true < 2e-4
     assert causal > 5 * true
     without = CoulombViscous(), np.array([[0.03, 0.004]])
-    rows, _ = score_model(Friction(*without), prepared)
+    rows, *_ = score_model(Friction(*without), prepared)
     assert scores(rows)["all", "all"] > 20 * true
 
 
@@ -46,7 +46,7 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
     data = dataset()
     folds = make_folds(data.recordings, Split(count=3))
     prepared = prepare(data, PROTOCOL)
-    alone, _ = score_model(true_friction(TRUTH), prepared)
+    alone, *_ = score_model(true_friction(TRUTH), prepared)
     theta = true_friction(TRUTH).theta
     friction = replace(true_friction(TRUTH), theta=np.repeat(theta[None], 3, axis=0))
     calibration = Calibration.ideal(1, plant_of(data).p[0])
@@ -56,7 +56,7 @@ def test_every_fold_predicts_what_it_has_not_seen_whatever_its_rig():
         (stack_calibrations([calibration] * 3), True),
         (stack_calibrations([calibration, late, late]), False),
     ):
-        rows, _ = score_folds(
+        rows, *_ = score_folds(
             replace(friction, calibration=calibrations), true_friction(TRUTH), prepared, folds
         )
         found = scores(rows)
@@ -72,7 +72,7 @@ def test_they_are_made_only_where_they_are_wanted_and_the_truth_is_known():
         (dataset(), replace(PROTOCOL, true_initial_states=False)),
         (dataset(recordings=tuple(replace(r, truth=None) for r in dataset().recordings)), PROTOCOL),
     ):
-        rows, _ = score_model(true_friction(TRUTH), prepare(data, protocol))
+        rows, *_ = score_model(true_friction(TRUTH), prepare(data, protocol))
         assert not scores(rows)
 
 

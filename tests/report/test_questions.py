@@ -52,7 +52,7 @@ def test_the_answer_follows_the_numbers(tmp_path, hybrid, beats):
 
 
 def test_what_the_folds_cannot_tell_is_said(tmp_path):
-    apart = answers(compared(tmp_path / "apart", 0.0399, noise=-5 * NOISE))
+    apart = answers(compared(tmp_path / "apart", 0.0375, noise=-2 * NOISE))
     assert (apart["hybrids"], apart["physics"]) == ("undecided", "yes")
 
 

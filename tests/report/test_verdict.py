@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from fixtures import result_folders as made
 from fixtures.command_line import run_command
@@ -32,8 +33,9 @@ def test_a_simple_model_that_is_hardly_worse_is_enough(tmp_path):
     found = verdict(tmp_path, [model("rich", 0.2, size=40), model("plain", 0.204)])
     assert (found.kind, found.recommended) == ("simple_enough", "plain")
     assert (found.folds, found.recordings, found.horizon) == (4, 5, 0.5)
-    rich = found.candidate("rich")
-    assert rich.standing == "best" and rich.against_provisional.mean == pytest.approx(-0.002)
+    rich, plain = found.candidate("rich"), found.candidate("plain")
+    assert rich.standing == "best" and rich.loss is None
+    assert plain.loss.measured.mean == pytest.approx(np.log(1.02))
 
 
 def test_a_rich_model_is_recommended_where_simple_ones_are_practically_worse(tmp_path):
@@ -44,7 +46,7 @@ def test_a_rich_model_is_recommended_where_simple_ones_are_practically_worse(tmp
 
 def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
     noise = [0.02, -0.02, 0.01, -0.01]
-    found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.44, noise=noise)])
+    found = verdict(tmp_path, [model("rich", 0.4, size=40), model("plain", 0.43, noise=noise)])
     assert (found.kind, found.recommended, found.provisional) == ("undecided", None, "rich")
     assert "cannot tell whether plain is enough or rich is needed" in found.sentence
     assert "recordings in place of 5" in found.record_next
@@ -78,7 +80,7 @@ def test_without_folds_every_question_is_not_evaluated_with_a_reason(tmp_path):
     found = verdict(tmp_path, tasks)
     assert found.kind == "not_evaluated" and found.recommended is None
     assert {q.answer for q in found.questions} == {"not_evaluated"}
-    assert all("errors are known of 2 folds" in q.reason for q in found.questions)
+    assert all("errors are known of 2 recordings or folds" in q.reason for q in found.questions)
 
 
 def test_without_predictions_there_is_no_verdict_but_a_reason(tmp_path):

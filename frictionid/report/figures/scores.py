@@ -170,10 +170,10 @@ def _scales(axis: Any, horizons: tuple[float, ...]) -> None:
 def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
     """Each model's error in the folds over its effective parameters; None with fewer than two.
 
-    Points are means over the folds, bars reach from the lowest to the highest fold. The band is
-    the region of practical equivalence above the best model.
+    Points are medians of all predictions, bars reach from the lowest to the highest fold. The band
+    is the region of practical equivalence above the best model.
     """
-    shown = [c for c in verdict.candidates if c.is_finite and np.isfinite(c.complexity)]
+    shown = [c for c in verdict.compared if c.is_finite and np.isfinite(c.complexity)]
     if len(shown) < 2 or not np.isfinite(verdict.region):
         return None
     picture = figure(2.7)
@@ -183,7 +183,7 @@ def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
     axis.axhline(best, color=DARK, linewidth=0.8, linestyle=DASHED)
     for candidate in shown:
         place, colour = candidate.complexity, styles[candidate.model.label].colour
-        ends = candidate.errors.min(), candidate.errors.max()
+        ends = candidate.by_fold.min(), candidate.by_fold.max()
         axis.plot([place, place], ends, color=colour, linewidth=1.0, alpha=0.6)
         face = "white" if candidate.implausible else colour
         shape = "*" if candidate.name == verdict.recommended else "o"

@@ -1,0 +1,196 @@
+"""The rule of the verdict: how far predictions are from those of a reference model [Piironen2017].
+
+The *reference* is the model of the lowest held-out error. The errors of two models differ by chance
+of the measurement; their predictions from the same start do not. A model predicts d away from a
+reference whose own error is e. Were the reference right but for chance, which is as likely on
+either side, the model would be off as often by e - d as by e + d, which it is. The mean norm of
+both, over all starts, in units of that of e, is its *implied loss*: of small distances
+sqrt(1 + d^2/e^2), about. Its chance is that of the recordings, each with all of its starts. The
+*measured loss*, the ratio of both mean errors, keeps a veto: where it contradicts the implied one,
+it decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
+
+from frictionid.arrays import Array
+from frictionid.evaluation.statistics import FEWEST, REGION, CorrelatedTest, t_test
+
+WITHIN = float(np.log(1.0 + REGION))  # of the logarithm of a loss: no practical difference
+CERTAIN = 0.9  # probability from which on a statement counts as shown
+_CONTRADICTED = 0.05  # chance of a gap between both losses, below which it is none
+_LEAST = 1e-12  # error: smaller ones are rounding
+
+
+class StartErrors(NamedTuple):
+    """Errors (S, n) of a model's predictions from S starts, in units of what is far.
+
+    group : (S,) recording of each start
+    """
+
+    error: Array
+    group: Array
+
+    @property
+    def bounded(self) -> Array:
+        """The errors (S, n), of norm 1 at most; of predictions that are not finite zero."""
+        far = np.maximum(np.linalg.norm(self.error, axis=-1, keepdims=True), 1.0)
+        return np.asarray(np.where(np.isfinite(far), self.error / far, 0.0))
+
+    @property
+    def size(self) -> Array:
+        """Norms (S,) of the errors, 1 at most."""
+        norm = np.linalg.norm(self.error, axis=-1)
+        return np.asarray(np.where(np.isfinite(norm), np.minimum(norm, 1.0), 1.0))
+
+    @property
+    def diverged(self) -> bool:
+        """Whether most of the predictions in some recording are not finite."""
+        lost = np.asarray(~np.isfinite(self.error).all(axis=-1))
+        return any(float(lost[self.group == g].mean()) > 0.5 for g in np.unique(self.group))
+
+
+class Loss(NamedTuple):
+    """By which factor a model is farther off than the reference: tests of its logarithm.
+
+    implied : by the distance of both predictions; measured : by both errors
+    gap : measured over implied
+    """
+
+    implied: CorrelatedTest
+    measured: CorrelatedTest
+    gap: CorrelatedTest
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the measured errors contradict what the predictions imply.
+
+        They differ beyond chance, and lie on different sides of what makes a practical difference.
+        """
+        sides = [test.mean > WITHIN for test in (self.implied, self.measured)]
+        return sides[0] != sides[1] and self.gap.p_value < _CONTRADICTED
+
+    @property
+    def test(self) -> CorrelatedTest:
+        """What decides: the implied loss, the measured one where that contradicts it."""
+        return self.measured if self.contradicted else self.implied
+
+    @property
+    def standing(self) -> str:
+        """Whether it is shown to be practically "worse", shown not to be, "adequate", or neither.
+
+        Practically worse is farther off by more than a tenth.
+        """
+        if self.test.above >= CERTAIN:
+            return "worse"
+        return "adequate" if self.test.above <= 1 - CERTAIN else "undecided"
+
+
+def loss(model: StartErrors, reference: StartErrors) -> Loss:
+    """Loss of a model against a reference whose errors are from the same starts.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two recordings.
+
+    Examples
+    --------
+    Noise that both models share does not hide by how much the second one differs:
+
+    >>> rng = np.random.default_rng(0)
+    >>> group, noise = np.repeat(np.arange(20), 10), 0.05 * rng.standard_normal((200, 1))
+    >>> other = StartErrors(noise + 0.03 * rng.choice([-1, 1], (200, 1)), group)
+    >>> losses = loss(other, StartErrors(noise, group))
+    >>> [round(float(np.exp(test.mean)), 2) for test in (losses.implied, losses.measured)]
+    [1.16, 1.16]
+    """
+    mirrored = StartErrors(2.0 * reference.bounded - model.bounded, reference.group)
+    implied = 0.5 * (model.size + mirrored.size)
+    pairs = (implied, reference.size), (model.size, reference.size), (model.size, implied)
+    return Loss(*(_ratio_test(a, b, reference.group) for a, b in pairs))
+
+
+def _ratio_test(first: Array, second: Array, group: Array) -> CorrelatedTest:
+    """Test of the logarithm of the ratio of two means; its error is that over the groups."""
+    _, place = np.unique(group, return_inverse=True)
+    sums = np.array([np.bincount(place, x) for x in (first, second)]) + _LEAST
+    totals, count = sums.sum(axis=1, keepdims=True), sums.shape[1]
+    if count < 2:
+        raise ValueError("starts of one recording: at least 2 recordings")
+    share = sums / totals
+    spread = np.sum((share[0] - share[1]) ** 2) * count / (count - 1)
+    mean = float(np.log(totals[0, 0] / totals[1, 0]))
+    return t_test(mean, float(np.sqrt(spread)), count, WITHIN)
+
+
+def factors(test: CorrelatedTest) -> tuple[float, float, float]:
+    """The factor of a test of its logarithm, and the ends of its 80 % interval.
+
+    A model is shown to be practically worse where the lower end is above 1.1, and not to be where
+    the upper one is below.
+    """
+    half = float(stdtrit(test.folds - 1, CERTAIN)) * test.error
+    mean, low, high = np.exp((test.mean, test.mean - half, test.mean + half)).tolist()
+    return mean, low, high
+
+
+class Choice(NamedTuple):
+    """Which of several models the rule recommends, by their places.
+
+    best : the reference; None where no model is finite, or too few recordings are held out
+    losses : of all models against it, None of itself and of models that diverged
+    standings : "best", "diverged", or those of the losses
+    simplest : the simplest model that is not shown to be practically worse
+    adequate : the simplest one that is shown to be not practically worse
+    """
+
+    best: int | None = None
+    losses: tuple[Loss | None, ...] = ()
+    standings: tuple[str, ...] = ()
+    simplest: int | None = None
+    adequate: int | None = None
+
+    @property
+    def recommended(self) -> int | None:
+        """The model that the rule recommends; None where these data cannot tell."""
+        return self.adequate if self.adequate == self.simplest else None
+
+
+def choose(errors: Sequence[StartErrors], complexity: Array, unfit: Array | None = None) -> Choice:
+    """The simplest model that is not practically worse than the reference, see `Loss.standing`.
+
+    Models are simple in the order of their complexity; of equally complex ones the first is that of
+    the lower error.
+
+    Parameters
+    ----------
+    errors : of each of M models, from the same starts
+    complexity : array (M,)
+        Effective number of parameters; infinite for models that are never simpler than others.
+    unfit : bool array (M,), optional
+        Models that are reference, or chosen, only where no other is left.
+    """
+    finite = np.array([not model.diverged for model in errors], dtype=bool)
+    if not finite.any() or len(np.unique(errors[0].group)) < FEWEST:
+        return Choice()
+    last = np.zeros(len(errors), dtype=bool) if unfit is None else unfit
+    level = np.where(finite, [float(model.size.mean()) for model in errors], np.inf)
+    best = int(np.lexsort((-np.asarray(complexity), level, last | ~finite))[0])
+    losses = tuple(
+        loss(model, errors[best]) if finite[i] and i != best else None
+        for i, model in enumerate(errors)
+    )
+    standings = tuple(
+        against.standing if against else "best" if i == best else "diverged"
+        for i, against in enumerate(losses)
+    )
+    order = [int(i) for i in np.lexsort((level, complexity, last))]
+    kept = [i for i in order if standings[i] not in ("worse", "diverged")]
+    shown = [i for i in kept if standings[i] != "undecided"]
+    return Choice(best, losses, standings, kept[0], shown[0])
