@@ -16,6 +16,7 @@ import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from coverage_cases import MOMENT, Case, rig_of
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
+from scipy.optimize import brentq
 
 from frictionid.comparison.cross_validate import compare
 from frictionid.data.recordings import Dataset
@@ -67,10 +69,22 @@ def drawn(
     group = np.repeat(np.arange(recordings), STARTS)
     scale = np.exp(scatter * rng.standard_normal(recordings))[group, None]
     noise = scale * rng.standard_normal((len(group), 2))
-    apart = np.exp(share * rng.standard_normal(recordings) - share**2)[group, None]
-    distance = np.sqrt((1.0 + REGION * excess) ** 2 - 1.0) * scale * apart
+    apart = np.exp(share * rng.standard_normal(recordings))[group, None]
+    distance = _distance(1.0 + REGION * excess, share) * scale * apart
     other = noise + distance * rng.standard_normal((len(group), 2))
     return [StartErrors(0.01 * e, group) for e in (other, noise)]
+
+
+@cache
+def _distance(ratio: float, share: float) -> float:
+    """How far apart predictions are, in units of the errors, where these have a ratio of means."""
+    z, weight = np.polynomial.hermite_e.hermegauss(40)
+    apart, weight = np.exp(share * z), weight / weight.sum()
+
+    def excess(distance: float) -> float:
+        return float(weight @ np.sqrt(1.0 + (distance * apart) ** 2)) - ratio
+
+    return float(brentq(excess, 0.0, 10.0))
 
 
 def chosen(errors: Sequence[StartErrors]) -> str:

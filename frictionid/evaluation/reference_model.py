@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
+from scipy.special import stdtr, stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.evaluation.statistics import FEWEST, REGION, CorrelatedTest, t_test
@@ -55,30 +55,26 @@ class StartErrors(NamedTuple):
         return any(float(lost[self.group == g].mean()) > 0.5 for g in np.unique(self.group))
 
 
-class Loss(NamedTuple):
-    """By which factor a model is farther off than the reference: tests of its logarithm.
+class Factor(NamedTuple):
+    """By which factor a model is farther off than another one, and its chance.
 
-    implied : by the distance of both predictions; measured : by both errors
-    gap : measured over implied
+    low, high : ends of the 80 % interval
+    worse, better : probabilities that it is above 1.1, and below 1/1.1
+    recordings : behind it
     """
 
-    implied: CorrelatedTest
-    measured: CorrelatedTest
-    gap: CorrelatedTest
+    value: float
+    low: float
+    high: float
+    worse: float
+    better: float
+    recordings: int
 
     @property
-    def contradicted(self) -> bool:
-        """Whether the measured errors contradict what the predictions imply.
-
-        They differ beyond chance, and lie on different sides of what makes a practical difference.
-        """
-        sides = [test.mean > WITHIN for test in (self.implied, self.measured)]
-        return sides[0] != sides[1] and self.gap.p_value < _CONTRADICTED
-
-    @property
-    def test(self) -> CorrelatedTest:
-        """What decides: the implied loss, the measured one where that contradicts it."""
-        return self.measured if self.contradicted else self.implied
+    def turned(self) -> Factor:
+        """That of the other model."""
+        low, high = 1.0 / self.high, 1.0 / self.low
+        return Factor(1.0 / self.value, low, high, self.better, self.worse, self.recordings)
 
     @property
     def standing(self) -> str:
@@ -86,9 +82,26 @@ class Loss(NamedTuple):
 
         Practically worse is farther off by more than a tenth.
         """
-        if self.test.above >= CERTAIN:
+        if self.worse >= CERTAIN:
             return "worse"
-        return "adequate" if self.test.above <= 1 - CERTAIN else "undecided"
+        return "adequate" if self.worse <= 1 - CERTAIN else "undecided"
+
+
+class Loss(NamedTuple):
+    """By which factor a model is farther off than the reference.
+
+    implied : by the distance of both predictions; measured : by both errors
+    contradicted : whether they differ beyond chance, on both sides of what is practically worse
+    """
+
+    implied: Factor
+    measured: Factor
+    contradicted: bool
+
+    @property
+    def factor(self) -> Factor:
+        """What decides: the implied factor, the measured one where that contradicts it."""
+        return self.measured if self.contradicted else self.implied
 
 
 def loss(model: StartErrors, reference: StartErrors) -> Loss:
@@ -107,16 +120,19 @@ def loss(model: StartErrors, reference: StartErrors) -> Loss:
     >>> group, noise = np.repeat(np.arange(20), 10), 0.05 * rng.standard_normal((200, 1))
     >>> other = StartErrors(noise + 0.03 * rng.choice([-1, 1], (200, 1)), group)
     >>> losses = loss(other, StartErrors(noise, group))
-    >>> [round(float(np.exp(test.mean)), 2) for test in (losses.implied, losses.measured)]
-    [1.16, 1.16]
+    >>> [round(f.value, 2) for f in (losses.implied, losses.measured)]
+    [1.18, 1.16]
     """
     mirrored = StartErrors(2.0 * reference.bounded - model.bounded, reference.group)
     implied = 0.5 * (model.size + mirrored.size)
-    pairs = (implied, reference.size), (model.size, reference.size), (model.size, implied)
-    return Loss(*(_ratio_test(a, b, reference.group) for a, b in pairs))
+    first = _log_ratio(implied, reference.size, reference.group)
+    second = _log_ratio(model.size, reference.size, reference.group)
+    gap = _log_ratio(model.size, implied, reference.group)
+    apart = (first.mean > WITHIN) != (second.mean > WITHIN)
+    return Loss(_positive(first), _signed(second), apart and gap.p_value < _CONTRADICTED)
 
 
-def _ratio_test(first: Array, second: Array, group: Array) -> CorrelatedTest:
+def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
     """Test of the logarithm of the ratio of two means; its error is that over the groups."""
     _, place = np.unique(group, return_inverse=True)
     sums = np.array([np.bincount(place, x) for x in (first, second)]) + _LEAST
@@ -129,15 +145,25 @@ def _ratio_test(first: Array, second: Array, group: Array) -> CorrelatedTest:
     return t_test(mean, float(np.sqrt(spread)), count, WITHIN)
 
 
-def factors(test: CorrelatedTest) -> tuple[float, float, float]:
-    """The factor of a test of its logarithm, and the ends of its 80 % interval.
-
-    A model is shown to be practically worse where the lower end is above 1.1, and not to be where
-    the upper one is below.
-    """
+def _signed(test: CorrelatedTest) -> Factor:
+    """The factor of a test of its logarithm, which may have either sign."""
     half = float(stdtrit(test.folds - 1, CERTAIN)) * test.error
-    mean, low, high = np.exp((test.mean, test.mean - half, test.mean + half)).tolist()
-    return mean, low, high
+    value, low, high = np.exp((test.mean, test.mean - half, test.mean + half)).tolist()
+    return Factor(value, low, high, test.above, test.below, test.folds)
+
+
+def _positive(test: CorrelatedTest) -> Factor:
+    """The same of a logarithm that is positive, as a mean square is: few recordings skew it.
+
+    It is its own logarithm that is as likely on either side.
+    """
+    if test.mean <= 0.0 or test.error == 0.0:
+        return _signed(test)
+    spread = test.error / test.mean
+    half = float(stdtrit(test.folds - 1, CERTAIN)) * spread
+    value, low, high = np.exp(test.mean * np.exp((0.0, -half, half))).tolist()
+    worse = float(stdtr(test.folds - 1, np.log(test.mean / WITHIN) / spread))
+    return Factor(value, low, high, worse, 0.0, test.folds)
 
 
 class Choice(NamedTuple):
@@ -163,7 +189,7 @@ class Choice(NamedTuple):
 
 
 def choose(errors: Sequence[StartErrors], complexity: Array, unfit: Array | None = None) -> Choice:
-    """The simplest model that is not practically worse than the reference, see `Loss.standing`.
+    """The simplest model that is not practically worse than the reference, see `Factor.standing`.
 
     Models are simple in the order of their complexity; of equally complex ones the first is that of
     the lower error.
@@ -187,7 +213,7 @@ def choose(errors: Sequence[StartErrors], complexity: Array, unfit: Array | None
         for i, model in enumerate(errors)
     )
     standings = tuple(
-        against.standing if against else "best" if i == best else "diverged"
+        against.factor.standing if against else "best" if i == best else "diverged"
         for i, against in enumerate(losses)
     )
     order = [int(i) for i in np.lexsort((level, complexity, last))]

@@ -43,13 +43,6 @@ class CorrelatedTest(NamedTuple):
     above: float
     folds: int
 
-    @property
-    def turned(self) -> CorrelatedTest:
-        """The test of the opposite difference."""
-        return self._replace(
-            mean=-self.mean, low=-self.high, high=-self.low, below=self.above, above=self.below
-        )
-
 
 def correlated_test(
     differences: Array, region: float, *, test_share: float | None = None

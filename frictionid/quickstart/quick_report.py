@@ -9,7 +9,6 @@ import numpy as np
 
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import IDENTIFIERS
-from frictionid.evaluation.reference_model import factors
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.mechanics import Mechanism
@@ -74,7 +73,7 @@ def verdict(result: Quick) -> list[str]:
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:
-        words = times(chosen.loss.test)
+        words = times(chosen.loss.factor)
         out.append(f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %).")
     unsure = [c for c in result.candidates if c.standing == "undecided"]
     if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
@@ -112,7 +111,7 @@ def quick_json(result: Quick) -> str:
                 "error": c.error,
                 "by_fold": c.by_fold,
                 "standing": c.standing,
-                "times_best": c.loss and factors(c.loss.test),
+                "times_best": c.loss and c.loss.factor[:3],
             }
             for c in result.candidates
         ],
@@ -146,7 +145,7 @@ def best_of(result: Quick) -> Candidate:
 def _times_best(c: Candidate) -> str:
     if c.loss is None:
         return c.standing if c.standing == "best" else NOTHING
-    return f"{factor(factors(c.loss.test)[0])} ({times(c.loss.test)})"
+    return f"{factor(c.loss.factor.value)} ({times(c.loss.factor)})"
 
 
 def _is_worse(c: Candidate) -> bool:

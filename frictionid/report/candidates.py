@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.reference_model import CERTAIN, Choice, Loss, StartErrors, choose, loss
-from frictionid.evaluation.statistics import FEWEST, CorrelatedTest
+from frictionid.evaluation.reference_model import Choice, Factor, Loss, StartErrors, choose, loss
+from frictionid.evaluation.statistics import FEWEST
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed
 from frictionid.report.plausibility import FAILED, Check, checks_of
@@ -73,21 +73,16 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Contrast:
-    """The best candidates of two groups, and whether the first one predicts worse.
-
-    test : of the logarithm of the factor by which it is farther off
-    """
+    """The best candidates of two groups, and the factor by which the first one is farther off."""
 
     first: Candidate
     second: Candidate
-    test: CorrelatedTest
+    factor: Factor
 
     @property
     def answer(self) -> str:
         """Whether the first one is practically worse: "yes", "no" or "undecided"."""
-        if self.test.above >= CERTAIN:
-            return "yes"
-        return "no" if self.test.above <= 1 - CERTAIN else "undecided"
+        return {"worse": "yes", "adequate": "no"}.get(self.factor.standing, "undecided")
 
 
 def candidates_of(data: SummaryData, horizon: float) -> list[Candidate]:
@@ -110,7 +105,7 @@ def candidates_of(data: SummaryData, horizon: float) -> list[Candidate]:
         if not _has_seen(model, data)
     ]
     controls = {
-        c.model: (best.first.name, best.test)
+        c.model: (best.first.name, best.factor)
         for c in candidates
         if has_memory(c.model)
         and (best := contrast(_static(candidates, c.model.recipe), [c])) is not None
@@ -173,8 +168,8 @@ def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contras
     if len(np.unique(a.starts.group)) < FEWEST:
         return None
     if a.level >= b.level:
-        return Contrast(a, b, loss(a.starts, b.starts).test)
-    return Contrast(a, b, loss(b.starts, a.starts).test.turned)
+        return Contrast(a, b, loss(a.starts, b.starts).factor)
+    return Contrast(a, b, loss(b.starts, a.starts).factor.turned)
 
 
 FAMILIES = {

@@ -15,8 +15,8 @@ from frictionid.evaluation.plausibility import (
     lowest_dissipation,
     tail_drop,
 )
-from frictionid.evaluation.reference_model import CERTAIN
-from frictionid.evaluation.statistics import FEWEST, CorrelatedTest, correlated_test
+from frictionid.evaluation.reference_model import Factor
+from frictionid.evaluation.statistics import FEWEST, correlated_test
 from frictionid.report.memory import KINDS, loops_of, middle
 from frictionid.report.numbers import MINUS
 from frictionid.report.sections import Model, SummaryData
@@ -28,8 +28,9 @@ UNBALANCED = 0.1  # of the energy that the motion implies
 ENERGY = "dissipated_energy_ratio"
 
 
-# Name of the best model without memory beside one with memory, and the test of its loss against it.
-Control = tuple[str, CorrelatedTest]
+# Name of the best model without memory beside one with memory, and the factor by which it
+# is farther off.
+Control = tuple[str, Factor]
 
 
 @dataclass(frozen=True)
@@ -175,12 +176,12 @@ def _hysteresis(model: Model, joints: _Joints, control: Control | None) -> _Answ
     words = f"shows hysteresis of {_percent(widest)} of its torque on {KINDS['offset']} motion"
     if control is None:
         return NOT_EVALUATED, f"{words}; no control without memory"
-    name, above = control[0], control[1].above
-    if above >= CERTAIN and "open" not in verdicts:
+    name, standing = control[0], control[1].standing
+    if standing == "worse" and "open" not in verdicts:
         outcome, reason = NOTED, "a lag closes it, as a torque clock that is off would"
-    elif above >= CERTAIN:
+    elif standing == "worse":
         outcome, reason = PASSED, f"{name}, without memory, is practically worse"
-    elif above <= 1 - CERTAIN:
+    elif standing == "adequate":
         outcome, reason = FAILED, f"{name} predicts as well without memory"
     else:
         outcome, reason = NOTED, f"{name} may predict as well without memory"

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.evaluation.reference_model import factors
 from frictionid.report.candidates import Candidate, contrast, family
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import MINUS, factor, percent, short
@@ -109,20 +108,18 @@ def _contrast(
         apart = first and second and not shared
         return _nothing("no recipe fitted both: fit them by the same one." if apart else missing)
     recipe = min(judged, key=lambda r: min(judged[r].first.level, judged[r].second.level))
-    a, b, test = judged[recipe].first, judged[recipe].second, judged[recipe].test
+    a, b, between = judged[recipe].first, judged[recipe].second, judged[recipe].factor
     several = len({c.model.recipe for c in asked.candidates} - {ANY}) > 1
     within = f"by recipe {recipe}: " if several and recipe else ""
-    worse, better, shown = (a, b, test) if test.mean >= 0 else (b, a, test.turned)
-    middle, low, high = map(factor, factors(shown))
+    worse, better, shown = (a, b, between) if between.value >= 1 else (b, a, between.turned)
+    middle, low, high = map(factor, shown[:3])
     unit = asked.section.description.angle_unit
     reason = (
         f"{within}{worse.name} is {short(worse.error)} {unit} off, {better.name} "
         f"{short(better.error)} {unit}: by what they predict {middle} times as far (80 %: "
         f"{low} to {high})."
     )
-    effects = dict(zip(("times", "low", "high"), factors(test), strict=True))
-    chances = {"worse": test.above, "equivalent": test.inside, "better": test.below}
-    return judged[recipe].answer, reason, effects | chances | {"recordings": float(test.folds)}
+    return judged[recipe].answer, reason, between._asdict()
 
 
 def _under(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:

@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.evaluation.reference_model import CERTAIN, WITHIN, Choice, Loss, factors
-from frictionid.evaluation.statistics import FEWEST, REGION, CorrelatedTest
+from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
+from frictionid.evaluation.statistics import FEWEST, REGION
 from frictionid.report.candidates import Candidate, candidates_of, judged, recipe_to_judge
 from frictionid.report.numbers import factor, percent, seconds, short
 from frictionid.report.plausibility import FAILED
@@ -226,11 +225,13 @@ def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -
         doubt = f"{model.name} is not plausible: it {model.implausible[0]}."
         return doubt, "Motion through the speeds at which it fails."
     if kind == UNDECIDED and simplest.loss is not None:
-        most = recordings_needed(recordings, simplest.loss)
+        most = recordings_needed(recordings, simplest.loss.factor)
         words = f"about {most} recordings in place of {recordings}"
         if most > MANY * recordings:
             words = f"more than {MANY} times as many recordings, or longer ones"
-        doubt = f"{simplest.name} is {times(simplest.loss.test)} times as far off as the best model"
+        doubt = (
+            f"{simplest.name} is {times(simplest.loss.factor)} times as far off as the best model"
+        )
         return f"{doubt}.", f"More of the same motion: {words}."
     if recordings < FEWEST:
         parts = f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}"
@@ -252,19 +253,17 @@ def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -
     )
 
 
-def times(test: CorrelatedTest) -> str:
+def times(between: Factor) -> str:
     """The 80 % interval of a factor: "1.1 to 1.4"."""
-    return " to ".join(map(factor, factors(test)[1:]))
+    return f"{factor(between.low)} to {factor(between.high)}"
 
 
-def recordings_needed(recordings: int, loss: Loss) -> int:
-    """How many recordings would decide, about: errors fall with the square root of their number.
+def recordings_needed(recordings: int, between: Factor) -> int:
+    """How many recordings would decide, about: errors fall with the root of their number.
 
-    >>> from frictionid.evaluation.statistics import t_test
-    >>> test = t_test(mean=0.12, error=0.04, count=10, region=0.0953)
-    >>> recordings_needed(10, Loss(test, test, test))
-    44
+    >>> recordings_needed(10, Factor(1.15, 1.05, 1.27, 0.8, 0.0, 10))
+    46
     """
-    test = loss.test
-    apart = abs(test.mean - WITHIN) / (stdtrit(test.folds - 1, CERTAIN) * test.error)
-    return max(recordings + 1, round(min(recordings / apart**2, 1e6)))
+    apart = abs(np.log(between.value) - WITHIN)
+    half = 0.5 * np.log(between.high / between.low)
+    return max(recordings + 1, round(min(recordings * (half / apart) ** 2, 1e6)))

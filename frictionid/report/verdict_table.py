@@ -12,7 +12,7 @@ import pandas as pd
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import Criteria, information_criteria
-from frictionid.evaluation.reference_model import CERTAIN, factors
+from frictionid.evaluation.reference_model import CERTAIN
 from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
 from frictionid.report.candidates import Candidate
@@ -49,8 +49,8 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
         against = candidate.loss
         tested = 5 * [nothing]
         if against is not None:
-            measured = float(np.exp(against.measured.mean))
-            tested = [*factors(against.test), measured, against.test.above]
+            decides = against.factor
+            tested = [*decides[:3], against.measured.value, decides.worse]
         names = ("times", "low", "high", "measured", "worse")
         aic, bic = criteria.get(candidate.model, Criteria(nothing, nothing))
         rows.append(
@@ -227,8 +227,12 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
     del fields["model"], fields["starts"]
     if candidate.loss is not None:
-        tests = candidate.loss._asdict()
-        fields["loss"] = {name: test._asdict() for name, test in tests.items()}
+        implied, measured, contradicted = candidate.loss
+        fields["loss"] = {
+            "implied": implied._asdict(),
+            "measured": measured._asdict(),
+            "contradicted": contradicted,
+        }
     names = {key: getattr(model, key) for key in ("name", "identifier", "recipe", "role")}
     return {**names, "implausible": candidate.implausible, **fields}
 

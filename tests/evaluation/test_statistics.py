@@ -1,4 +1,4 @@
-"""The correlated tests are those of scipy and baycomp; the rule keeps to its order."""
+"""The correlated tests are those of scipy and baycomp."""
 
 import baycomp
 import numpy as np
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from frictionid.evaluation.statistics import choose, correlated_test
+from frictionid.evaluation.statistics import correlated_test
 
 FOLDS = np.random.default_rng(1).uniform(0.1, 0.3, (20, 2, 10))
 
@@ -59,36 +59,3 @@ def test_folds_that_agree_decide_by_the_region_alone():
 def test_what_says_nothing_is_refused(differences):
     with pytest.raises(ValueError, match="at least 2, all finite"):
         correlated_test(np.array(differences), 0.1)
-
-
-FOLD = np.array([0.30, 0.31, 0.29, 0.30, 0.32])
-WIDE = np.array([0.10, -0.08, 0.09, -0.07, 0.02])
-
-
-@pytest.mark.parametrize(
-    ("simple", "standing", "recommended"),
-    [
-        (FOLD + 0.003, "adequate", 1),  # inside the region: the simple one
-        (FOLD + 0.3, "worse", 0),
-        (FOLD + 0.03 + WIDE, "undecided", None),
-        (FOLD - 0.1, "best", 1),
-        (np.where(FOLD > 0.31, np.inf, FOLD), "diverged", 0),
-    ],
-)
-def test_the_simplest_model_that_is_not_practically_worse_is_recommended(
-    simple, standing, recommended
-):
-    choice = choose(np.array([FOLD, simple]), np.array([8.0, 4.0]))
-    assert choice.standings[1].standing == standing
-    assert choice.recommended == recommended
-
-
-def test_an_implausible_model_is_recommended_only_where_no_other_is_left():
-    errors, complexity = np.array([FOLD, FOLD + 0.003]), np.array([8.0, 4.0])
-    assert choose(errors, complexity, np.array([False, True])).recommended == 0
-    assert choose(errors, complexity, np.array([True, True])).recommended == 1
-
-
-def test_too_few_folds_and_models_that_diverge_give_no_choice():
-    assert choose(np.array([[0.1, 0.2]]), np.ones(1)).recommended is None
-    assert choose(np.array([[0.1, 0.2, np.nan]]), np.ones(1)).best is None

@@ -1,0 +1,119 @@
+"""The rule of the verdict: losses of models whose distance is known, and what it recommends."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from frictionid.evaluation.reference_model import StartErrors, choose, loss
+
+GROUP = np.repeat(np.arange(20), 50)
+NOISE = 0.05 * np.random.default_rng(1).standard_normal((1000, 2))
+
+
+def apart(distance, seed=2):
+    """Errors of a model whose predictions differ from the reference's by so much, either way."""
+    rng = np.random.default_rng(seed)
+    return StartErrors(NOISE + distance * rng.standard_normal((1000, 2)), GROUP)
+
+
+BEST = StartErrors(NOISE, GROUP)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.01, 0.02, 0.05, 0.1])
+def test_of_normal_errors_the_loss_is_that_of_their_squares(distance):
+    """sqrt(1 + d^2/e^2), of errors and distances that are independent."""
+    losses = loss(apart(distance), BEST)
+    true = 0.5 * np.log1p((distance / 0.05) ** 2)
+    assert np.log(losses.implied.value) == pytest.approx(true, abs=0.02)
+    assert losses.measured.low / 1.1 < np.exp(true) < losses.measured.high * 1.1
+    assert not losses.contradicted
+
+
+def test_the_implied_loss_scatters_less_than_the_measured_one():
+    pairs = [loss(apart(0.02, seed), BEST) for seed in range(50)]
+    implied, measured = (
+        np.std([getattr(p, k).value for p in pairs]) for k in ("implied", "measured")
+    )
+    assert implied < 0.5 * measured
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_models_that_are_wrong_in_different_ways_are_judged_by_their_errors(share):
+    """Both predict otherwise, and as badly: the measured errors contradict what that implies."""
+    turned = StartErrors(share * NOISE[:, ::-1] * [1.0, -1.0] + (1.0 - share) * NOISE, GROUP)
+    twin = StartErrors(turned.error / turned.size.mean() * BEST.size.mean(), GROUP)
+    losses = loss(twin, BEST)
+    assert losses.contradicted and losses.factor is losses.measured
+    assert losses.factor.standing == "adequate"
+
+
+@given(st.floats(0.1, 10.0), st.integers(0, 5))
+def test_the_unit_of_errors_does_not_matter(unit, seed):
+    model, reference = (
+        StartErrors(1e-3 * unit * e.error, GROUP) for e in (apart(0.02, seed), BEST)
+    )
+    assert loss(model, reference).implied == pytest.approx(
+        loss(apart(0.02, seed), BEST).implied, abs=1e-6
+    )
+
+
+def test_one_far_recording_is_bounded():
+    """What is farther than 1 is as far as 1, and counts once."""
+    far = NOISE.copy()
+    far[0] = 1e6
+    assert StartErrors(far, GROUP).size.max() == 1.0
+    far[0] = np.nan
+    assert StartErrors(far, GROUP).size[0] == 1.0 and not StartErrors(far, GROUP).diverged
+
+
+@pytest.mark.parametrize("distance", [0.01, 0.02, 0.025, 0.03, 0.05])
+def test_the_interval_of_a_factor_says_what_is_shown(distance):
+    """Its lower end is at 1.1 where 90 % of the chance lies above."""
+    for between in loss(apart(distance), BEST)[:2]:
+        assert between.low < between.value < between.high
+        assert (between.low > 1.1) == (between.worse >= 0.9)
+        assert (between.high < 1.1) == (between.worse <= 0.1)
+        assert between.turned.turned == pytest.approx(between)
+
+
+@pytest.mark.parametrize(
+    ("simple", "standing", "recommended"),
+    [
+        (apart(0.005), "adequate", 1),
+        (apart(0.1), "worse", 0),
+        (StartErrors(0.5 * NOISE, GROUP), "best", 1),
+        (StartErrors(np.where(GROUP[:, None] == 3, np.nan, NOISE), GROUP), "diverged", 0),
+    ],
+)
+def test_the_simplest_model_that_is_not_practically_worse_is_recommended(
+    simple, standing, recommended
+):
+    choice = choose([BEST, simple], np.array([8.0, 4.0]))
+    assert choice.standings[1] == standing
+    assert choice.recommended == recommended
+
+
+def test_what_scatters_between_recordings_is_undecided():
+    """Of five recordings one shows what the others do not."""
+    group = GROUP % 5
+    shown = np.where(group == 0, 0.06, 0.0)[:, None]
+    simple = StartErrors(NOISE + shown * (apart(1.0).error - NOISE), group)
+    choice = choose([StartErrors(NOISE, group), simple], np.array([8.0, 4.0]))
+    assert choice.standings[1] == "undecided"
+    assert (choice.recommended, choice.simplest, choice.adequate) == (None, 1, 0)
+
+
+def test_an_unfit_model_is_recommended_only_where_no_other_is_left():
+    errors, complexity = [BEST, apart(0.005)], np.array([8.0, 4.0])
+    assert choose(errors, complexity, np.array([False, True])).recommended == 0
+    assert choose(errors, complexity, np.array([True, True])).recommended == 1
+
+
+def test_too_few_recordings_and_models_that_diverge_give_no_choice():
+    few = StartErrors(NOISE, GROUP % 2)
+    lost = StartErrors(np.full_like(NOISE, np.nan), GROUP)
+    assert choose([few], np.ones(1)).best is None
+    assert choose([lost], np.ones(1)).best is None
+    with pytest.raises(ValueError, match="at least 2 recordings"):
+        loss(StartErrors(NOISE, 0 * GROUP), StartErrors(NOISE, 0 * GROUP))
