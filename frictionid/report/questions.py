@@ -5,7 +5,6 @@ Models are compared with models of the same recipe: another one corrects the dat
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -157,10 +156,10 @@ def percent_of(share: float) -> str:
 def _loss(asked: Asked) -> Answer:
     """Whether the lowest one-step loss of the recipe with most models is that of a good model."""
     data, fitted = asked.section.fitted, [c for c in asked.group({"fitted"}) if c.is_finite]
-    counts = Counter(c.model.recipe for c in fitted)
-    if not counts or max(counts.values()) < 2:
+    groups = [_under(fitted, recipe) for recipe in {c.model.recipe: None for c in fitted}]
+    rivals = max(groups, key=lambda g: (len(g), -min(c.level for c in g)), default=[])
+    if len(rivals) < 2:
         return _nothing("needs two models that were fitted by one recipe.")
-    rivals = _under(fitted, max(counts, key=lambda recipe: counts[recipe]))
     lowest = data.best([c.model for c in rivals], EULER)
     first = [c for c in rivals if c.model is lowest]
     if not first:
@@ -183,10 +182,15 @@ def _dissipative(asked: Asked) -> Answer:
 
 
 def _hysteresis(asked: Asked) -> Answer:
-    """Whether models with memory show hysteresis that a control without memory does not explain."""
+    """Whether models with memory show hysteresis that a control without memory does not explain.
+
+    Those of the verdict's recipe, where it has some: a clock that is off looks like memory.
+    """
+    remembering = [c for c in asked.candidates if has_memory(c.model)]
+    compared = [c for c in remembering if c.standing] or remembering
     judged = {
         c.name: check
-        for c in asked.candidates
+        for c in compared
         for check in c.checks
         if check.name == "hysteresis" and check.outcome != NOT_EVALUATED
     }

@@ -322,8 +322,7 @@ def _model(
     twins = [t for t in tasks if t["identifier"] == identifier and t["fit"] == task["fit"]]
     differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
     label = f"{identifier}, seed {task['seed']}" if differ else identifier
-    corrects = (task.get("method") or {}).get("corrects")  # the data, without friction as well
-    recipe = str(task["fit"]) if role == "fitted" or (role == "none" and corrects) else ANY
+    recipe = str(task["fit"]) if role == "fitted" else ANY
     return Model(
         task=number,
         identifier=identifier,
