@@ -51,6 +51,7 @@ class Candidate:
     standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
         too few folds hold out motion
     loss : against it, None of itself
+    refined : what its fit to all data estimated
     """
 
     name: str
@@ -60,6 +61,7 @@ class Candidate:
     curves: Array
     standing: str = ""
     loss: Loss | None = None
+    refined: Estimates | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,8 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     moving, candidates, chosen = candidates_of(results, horizon, float(noise))
     result = results[chosen.name]
-    refined = None if result.refined is None else result.refined.estimates(part, result.grid)
+    candidates = tuple(replace(c, refined=_estimates(results[c.name], part)) for c in candidates)
+    refined = _estimates(result, part)
     kept = () if refined is None else (e.block for e in refined.parameters)
     return Quick(
         check=verdict,
@@ -128,11 +131,16 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         free=tuple(dict.fromkeys(["friction", *kept])),
         folds=moving,
         candidates=candidates,
-        chosen=chosen,
+        chosen=next(c for c in candidates if c.name == chosen.name),
         friction=result.overall,
         refined=refined,
         velocity=result.grid,
     )
+
+
+def _estimates(result: Result, dataset: Dataset) -> Estimates | None:
+    """What the fit to all data estimated."""
+    return None if result.refined is None else result.refined.estimates(dataset, result.grid)
 
 
 def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:

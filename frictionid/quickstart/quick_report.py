@@ -15,6 +15,7 @@ from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.console import console
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
+from frictionid.report.estimates import added
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -84,6 +85,9 @@ def verdict(result: Quick) -> list[str]:
         if worse
         else f"No other law is practically worse than {best.name}."
     )
+    others = {c.name: c.refined for c in result.candidates if c.refined and c is not chosen}
+    if result.refined and (sentence := added(result.refined, others)):
+        out.append(sentence)
     if not _is_worse(_without(result)):
         out.append(
             "No friction at all is not shown to be practically worse on these data: record more "

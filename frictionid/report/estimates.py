@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from frictionid.friction.provenance import Estimate
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.numbers import MINUS, NOTHING
 from frictionid.report.sections import DataDescription
 
@@ -89,3 +89,20 @@ def interval(low: float, high: float, error: float) -> str:
     left = f"[{ends[0]}" if math.isfinite(low) else "(-∞"
     right = f"{ends[1]}]" if math.isfinite(high) else "∞)"
     return f"{left}, {right}"
+
+
+def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
+    """What fits of richer laws show beyond the chosen one's parameters, a sentence; "" of nothing.
+
+    Of laws that have all of its parameters, those that the data tell from zero, with intervals;
+    velocities, which say nothing of how much there is, are left out.
+    """
+    names = {e.parameter for e in chosen.parameters if e.block == "friction"}
+    parts = []
+    for name, other in others.items():
+        own = [e for e in other.parameters if e.block == "friction"]
+        new = [e for e in own if e.parameter not in names and e.identified and e.unit != "rad/s"]
+        if new and names < {e.parameter for e in own}:
+            values = (f"{e.name} {value_text(e)} {interval(e.low, e.high, e.error)}" for e in new)
+            parts.append(f"{name} shows {', '.join(values)}")
+    return f"Identified, but no practical difference here: {'; '.join(parts)}." if parts else ""

@@ -16,6 +16,7 @@ import numpy as np
 from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 from frictionid.report.candidates import Candidate, candidates_of, judged, recipe_to_judge
+from frictionid.report.estimates import added
 from frictionid.report.numbers import factor, percent, seconds, short
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
@@ -54,6 +55,7 @@ class Verdict:
     recipe : by which the models that are compared were fitted
     folds, recordings : how many there are behind it
     candidates : all models that can be recommended, from the simplest to the most complex
+    identified : what richer laws show beyond the recommended one that makes no practical difference
     main_doubt, record_next : what speaks against it most, and what to record next, a sentence each
     questions : all that the comparison is asked
     """
@@ -71,6 +73,7 @@ class Verdict:
     folds: int = 0
     recordings: int = 0
     candidates: tuple[Candidate, ...] = ()
+    identified: str = ""
     main_doubt: str = ""
     record_next: str = WHOLE
     questions: tuple[Question, ...] = ()
@@ -161,6 +164,7 @@ def _decided(
         sentence=sentence,
         error=provisional.error,
         region=REGION * compared[choice.best].error,
+        identified="" if kind == UNDECIDED else _identified(provisional, verdict.candidates),
         main_doubt=doubt,
         record_next=remedy,
         questions=(question, *questions_to(asked)),
@@ -172,6 +176,15 @@ def _refined(chosen: Candidate, candidates: Sequence[Candidate]) -> Candidate:
     twins = [c for c in candidates if c.model.label == chosen.model.label and c.model.refined]
     finer = [c for c in twins if c.is_finite and not c.unfit and c.level <= chosen.level]
     return min(finer, key=lambda c: c.level, default=chosen)
+
+
+def _identified(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
+    """What richer laws by the same recipe show, see `added`."""
+    if chosen.model.refined is None:
+        return ""
+    richer = [c for c in candidates if c.model.recipe == chosen.model.recipe and c is not chosen]
+    others = {c.model.label: c.model.refined for c in richer if c.model.refined and not c.unfit}
+    return added(chosen.model.refined, others)
 
 
 def _is_simplest(candidate: Candidate, compared: Sequence[Candidate]) -> bool:
