@@ -272,7 +272,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "members": result.members,
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],
-        "starts": result.errors and _rounded(result.errors),
+        "errors": result.errors and _rounded(result.errors),
     }
 
 

@@ -28,7 +28,7 @@ class Candidate:
     ----------
     model : its line of the tables
     error : median error of all its predictions, as in the tables; by_fold : (F,) of each fold
-    starts : its error from each start
+    errors : of its predictions from each start
     complexity : effective number of parameters, infinite where it is not known
     checks : whether it is physically plausible
     standing : "best", "adequate", "undecided", "worse" or "diverged", against the reference, see
@@ -39,7 +39,7 @@ class Candidate:
     model: Model
     error: float
     by_fold: Array
-    starts: StartErrors
+    errors: StartErrors
     complexity: float
     checks: tuple[Check, ...] = ()
     standing: str = ""
@@ -63,12 +63,12 @@ class Candidate:
     @property
     def is_finite(self) -> bool:
         """Whether most of its predictions of each recording are finite."""
-        return bool(len(self.starts.group)) and not self.starts.diverged
+        return bool(len(self.errors.group)) and not self.errors.diverged
 
     @property
     def level(self) -> float:
         """Mean size of its errors, 1 at most: what models are compared by."""
-        return float(self.starts.size.mean())
+        return float(self.errors.size.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def complexity_of(data: SummaryData, model: Model) -> float:
 def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ...]]:
     """What the rule chooses of candidates from the same starts, and these with how they stand."""
     choice = choose(
-        [c.starts for c in candidates],
+        [c.errors for c in candidates],
         np.array([c.complexity for c in candidates]),
         np.array([c.unfit for c in candidates], dtype=bool),
     )
@@ -165,11 +165,11 @@ def contrast(first: Sequence[Candidate], second: Sequence[Candidate]) -> Contras
     if not all(groups):
         return None
     a, b = (min(group, key=lambda c: c.level) for group in groups)
-    if len(np.unique(a.starts.group)) < FEWEST:
+    if len(np.unique(a.errors.group)) < FEWEST:
         return None
     if a.level >= b.level:
-        return Contrast(a, b, loss(a.starts, b.starts).factor)
-    return Contrast(a, b, loss(b.starts, a.starts).factor.turned)
+        return Contrast(a, b, loss(a.errors, b.errors).factor)
+    return Contrast(a, b, loss(b.errors, a.errors).factor.turned)
 
 
 FAMILIES = {

@@ -100,9 +100,10 @@ def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
     names = {e.parameter for e in chosen.parameters if e.block == "friction"}
     parts = []
     for name, other in others.items():
-        own = [e for e in other.parameters if e.block == "friction"]
-        new = [e for e in own if e.parameter not in names and e.identified and e.unit != "rad/s"]
-        if new and names < {e.parameter for e in own}:
-            values = (f"{e.name} {value_text(e)} {interval(e.low, e.high, e.error)}" for e in new)
+        friction = [e for e in other.parameters if e.block == "friction"]
+        shown = [e for e in friction if e.identified and e.unit != "rad/s"]
+        shown = [e for e in shown if e.parameter not in names]
+        if shown and names < {e.parameter for e in friction}:
+            values = (f"{e.name} {value_text(e)} {interval(e.low, e.high, e.error)}" for e in shown)
             parts.append(f"{name} shows {', '.join(values)}")
     return f"Identified, but no practical difference here: {'; '.join(parts)}." if parts else ""

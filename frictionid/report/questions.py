@@ -235,9 +235,9 @@ def _truth(asked: Asked) -> Answer:
     if not data.of_role("truth"):
         return _nothing("no truth is known.")
     model = data.of_role("truth")[0]
-    starts = model.start_errors(asked.horizon)
+    errors = model.start_errors(asked.horizon)
     error, by_fold = data.value(model, asked.column), data.of_folds(model, asked.column)
-    truth = [Candidate(model, error, by_fold, starts, 0.0)]
+    truth = [Candidate(model, error, by_fold, errors, 0.0)]
     missing = "the truth has no scores of its own."
     return _turned(_contrast(asked, [asked.recommended], truth, missing))
 

@@ -123,7 +123,7 @@ class Model:
         empty of black boxes
     motions, examples : predictions from the same starts as others', and from its own best, median
         and worst start
-    starts : errors of held-out predictions, see `frictionid.evaluation.HorizonErrors`
+    errors : of held-out predictions, see `frictionid.evaluation.HorizonErrors`
     """
 
     task: int
@@ -144,15 +144,15 @@ class Model:
     method: Mapping[str, Any] = field(default_factory=dict)
     beyond: Mapping[str, Any] = field(default_factory=dict)
     examples: Sequence[Mapping[str, Any]] = ()
-    starts: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, Any] = field(default_factory=dict)
 
     def start_errors(self, horizon: float) -> StartErrors:
         """Errors of held-out predictions after a horizon [s]; none where they are not on record."""
-        if not self.starts or not np.isfinite(horizon):
+        if not self.errors or not np.isfinite(horizon):
             return StartErrors(np.empty((0, 1)), np.empty(0, dtype=int))
         kinds: dict[str, type] = {"recording": int, "fold": int, "held_out": bool}
         arrays: dict[str, Array] = {
-            k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in self.starts.items()
+            k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in self.errors.items()
         }
         return HorizonErrors(**arrays).after(horizon)
 
@@ -333,7 +333,7 @@ def _model(
         curves=np.asarray(task["curves"], dtype=float),
         motions=[motion for motion in task["motions"] if "place" not in motion],
         examples=[motion for motion in task["motions"] if "place" in motion],
-        starts=task.get("starts") or {},
+        errors=task.get("errors") or {},
         theta=theta,
         document=task["model"],
         settings=task["settings"],

@@ -102,7 +102,7 @@ def verdict_of(section: Section) -> Verdict:
     horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
     candidates = candidates_of(data, horizon)
     folds = max((len(c.by_fold) for c in candidates), default=0)
-    groups = max((len(np.unique(c.starts.group)) for c in candidates), default=0)
+    groups = max((len(np.unique(c.errors.group)) for c in candidates), default=0)
     recipe = recipe_to_judge(candidates)
     if not data.reported:
         reason = "the comparison predicts no motion"
@@ -134,7 +134,7 @@ def verdict_of(section: Section) -> Verdict:
 
 def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
     """The choice among those of a recipe, which come first, with how they stand."""
-    of_recipe = [c for c in candidates if c.model.recipe in (ANY, recipe) and len(c.starts.group)]
+    of_recipe = [c for c in candidates if c.model.recipe in (ANY, recipe) and len(c.errors.group)]
     choice, compared = judged(of_recipe)
     return choice, [*compared, *(c for c in candidates if c not in of_recipe)]
 
@@ -188,10 +188,10 @@ def _identified(chosen: Candidate, candidates: Sequence[Candidate]) -> str:
 
 
 def _is_simplest(candidate: Candidate, compared: Sequence[Candidate]) -> bool:
-    """Whether no model with friction is simpler, and some model is more complex."""
+    """Whether no fitted model with friction is simpler, and some model is more complex."""
     simpler = [c for c in compared if c.complexity < candidate.complexity]
     richer = any(c.complexity > candidate.complexity for c in compared)
-    return richer and all(c.model.role == "none" for c in simpler)
+    return richer and all(c.model.role != "fitted" for c in simpler)
 
 
 def _sentence(

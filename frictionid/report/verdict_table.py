@@ -225,7 +225,7 @@ def verdict_json(verdicts: Sequence[Verdict]) -> str:
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     model, fields = candidate.model, dict(vars(candidate))
-    del fields["model"], fields["starts"]
+    del fields["model"], fields["errors"]
     if candidate.loss is not None:
         implied, measured, contradicted = candidate.loss
         fields["loss"] = {
