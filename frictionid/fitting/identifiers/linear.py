@@ -15,7 +15,7 @@ from frictionid.fitting.identifiers.initial_guess import check_rows
 from frictionid.fitting.identifiers.least_squares import LeastSquares
 from frictionid.fitting.one_step.grams import check_linear, columns, grams
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.residual import Problem, normalised, speed_range
+from frictionid.fitting.one_step.residual import Problem, data_range, normalised
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import NUMERICAL_WIDTH
 from frictionid.friction.laws import Spline
@@ -85,17 +85,23 @@ class Flexible(Identifier):
 
     It is nobody's candidate, `Spline(loaded=True)`. Its knots are octaves apart, the last one at
     half of the fastest speed in the rows in use, so that nothing depends on how fast a machine is.
+    The level at rest is free; from knot to knot, and with the usual load, it changes by as much as
+    it is, as a prior has it: where a joint hardly slides, nothing else would bound it, and a load
+    that hardly changes is told from the level by nothing else.
     """
 
     seeded = False
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        fastest = float(speed_range(problem, weights)[1].max())
+        shown = data_range(problem, weights)
+        fastest = float(shown.fastest.max())
         if not fastest > 0:
             raise InputError("no joint moves: nothing can be calibrated")
         knots = tuple(fastest * 0.5**k for k in range(_KNOTS, 0, -1))
         law = Spline(knots, width=min(NUMERICAL_WIDTH, _SHARP * fastest), loaded=True)
-        return Linear(law).fit(problem, weights, seed)
+        usual = {p.name: float(np.max(shown.usual(p.unit))) for p in law.parameters[1:]}
+        prior = {name: (0.0, size) for name, size in usual.items() if 0 < size < np.inf}
+        return Linear(law, prior=prior).fit(problem, weights, seed)
 
 
 def solutions(T: Array, low: Array, high: Array) -> Array:

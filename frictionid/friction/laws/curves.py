@@ -111,7 +111,7 @@ class Spline(Law):
     not drive. A last knot that the data hardly reach leaves the last rise to chance.
 
     symmetric : false gives each direction a level of its own, w > 0 first
-    loaded : true adds `load_coefficient` load to the level, as `LoadDependent` does
+    loaded : true adds `load_coefficient` load to the level, before it counts as zero
     """
 
     knots: Speeds = KNOTS
@@ -150,20 +150,20 @@ class Spline(Law):
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
-        levels = (above_zero(_sum(part, steps)) for part in self._parts(theta))
-        level = self._with_load(on_side(x.w, *levels), theta, x)
-        return level * smooth_sign(x.w, self.width, self.shape)
+        sums = (self._with_load(_sum(part, steps), theta, x) for part in self._parts(theta))
+        return on_side(x.w, *map(above_zero, sums)) * smooth_sign(x.w, self.width, self.shape)
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         sign = smooth_sign(x.w, self.width, self.shape)
         columns: list[Array] = []
+        by_load: Array = 0.0 * (theta[..., 0] + x.w)
         signs = by_side(x.w, sign, len(self._sides))
         for part, side in zip(self._parts(theta), signs, strict=True):
-            counts = (_sum(part, steps) >= 0) * side
+            counts = (self._with_load(_sum(part, steps), theta, x) >= 0) * side
             columns += [counts * step for step in steps]
-        if self.loaded:
-            columns.append(x.load * sign + 0.0 * theta[..., -1])
+            by_load = by_load + counts * x.load
+        columns += [by_load] * self.loaded
         return namespace(theta, x.w).stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:

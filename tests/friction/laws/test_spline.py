@@ -62,6 +62,16 @@ def test_the_level_grows_with_the_load():
     np.testing.assert_allclose(limits[1] - limits[0], 0.1 * x.load)
 
 
+def test_level_and_load_together_are_not_negative():
+    law, x = Spline((1.0, 2.0), 1, loaded=True), at_rest(np.array([[2.0]]))
+    theta = np.array([[0.1, -0.3, 0.05]])
+    for load, torque in ((2.0, 0.0), (6.0, 0.1)):
+        loaded = x._replace(load=np.array([[load]]))
+        assert law.torque(theta, loaded, ()) == pytest.approx(torque)
+        slopes = law.gradient(theta, loaded)[0, 0]
+        assert (slopes == 0).all() if torque == 0 else slopes[-1] == pytest.approx(load)
+
+
 def test_a_negative_level_counts_as_zero():
     law = Spline((1.0, 2.0), 1)
     torque = Friction(law, np.array([[0.1, -0.3]])).curve(np.linspace(-4, 4, 101))[:, 0]
