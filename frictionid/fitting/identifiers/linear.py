@@ -96,7 +96,10 @@ class Flexible(Identifier):
         shown = data_range(problem, weights)
         fastest = float(shown.fastest.max())
         if not fastest > 0:
-            raise InputError("no joint moves: nothing can be calibrated")
+            raise InputError(
+                "no joint moves in a fold, so that nothing can be calibrated: give recordings with "
+                "motion, or use the recipe 'integral'"
+            )
         knots = tuple(fastest * 0.5**k for k in range(_KNOTS, 0, -1))
         law = Spline(knots, width=min(NUMERICAL_WIDTH, _SHARP * fastest), loaded=True)
         usual = {p.name: float(np.max(shown.usual(p.unit))) for p in law.parameters[1:]}

@@ -8,7 +8,7 @@ import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
 
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import LeastSquares, Linear, check_identifier
+from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear, check_identifier
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
@@ -129,3 +129,18 @@ def test_a_joint_that_hardly_slides_is_refused():
     G[3:, :, 1] = 0.0
     with pytest.raises(InputError, match="joint 2 slides in 3 rows of fold 0"):
         Linear(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
+
+
+def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_data():
+    truth = np.array([[0.1, 0.04, 1.5, 0.02]])
+    problem = explained_by(Stribeck(), truth)
+    found = Flexible().fit(problem, everything(problem), 0)[0]
+    fastest = np.abs(problem.nodes.inputs.w).max()
+    assert found.law.knots[-1] == pytest.approx(fastest / 2) and found.law.uses_load
+    w = np.linspace(0.1, fastest, 200)
+    off = found.curve(w) / Friction(Stribeck(), truth).curve(w) - 1
+    assert np.abs(off).max() < 0.03
+    still = problem.nodes.inputs._replace(w=0.0 * problem.nodes.inputs.w)
+    problem = replace(problem, nodes=problem.nodes._replace(inputs=still))
+    with pytest.raises(InputError, match="no joint moves in a fold"):
+        Flexible().fit(problem, everything(problem), 0)
