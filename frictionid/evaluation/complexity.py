@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.fitting.gauss_newton import Conditions
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.residual import Problem, normalised
+from frictionid.fitting.one_step.spread import spread_of
 from frictionid.friction import Friction
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
@@ -19,7 +21,7 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     """Effective number of parameters of friction (n, P) that was fitted to a problem, weights (K,).
 
     The trace of the hat matrix, with the Jacobian J of the residuals and the precision Q of the
-    priors in units of the residuals' variance,
+    priors in units of the residuals' variance, times the excess of each parameter, see `Spread`,
 
         tr(H (H + Q)^-1),    H = J'WJ,
 
@@ -51,9 +53,10 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     hessian = law.normal_equations(flat, residual, share)[1][0]
     precision, free = np.zeros(len(hessian)), free.ravel()
     if constraints is not None:
-        freedom = max(int((share > 0).sum()) * len(theta) - free.size, 1)
-        variance = float(np.einsum("fk,fki->", share, residual**2)) / freedom
-        precision = constraints.deviation.ravel() ** -2.0 * variance
+        none = np.zeros_like(flat)
+        under = Conditions(share, none - np.inf, none + np.inf, none, none, np.zeros(1))
+        spread = spread_of(law, flat, residual, under)
+        precision = constraints.deviation.ravel() ** -2.0 * spread.excess[0] * spread.variance[0]
         if constraints.tie is not None:  # equal joints have their parameters together
             once = constraints.tie.argmax(axis=0)
             hessian, precision, free = (

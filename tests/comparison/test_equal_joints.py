@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.fitting.one_step.one_step_fit import half_widths, one_step_fit
+from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, half_widths, one_step_fit
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine
@@ -109,17 +109,11 @@ def test_equal_joints_count_their_parameters_once():
 
 
 def test_a_prior_as_wide_as_the_data_takes_half_of_its_parameter():
-    """Two routes: standard errors by ordinary least squares, and the trace of the hat matrix."""
+    """Two routes: standard errors between stretches, and the trace of the hat matrix."""
     problem, law = synthetic_problem(1, 1e-3), CoulombViscous()
     weights = np.ones((1, len(problem.r)))
     plain = Linear(law).fit(problem, weights, 0)[0]
-
-    def left_by(theta):
-        return problem.residual(along(replace(plain, theta=theta), problem.nodes)).ravel()
-
-    columns = np.stack([left_by(row[None]) - left_by(np.zeros((1, 2))) for row in np.eye(2)], -1)
-    left = left_by(plain.theta)
-    covariance = left @ left / (len(left) - 2) * np.linalg.inv(columns.T @ columns)
+    covariance, _ = covariance_of_fit(plain, problem, weights[0])
     for i, name in enumerate(law.names):
         prior = {name: (float(plain.theta[0, i]), float(np.sqrt(covariance[i, i])))}
         fit = LeastSquares(law, prior=prior).fit(problem, weights, 0)[0]

@@ -29,6 +29,7 @@ _ENOUGH = 100_000  # rows to begin with, where there are more
 _NEAR = 1e-2  # tolerance of the fits that give the next weights
 _SPREADS = (8.0, 2.0, 1.2, 1.03)  # factors up and down over which stepwise parameters are tried
 _TRIED = 17  # values of each
+_FOLLOWING = 4  # fits in which a level follows that of the other direction
 
 
 @dataclass(frozen=True)
@@ -83,47 +84,67 @@ class LeastSquares(Identifier):
     def _fitted(self, law: Linearised, weights: Array) -> Array:
         """Parameters (F, N) at the minimum, with weights of rows and of priors found on the way."""
         theta, stepped = self._begin(law, weights)
-        under = law.conditions(weights, np.zeros(len(weights)))
+        under = law.conditions(weights, np.zeros((len(weights), 1)))
         for _ in range(_ROUNDS if self.robust is not None or self.prior else 0):
             first = _better(law, theta, stepped, under)
             theta, residual, *_ = minimum(law, first, under, self.iterations, _NEAR)
-            stepped, reduced, variance = theta, weights, np.zeros(len(weights))
-            if self.robust is not None:
-                reduced = weights * huber_factors(residual, weights, self.robust)
-            if self.prior:
-                variance = law.cost(residual, reduced) / _freedom(law, reduced)
-            under = law.conditions(reduced, variance)
+            stepped, under = theta, self._conditions(law, weights, theta, residual)
         first = _better(law, theta, stepped, under)
         theta = minimum(law, first, under, self.iterations, self.tolerance).x
         for spread in _SPREADS if any(p.stepwise for p in law.law.parameters) else ():
             first = _better(law, theta, _scanned(law, theta, under, spread), under)
             theta = minimum(law, first, under, self.iterations, self.tolerance).x
-        return self._at_neutral(law, theta, under) if self.neutral else theta
+        if not self.neutral:
+            return theta
+        theta, held = self._at_neutral(law, theta, under)
+        for _ in range(_ROUNDS if self.robust is not None and held.any() else 0):
+            under = self._conditions(law, weights, theta, law.residual(theta))
+            again = self._holding(law, theta, held, under)
+            theta[held.any(axis=1)] = again[held.any(axis=1)]
+        return theta
 
-    def _at_neutral(self, law: Linearised, theta: Array, under: Conditions) -> Array:
-        """Parameters (F, N) with those at their neutral values that the rows do not tell.
+    def _conditions(
+        self, law: Linearised, weights: Array, theta: Array, residual: Array
+    ) -> Conditions:
+        """What fits are made under, by the last ones and their residuals (F, K, n)."""
+        reduced, variance = weights, np.zeros((len(weights), 1))
+        if self.robust is not None:
+            reduced = weights * huber_factors(residual, weights, self.robust)
+        if self.prior:
+            spread = spread_of(law, theta, residual, law.conditions(reduced, variance))
+            variance = spread.excess * spread.variance[:, None]
+        return law.conditions(reduced, variance)
+
+    def _at_neutral(self, law: Linearised, theta: Array, under: Conditions) -> tuple[Array, Array]:
+        """Parameters (F, N) with those held at neutral values that the rows do not tell, and which.
 
         The worst known one of a fit first, as long as the fit without it is not shown to be worse:
         what two of them tell together, one tells alone.
         """
-        size = law.size
+        size, held = law.size, np.zeros_like(theta, dtype=bool)
         left = np.isfinite(size) & (under.low < under.high)
         while left.any():
-            spread = spread_of(law, theta, law.residual(theta), under)
+            spread = spread_of(law, theta, law.residual(theta), _with_held(law, theta, held, under))
             neutral = law.neutral(theta)
-            chosen = left & spread.worst(theta, neutral, size)
+            # what others follow does not follow them
+            free = left & (law.neutral(theta + held) == neutral)
+            chosen = spread.worst(theta, neutral, size, free)
             if not chosen.any():
                 break
-            low, high = (np.where(chosen, neutral, x) for x in (under.low, under.high))
-            held = under._replace(low=low, high=high)
-            start = np.clip(theta, low, high)
-            trial = minimum(law, start, held, self.iterations, self.tolerance).x
+            trial = self._holding(law, theta, held | chosen, under)
             goes = chosen.any(axis=1) & ~spread.shown(law, theta, trial, under, chosen)
             theta, left = np.where(goes[:, None], trial, theta), left & ~chosen
-            low, high = (
-                np.where(goes[:, None], *pair) for pair in ((low, under.low), (high, under.high))
-            )
-            under = under._replace(low=low, high=high)
+            held |= chosen & goes[:, None]
+        return theta, held
+
+    def _holding(self, law: Linearised, theta: Array, held: Array, under: Conditions) -> Array:
+        """Parameters (F, N) where some are held at what is neutral beside the others there."""
+        for _ in range(_FOLLOWING):
+            now = _with_held(law, theta, held, under)
+            start = np.clip(theta, now.low, now.high)
+            theta = minimum(law, start, now, self.iterations, self.tolerance).x
+            if np.allclose(np.where(held, law.neutral(theta), theta), theta, rtol=1e-6, atol=0.0):
+                break
         return theta
 
     def _begin(self, law: Linearised, weights: Array) -> tuple[Array, Array]:
@@ -136,6 +157,12 @@ class LeastSquares(Identifier):
                 return theta, theta
         theta, stepped = map(law.tied, best_initial_guess(law.untied, weights))
         return theta, stepped
+
+
+def _with_held(law: Linearised, theta: Array, held: Array, under: Conditions) -> Conditions:
+    neutral = law.neutral(theta)
+    low, high = (np.where(held, neutral, x) for x in (under.low, under.high))
+    return under._replace(low=low, high=high)
 
 
 def _better(law: Linearised, theta: Array, stepped: Array, under: Conditions) -> Array:
@@ -164,9 +191,3 @@ def _scanned(law: Linearised, theta: Array, under: Conditions, spread: float) ->
             costs.append(law.cost(law.residual(theta), under.weights))
         theta[:, column] = values[np.argmin(costs, axis=0), range(len(theta))]
     return theta
-
-
-def _freedom(law: Linearised, weights: Array) -> Array:
-    """Degrees of freedom (F,) of the residuals, less the parameters."""
-    rows = (weights > 0).sum(axis=1) * law.joints
-    return np.maximum(rows - law.joints * len(law.law.names), 1)

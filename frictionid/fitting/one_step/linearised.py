@@ -95,12 +95,13 @@ class Linearised(NamedTuple):
     def conditions(self, weights: Array, variance: Array) -> Conditions:
         """Those of F fits under weights (F, K).
 
-        variance : (F,) of the weighted residuals, which makes priors comparable with them
+        variance : (F, 1) of the weighted residuals, which makes priors comparable with them, or
+            (F, N), times the excess of each parameter, see `Spread`
         """
         constraints = self.constraints
         assert constraints is not None
         mean = self.once(constraints.mean)
-        precision = np.multiply((self.once(constraints.deviation) ** -2.0).T, variance).T
+        precision = self.once(constraints.deviation) ** -2.0 * variance
         floor = _EXACT * self.cost(self.problem.r[None], weights)
         return Conditions(weights, *self.bounds, mean, precision, floor)
 

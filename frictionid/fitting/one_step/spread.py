@@ -34,13 +34,13 @@ class Spread(NamedTuple):
     excess: Array
     variance: Array
 
-    def worst(self, theta: Array, neutral: Array, size: Array) -> Array:
-        """The parameter (F, N) of each fit that is known least, if one is not identified.
+    def worst(self, theta: Array, neutral: Array, size: Array, among: Array) -> Array:
+        """The parameter (F, N) of each fit that is known least, if one `among` some is not known.
 
         Its error exceeds half of its size, and its interval holds the neutral value.
         """
         off = np.abs(theta - neutral)
-        unknown = (off > 0) & (self.error > np.maximum(KNOWN * size, off / 2.0))
+        unknown = among & (off > 0) & (self.error > np.maximum(KNOWN * size, off / 2.0))
         measure = np.where(unknown, self.error / np.where(np.isfinite(size), size, 1.0), -1.0)
         out = np.zeros_like(unknown)
         out[np.arange(len(out)), np.argmax(measure, axis=1)] = True

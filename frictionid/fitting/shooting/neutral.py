@@ -127,8 +127,13 @@ def _neutral_values(
     out, limits = {}, friction.constraints
     assert limits is not None
     neutral = friction.law.neutral(np.asarray(friction.theta), limits.neutral)
+    free = {place for p in parameters if p.block == "friction" for place in p.places}
     for k, p in enumerate(parameters):
-        if p.block == "friction" and np.isfinite(limits.size[p.place]):
+        if p.block != "friction" or not np.isfinite(limits.size[p.place]):
+            continue
+        like = friction.law.parameters[p.place[1]].like
+        # what others follow does not follow them
+        if like not in friction.law.names or (p.place[0], friction.law.names.index(like)) in free:
             out[k] = float(neutral[p.place]), float(limits.size[p.place])
     for block in (b for b in blocks if b.enters == "base" and b.offered):
         places = [k for k, p in enumerate(parameters) if p.block == block.name]
@@ -176,6 +181,19 @@ def _without(block: FrictionBlock, theta: Array, places: set[tuple[int, ...]]) -
 Idle = tuple[tuple[Unknown, ...], tuple[Dropped, ...]]
 
 
+def followed(friction: Friction, held: Sequence[Unknown]) -> tuple[Unknown, ...]:
+    """Held parameters with what is neutral beside the others of a friction now."""
+    if friction.constraints is None:
+        return tuple(held)
+    neutral = friction.law.neutral(np.asarray(friction.theta), friction.constraints.neutral)
+    return tuple(
+        u._replace(neutral=float(neutral[u.parameter.place]))
+        if u.parameter.block == "friction"
+        else u
+        for u in held
+    )
+
+
 class LocalCost(NamedTuple):
     """A fit's cost about its end, a quadratic in the parameters (D,): what holding some would do.
 
@@ -209,7 +227,7 @@ class LocalCost(NamedTuple):
                 cost = cost._at_neutral(unknown)
             else:
                 break
-        return tuple(held), tuple(dropped)
+        return followed(cost.friction, held), tuple(dropped)
 
     def _at_neutral(self, unknown: Sequence[Unknown]) -> LocalCost:
         keys = [Key(p.block, p.place) for p in self.parameters]

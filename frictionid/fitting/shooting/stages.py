@@ -37,6 +37,7 @@ from frictionid.fitting.shooting.neutral import (
     LocalCost,
     Unknown,
     at_neutral,
+    followed,
     parts_of,
 )
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
@@ -50,6 +51,7 @@ from frictionid.friction.provenance import Dropped
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
+_FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
 
@@ -172,12 +174,24 @@ def _without(
     blocks, friction = at_neutral(stage.blocks, stage.friction, held)
     friction = replace(friction, constraints=solution.estimate.friction.constraints)
     blocks = tuple(b for b in blocks if b.name not in {d.block for d in dropped})
-    trial = solved(stage._replace(friction=friction, blocks=blocks), intervals, settings, use)
+    trial = stage._replace(friction=friction, blocks=blocks, held=(*stage.held, *held))
+    trial = _following(solved(trial, intervals, settings, use), intervals, settings, use)
     rise = cost_rise(solution, trial.solution, settings.huber)
     wandered = trial.solution.converged and not solution.converged
     if any(u.shown(rise) for u in held) and not wandered:
         return None
-    return trial._replace(held=(*stage.held, *held), dropped=(*stage.dropped, *dropped))
+    return trial._replace(dropped=(*stage.dropped, *dropped))
+
+
+def _following(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with held parameters that are like others at the values of these."""
+    held = followed(stage.solution.estimate.friction, stage.held)
+    off = [abs(u.neutral - v.neutral) / u.size for u, v in zip(held, stage.held, strict=True)]
+    if max(off, default=0.0) < _FOLLOWS:
+        return stage
+    of_friction = [u for u in held if u.parameter.block == "friction"]
+    _, friction = at_neutral((), stage.friction, of_friction)
+    return solved(stage._replace(friction=friction, held=held), intervals, settings, use)
 
 
 def prepare_fit(

@@ -29,6 +29,7 @@ from frictionid.fitting.shooting.neutral import (
     Key,
     Unknown,
     at_neutral,
+    followed,
     unknown_parameters,
     with_held,
 )
@@ -210,7 +211,11 @@ def _at_neutral(
         H, covariance = solution.normal_equations()[0], _covariance(problem, solution, use)
         unknown = unknown_parameters(covariance, friction, blocks, H, tried)
         if not unknown:
-            return solution, problem, held
+            held = followed(friction, held)
+            of_friction = [u for u in held if u.parameter.block == "friction"]
+            friction = at_neutral((), friction, of_friction)[1]
+            estimate = solution.estimate._replace(friction=friction)
+            return solution._replace(estimate=estimate), problem, held
         tried += [u.key for u in unknown]
         for single in unknown:
             blocks = tuple(free.block for free in problem.blocks)

@@ -11,12 +11,13 @@ from fixtures.exact_problems import everything, explained_by
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.neutral import LocalCost
+from frictionid.fitting.shooting.neutral import LocalCost, followed
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
-from frictionid.friction import Friction
+from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, MotorLoad, Quadratic, Stribeck
 from frictionid.mechanics import mechanism_of, pendulum
 
@@ -48,6 +49,19 @@ def test_a_direction_without_motion_is_like_the_other_one():
     assert up == pytest.approx(down) == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_what_one_way_fast_shows_of_a_rich_law_is_the_law_without_the_rest(seed):
+    """Even where the peak has taken the level's place, which the other direction followed then."""
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
+    rows = (problem.nodes.inputs.w[problem.stencil] > FAST).all(axis=(1, 2))[None] * 1.0
+    plain, rich = (
+        fitted(law, problem, rows) for law in (CoulombViscous(), Stribeck(symmetric=False))
+    )
+    w = np.linspace(FAST, 8.0, 20)
+    np.testing.assert_allclose(rich.curve(w), plain.curve(w), rtol=1e-4)
+    np.testing.assert_allclose(rich.curve(-w), plain.curve(-w), rtol=1e-4)
+
+
 def test_what_the_rows_tell_is_the_plain_minimum():
     truth = [[0.1, 0.04, 1.5, 0.02]]
     problem = explained_by(Stribeck(), truth, 1e-3, np.random.default_rng(1))
@@ -62,6 +76,22 @@ def test_a_prior_stands_in_place_of_the_neutral_value():
     assert held.theta[0, 2] == pytest.approx(0.004, rel=1e-3)
 
 
+@pytest.mark.parametrize("lasting", [6, 12])
+def test_a_prior_of_one_step_weighs_what_it_says_beside_the_scatter_of_stretches(lasting):
+    """Errors that last as long as some rows: mean by the precisions of both, two routes."""
+    problem = explained_by(CoulombViscous(), LINE, 0.0, np.random.default_rng(3))
+    count = -(-len(problem.r) // lasting)
+    noise = np.random.default_rng(4).normal(size=(count, 1)).repeat(lasting, axis=0)
+    problem = replace(problem, r=problem.r + 0.01 * noise[: len(problem.r)])
+    rows, plain = everything(problem), LeastSquares(CoulombViscous(), robust=None)
+    theta = plain.fit(problem, rows, 0)[0].theta[0]
+    covariance, _ = covariance_of_fit(plain.fit(problem, rows, 0)[0], problem, rows[0])
+    error = float(np.sqrt(covariance[1, 1]))
+    informed = replace(plain, prior={"viscous": (theta[1] + error, error)})
+    found = informed.fit(problem, rows, 0)[0].theta[0, 1]
+    assert (found - theta[1]) / error == pytest.approx(0.5, abs=0.05)
+
+
 def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
     """Without motor torque nothing shows of the share that a gear loses of it."""
     still = tuple(
@@ -74,6 +104,25 @@ def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
     assert found.covariance.error[loss] == pytest.approx(0.3)
     assert not found.covariance.identified[loss]
     assert any("loss of joint 1 is not identified" in w for w in found.diagnostics.warnings)
+
+
+def test_of_two_directions_that_data_do_not_tell_one_follows_the_other():
+    law = CoulombViscous(symmetric=False)
+    limits = constraints_of(law, DataRange(*np.array([[0.1], [9.0], [0.2]])))
+    friction = Friction(law, np.array([[0.3, 0.1, 0.01]]), constraints=limits)
+    parameters = tuple(
+        Parameter("friction", name, "N m", 0.0, 0.0, place=(0, i))
+        for i, name in enumerate(law.names)
+    )
+    X = np.random.default_rng(1).normal(size=(30, 5, 3)) * [1.0, 0.0, 0.3]
+    H, values = np.einsum("gri,grj->gij", X, X), friction.theta[0]
+    score = np.random.default_rng(2).normal(size=(30, 3)) * [9.0, 0.0, 0.1]
+    groups = Groups(H, score - score.mean(axis=0), 0 * values, values > 0, *2 * (np.arange(30),))
+    cost = LocalCost(parameters, values, groups, friction, (FrictionBlock(),))
+    held, _ = cost.idle((), 1.0)
+    assert [(u.parameter.name, u.neutral) for u in held] == [("coulomb_negative", 0.3)]
+    later = replace(friction, theta=np.array([[0.4, 0.3, 0.01]]))
+    assert [u.neutral for u in followed(later, held)] == [0.4]
 
 
 def test_what_a_quadratic_foresees_is_what_a_fit_without_the_parameter_finds():
