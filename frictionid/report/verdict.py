@@ -151,7 +151,9 @@ def _decided(
         kind = SIMPLE if _is_simplest(adequate, compared) else RECOMMENDED
     recommended = None if kind == UNDECIDED else provisional.name
     error = f"{short(provisional.error)} {verdict.unit} off after {seconds(verdict.horizon)}"
-    sentence = _sentence(kind, provisional, adequate, simplest, compared, error)
+    several = len({c.model.recipe for c in verdict.candidates} - {ANY}) > 1
+    within = f"by recipe {verdict.recipe}, " if several else ""
+    sentence = _sentence(kind, provisional, adequate, simplest, compared, error, within)
     evidence = {"error": provisional.error}
     question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
     asked = Asked(section, verdict.candidates, provisional, verdict.horizon)
@@ -172,9 +174,11 @@ def _decided(
 
 
 def _refined(chosen: Candidate, candidates: Sequence[Candidate]) -> Candidate:
-    """The same identifier fitted by shooting, where that predicts as well."""
+    """The same identifier fitted by shooting, where that is not farther off by a tenth."""
     twins = [c for c in candidates if c.model.label == chosen.model.label and c.model.refined]
-    finer = [c for c in twins if c.is_finite and not c.unfit and c.level <= chosen.level]
+    finer = [
+        c for c in twins if c.is_finite and not c.unfit and c.level <= (1 + REGION) * chosen.level
+    ]
     return min(finer, key=lambda c: c.level, default=chosen)
 
 
@@ -201,12 +205,13 @@ def _sentence(
     simplest: Candidate,
     compared: Sequence[Candidate],
     error: str,
+    within: str,
 ) -> str:
     """The verdict in one sentence; `error` says how far off the model is.
 
     model : what is delivered of the adequate one, fitted by shooting where it was
+    within : by which recipe models are compared, where there are several
     """
-    delivered = "" if model is adequate else f" ({adequate.name} among its like)"
     if kind == UNDECIDED:
         return (
             f"These data cannot tell whether {simplest.name} is enough or {adequate.name} is "
@@ -216,7 +221,7 @@ def _sentence(
         return f"No friction is needed to predict this motion: {model.name} is {error}."
     others = len(compared) - 1
     worse = sum(c.standing in ("worse", "diverged") for c in compared)
-    rivals = f"{worse} of {others} other models are practically worse"
+    rivals = f"{within}{worse} of {others} other models are practically worse"
     rivals += f", {others - worse} no better" if worse < others else ""
     good = [c for c in compared if c.standing in ("best", "adequate") and c is not adequate]
     unfit = [c.name for c in good if c.implausible]
@@ -226,8 +231,8 @@ def _sentence(
     if contradicted:
         rivals += f"; of {', '.join(contradicted)} the measured errors decide"
     if kind == SIMPLE:
-        return f"The simple model is enough: {model.name} is {error}{delivered}; {rivals}."
-    return f"Use {model.name}, {error}{delivered}" + (f"; {rivals}." if others else ".")
+        return f"The simple model is enough: {model.name} is {error}; {rivals}."
+    return f"Use {model.name}, {error}" + (f"; {rivals}." if others else ".")
 
 
 def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -> tuple[str, str]:
