@@ -81,6 +81,23 @@ def trace_of_hat(hessian: Array, precision: Array) -> float:
     return float(np.trace(inner @ H))
 
 
+def nested_complexity(counts: Sequence[float], names: Sequence[frozenset[str]]) -> Array:
+    """Complexities (M,) of models: their effective parameters, more than those of nested models.
+
+    Which parameters a fit determines is chance where some make no difference; a law that has all
+    parameters of another one, by their names, and further ones is never the simpler one.
+
+    >>> levels, peak = frozenset({"coulomb", "viscous"}), frozenset({"coulomb", "viscous", "peak"})
+    >>> nested_complexity([4.0, 3.0, 9.0], [levels, peak, frozenset()])
+    array([4., 5., 9.])
+    """
+    out = np.array(counts, dtype=float)
+    for i in sorted(range(len(out)), key=lambda i: len(names[i])):
+        inner = [out[k] + 1.0 for k in range(len(out)) if names[k] and names[k] < names[i]]
+        out[i] = max([out[i], *inner])
+    return out
+
+
 class Criteria(NamedTuple):
     """Information criteria of a fit; of two fits to the same residuals the lower is better."""
 

@@ -24,6 +24,7 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.evaluation.complexity import nested_complexity
 from frictionid.evaluation.reference_model import Loss, StartErrors, choose
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
@@ -207,8 +208,9 @@ def candidates_of(
     frictionless = np.array([result.overall.theta.size == 0 for result in results.values()])
     moving = np.flatnonzero(folds.max(axis=0) > _ABOVE * noise)
     errors = [_starts(result, horizon, moving) for result in results.values()]
-    counts = np.array([_complexity(result) for result in results.values()])
-    choice = choose(errors, counts, unfit=frictionless)
+    counts = [_complexity(result) for result in results.values()]
+    names = [frozenset(result.overall.law.names) for result in results.values()]
+    choice = choose(errors, nested_complexity(counts, names), unfit=frictionless)
     candidates = tuple(
         Candidate(
             name=name,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.complexity import nested_complexity
 from frictionid.evaluation.reference_model import Choice, Factor, Loss, StartErrors, choose, loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.report.memory import has_memory
@@ -134,13 +136,21 @@ def complexity_of(data: SummaryData, model: Model) -> float:
 
 def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ...]]:
     """What the rule chooses of candidates from the same starts, and these with how they stand."""
+    names = [frozenset(key for joint in _joints(c) for key in joint) for c in candidates]
     choice = choose(
         [c.errors for c in candidates],
-        np.array([c.complexity for c in candidates]),
+        nested_complexity([c.complexity for c in candidates], names),
         np.array([c.unfit for c in candidates], dtype=bool),
     )
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
+
+
+def _joints(candidate: Candidate) -> Sequence[Mapping[str, Any]]:
+    """Parameters of each joint by their names, of fits whose parameters those are."""
+    is_fit = candidate.model.role == "fitted"
+    joints: Sequence[Mapping[str, Any]] = candidate.model.document.get("joints") or ()
+    return joints if is_fit else ()
 
 
 def recipe_to_judge(candidates: Sequence[Candidate]) -> str:
