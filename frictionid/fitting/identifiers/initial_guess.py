@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import combinations
 from typing import NamedTuple
 
@@ -86,12 +87,13 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
         slides[rows] = (G != 0).any(axis=1) & b.reshape(n, -1, S, P + 1)[..., :P].any((2, 3)).T
         pairs = np.einsum("kij,kil->jlk", G, G)
         onto = np.einsum("kij,ki->jk", G, r)
-        for f, weight in enumerate(weights[:, rows]):
-            size[f] += weight @ (r**2).sum(axis=1)
+        size += weights[:, rows] @ (r**2).sum(axis=1)
+        for at, weight, share in sums_of_rows(weights[:, rows]):
             for j in range(n):
-                right[f, j] += (weight * onto[j]) @ b[j]
+                right[:, j] += share[:, None] * ((weight * onto[j, at]) @ b[j, at])
                 for i in range(j + 1):
-                    blocks[f, j, :, i] += (b[j].T * (weight * pairs[j, i])) @ b[i]
+                    product = (b[j, at].T * (weight * pairs[j, i, at])) @ b[i, at]
+                    blocks[:, j, :, i] += share[:, None, None] * product
     check_rows(fit, weights, slides)
     for j, i in combinations(range(n), 2):
         blocks[:, j, :, i] = np.swapaxes(blocks[:, i, :, j], 1, 2)
@@ -99,6 +101,22 @@ def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
     grams[:, :-1, :-1], ends = blocks.reshape(F, n * B, n * B), right.reshape(F, n * B)
     grams[:, -1, :-1], grams[:, :-1, -1], grams[:, -1, -1] = ends, ends, size
     return grams
+
+
+def sums_of_rows(weights: Array) -> Iterator[tuple[Array, Array, Array]]:
+    """Sums over rows of which those under weights (F, K) are made: rows, weights, shares (F,).
+
+    Folds of whole recordings share most of their rows, and the sums over these.
+    """
+    F, K = weights.shape
+    key = np.cos(np.arange(1.0, F + 1)) @ weights  # the same for rows that have the same weights
+    _, first, cell = np.unique(key, return_index=True, return_inverse=True)
+    if len(first) > F + 1 or not np.array_equal(weights[:, first[cell]], weights):
+        yield from ((np.arange(K), *pair) for pair in zip(weights, np.eye(F), strict=True))
+        return
+    for c, k in enumerate(first):
+        rows = np.flatnonzero(cell == c)
+        yield rows, np.ones(len(rows)), weights[:, k]
 
 
 def _torques(fit: Linearised, values: Array) -> Array:

@@ -17,7 +17,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.initial_guess import best_initial_guess
+from frictionid.fitting.identifiers.initial_guess import best_initial_guess, sums_of_rows
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
@@ -280,3 +280,16 @@ def test_the_equation_of_motion_is_what_is_fitted():
     off = problem.residual(along(short, problem.nodes))
     expected = times(problem.G, problem.mean(along(missing, problem.nodes)))
     np.testing.assert_allclose(off, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("alike", [True, False], ids=["whole recordings", "weights of each row"])
+def test_sums_of_rows_make_up_the_weights_of_each_fold(alike):
+    rng = np.random.default_rng(0)
+    held = np.arange(60) // 15 == np.arange(4)[:, None]
+    weights = np.where(held, 0.0, rng.uniform(1.0, 2.0, (4, 1 if alike else 60)))
+    total, count = 0.0 * weights, 0
+    for rows, weight, share in sums_of_rows(weights):
+        total[:, rows] += share[:, None] * weight
+        count += len(rows)
+    np.testing.assert_allclose(total, weights, rtol=1e-15)
+    assert count == (60 if alike else 4 * 60)
