@@ -272,7 +272,8 @@ def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
     if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(datasets):
         return False
     lengths = {len(row) if isinstance(row, list) else 0 for table in rows.values() for row in table}
-    arrays = task["curves"], task.get("members"), task["folds"]["theta"], task["model"]["theta"]
+    theta = task["folds"]["theta"], task["model"]["theta"]
+    arrays = task["curves"], task.get("members"), *theta, *(task.get("errors") or {}).values()
     return lengths <= {len(SCORE_COLUMNS)} and all(map(_is_array, arrays))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.comparison.results import Results
 from frictionid.errors import InputError
-from frictionid.evaluation.statistics import CERTAIN, REGION, correlated_test
+from frictionid.evaluation.reference_model import StartErrors, loss
 from frictionid.report.numbers import NOTHING, decimals, fixed, seconds, signed
 from frictionid.report.sections import Model, Section, rollout, sections_of
 from frictionid.report.tables import Column, Table, line, text_columns
@@ -148,20 +148,23 @@ def _scores(pair: _Pair) -> Iterator[Score]:
     for first, second in pair.common:
         for horizon in (h for h in a.reported if h in b.reported):
             column = rollout(horizon)
-            folds = a.of_folds(first, column), b.of_folds(second, column)
             values = a.value(first, column), b.value(second, column)
-            standing = _standing(*folds) if pair.alike else ""
+            errors = first.start_errors(horizon), second.start_errors(horizon)
+            standing = _standing(*errors) if pair.alike else ""
             yield Score(a.dataset, first.name, horizon, unit, *values, standing)
 
 
-def _standing(before: Any, after: Any) -> str:
-    """How the second result's errors of the folds (F,) stand against the first one's."""
-    if len(before) != len(after) or len(before) < 2 or not np.isfinite([before, after]).all():
+def _standing(before: StartErrors, after: StartErrors) -> str:
+    """How the second result's errors stand against the first one's, from the same starts."""
+    if len(np.unique(before.group)) < 2 or not np.array_equal(before.group, after.group):
         return ""
-    region = REGION * float(min(before.mean(), after.mean()))
-    test = correlated_test(after - before, region)
-    chances = {"better": test.below, "equivalent": test.inside, "worse": test.above}
-    return next((name for name, chance in chances.items() if chance >= CERTAIN), "undecided")
+    if before.diverged or after.diverged:
+        return ""
+    if after.size.mean() >= before.size.mean():
+        standing = loss(after, before).factor.standing
+        return {"adequate": "equivalent"}.get(standing, standing)
+    standing = loss(before, after).factor.standing
+    return {"adequate": "equivalent", "worse": "better"}.get(standing, standing)
 
 
 def _parameters(pair: _Pair) -> Iterator[Change]:
