@@ -106,14 +106,19 @@ class Criteria(NamedTuple):
 
 
 def information_criteria(
-    squares: Sequence[float], counts: Sequence[float], parameters: float
+    squares: Sequence[float], counts: Sequence[float], parameters: float, units: float | None = None
 ) -> Criteria:
     """Akaike's and Schwarz's criterion [Akaike1974], [Schwarz1978] of normal residuals.
 
     -2 log likelihood = sum_j N_j ln(S_j/N_j) + constant, with an unknown noise for each joint.
 
+    Where residuals err alike, the likelihood is a composite one: the parameters then count
+    tr(J^-1 K), by curvature J and scatter K of the score between independent units, and the sample
+    is as large as these are many [VarinVidoni2005].
+
     squares, counts : (n,) sums of squares S and numbers of residuals N, less those that free
-        initial states take; parameters : effective number
+        initial states take; parameters : effective number; units : independent ones, by default all
+        residuals
 
     >>> one, other = (information_criteria([s], [100.0], k) for s, k in ((1.0, 2), (0.9, 3)))
     >>> round(other.aic - one.aic, 2), round(other.bic - one.bic, 2)
@@ -121,4 +126,5 @@ def information_criteria(
     """
     S, N = np.asarray(squares, dtype=float), np.asarray(counts, dtype=float)
     deviance = float(np.sum(N * np.log(S / N)))
-    return Criteria(deviance + 2 * parameters, deviance + float(np.log(N.sum())) * parameters)
+    size = float(N.sum()) if units is None else units
+    return Criteria(deviance + 2 * parameters, deviance + float(np.log(size)) * parameters)

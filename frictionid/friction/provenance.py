@@ -96,10 +96,15 @@ class Residuals(NamedTuple):
     """Residuals of the angles, of each joint (n,): sums of squares [rad^2] and numbers of them.
 
     Numbers are less the two that a window's free initial state takes.
+
+    parameters : how many the fit is worth by the scatter between clusters, `sandwich.worth`
+    clusters : number of recordings, or of stretches of few; None for both in older files
     """
 
     squares: Numbers
     counts: Numbers
+    parameters: float | None = None
+    clusters: int | None = None
 
 
 class OddRecording(NamedTuple):

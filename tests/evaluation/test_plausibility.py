@@ -13,6 +13,7 @@ from frictionid.evaluation.plausibility import (
     tail_drop,
 )
 from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.shooting.sandwich import Groups, worth
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, LuGre
 
@@ -98,3 +99,29 @@ def test_a_parameter_must_save_more_than_it_costs():
     good = information_criteria([0.8, 1.6], [100.0, 100.0], 5)
     assert idle.aic == base.aic + 2 and idle.bic == pytest.approx(base.bic + np.log(200))
     assert good.aic < base.aic and good.bic < base.bic
+
+
+@pytest.mark.parametrize("lasting, plain_errs", [(1, False), (20, True)])
+def test_errors_that_last_do_not_make_a_richer_law_better(lasting, plain_errs):
+    """A column too many is chosen in 16 % of the cases, as P(chi2 > 2) says, not in most."""
+    chosen = []
+    for seed in range(300):
+        draw = np.random.default_rng(seed)
+        X = draw.normal(size=(30, 20 // lasting, 2)).repeat(lasting, axis=1)
+        e = draw.normal(size=(30, 20 // lasting)).repeat(lasting, axis=1)
+        by_columns = []
+        for D in (1, 2):
+            H, g = np.einsum("gri,grj->gij", X, X)[:, :D, :D], np.einsum("gri,gr->gi", X, e)[:, :D]
+            move = np.linalg.solve(H.sum(axis=0), g.sum(axis=0))
+            left = float(((e - X[..., :D] @ move) ** 2).sum()) / e.size
+            where = np.arange(30)
+            groups = Groups(H / left, g / left, move, np.ones(D) > 0, where, where)
+            count = worth(H.sum(axis=0) / left, groups)
+            pairs = (D, None), (count, 30)
+            by_columns.append(
+                [information_criteria([left * e.size], [e.size], *pair).aic for pair in pairs]
+            )
+        chosen.append(np.less(by_columns[1], by_columns[0]))
+    plain, adjusted = np.mean(chosen, axis=0)
+    assert 0.10 < adjusted < 0.22
+    assert (plain > 0.5) == plain_errs

@@ -42,6 +42,7 @@ from frictionid.fitting.shooting.omitted_blocks import (
 )
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
+from frictionid.fitting.shooting.sandwich import groups_of, worth
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
 from frictionid.fitting.shooting.stages import Stage, begun, solved, that_may_be_free, with_neutral
 from frictionid.friction import Friction
@@ -188,7 +189,7 @@ def _diagnostics(
     odd = odd_recordings(problem, solution)
     return Diagnostics(
         angle_noise=solution.sigma,
-        residuals=_residuals(solution, solution.closed & ~far),
+        residuals=_residuals(problem, solution, solution.closed & ~far),
         windows=len(solution.windows),
         left_out=_segments(problem, solution, ~solution.closed & ~far, size),
         unexplained=_segments(problem, solution, far, size),
@@ -199,11 +200,19 @@ def _diagnostics(
     )
 
 
-def _residuals(solution: Solution, use: Array) -> Residuals:
-    """Size of the residuals in some of the windows (W,)."""
+def _residuals(problem: ShootingProblem, solution: Solution, use: Array) -> Residuals:
+    """Size of the residuals in some of the windows (W,), and what the parameters are worth there.
+
+    These count by the residuals' mean squares, in place of the noise.
+    """
     share = (solution.share[..., None] * np.ones_like(solution.residual))[use]
     squares = (solution.residual[use] ** 2 * share).sum(axis=(0, 1))
-    return Residuals(squares, share.sum(axis=(0, 1)) - 2.0 * use.sum())
+    counts = share.sum(axis=(0, 1)) - 2.0 * use.sum()
+    groups = groups_of(problem, solution)
+    H = groups.H.sum(axis=0) + np.diag(problem.limits.precision)
+    noise = float(np.mean(solution.sigma**2 * counts / np.maximum(squares, 1e-300)))
+    clusters = len(np.unique(groups.cluster))
+    return Residuals(squares, counts, noise * worth(H, groups), clusters)
 
 
 def _segments(

@@ -101,6 +101,20 @@ def excess_of(groups: Groups, parameters: Sequence[Parameter]) -> Array:
     return out
 
 
+def worth(H: Array, groups: Groups) -> float:
+    """How many independent parameters the free ones are worth: tr(H^-1 K), K of clusters' scores.
+
+    Their number where samples scatter independently, and as many times more as neighbouring samples
+    err alike: the penalty of a composite likelihood [VarinVidoni2005]. With the sandwich
+    V = H^-1 K H^-1 it is tr(V H).
+    """
+    free = groups.free & ~shown_once(H, groups)
+    if not free.any() or len(np.unique(groups.cluster)) < 2:
+        return float(free.sum())
+    inner = H[np.ix_(free, free)]
+    return float(np.sum(sandwich(H, groups._replace(free=free)) * inner))
+
+
 def scatter(H: Array, groups: Groups, label: Array) -> Array:
     """Covariance of the free parameters from what the groups of each label (W,) would change in it.
 
