@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -83,7 +82,8 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
     name, recordings = machine.name, dataset.recordings
     driven = any(bool(np.any(r.torque.value)) for r in recordings)
     dense = min(float(np.median(np.diff(r.angle.time))) for r in recordings) < APART
-    laws = LAWS if driven else LAWS[:-1]
+    # what follows the motors' torque explains anything beside an arm's free inertias
+    laws = LAWS if driven and not machine.held else LAWS[:-1]
     identifiers: list[dict[str, Any]] = [{"kind": law} for law in laws]
     identifiers += [{"kind": kind, "recipes": [one_step]} for kind in ("none", *LEARNED)]
     for model in machine.published:
@@ -105,21 +105,11 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
 
 
 def run(machine: Machine, jobs: int) -> None:
-    """Run what is left of a machine's suite, and write down how long that took."""
-    folder, begin = REPORT / machine.name, time.perf_counter()
+    """Run what is left of a machine's suite."""
     suite = suite_of(machine, load_dataset(DATA / machine.name))
-    opened = OpenSuite(suite, HERE / "machines.py", folder)
+    opened = OpenSuite(suite, HERE / "machines.py", REPORT / machine.name)
     said = partial(print, "  ", flush=True)
     opened.run(jobs=jobs, resume=True, replace=True, done=said)
-    seconds = seconds_of() | {machine.name: round(time.perf_counter() - begin)}
-    (REPORT / "seconds.json").write_text(json.dumps(seconds), encoding="utf-8")
-
-
-def seconds_of() -> dict[str, int]:
-    """How long each machine took [s]."""
-    file = REPORT / "seconds.json"
-    seconds: dict[str, int] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    return seconds
 
 
 # --- Table ---------------------------------------------------------------------------------------
@@ -129,6 +119,7 @@ class Row(NamedTuple):
     """What the verdict chose on a machine, and how good that is where it is judged.
 
     over : its error over that of the best published model, NaN without; regret : over the best's
+    seconds : that fits and scores of all models took, calibrations not included
     """
 
     machine: str
@@ -139,6 +130,7 @@ class Row(NamedTuple):
     best: str
     regret: float
     needs: str
+    seconds: float
 
 
 def rows_of(machine: Machine) -> Iterator[Row]:
@@ -163,11 +155,12 @@ def rows_of(machine: Machine) -> Iterator[Row]:
             str(ours.idxmin()),
             error[chosen] / ours.min(),
             answers["beyond_coulomb_viscous"],
+            pd.read_csv(folder / "timings.csv").seconds.sum(),
         )
 
 
 def errors(scores: pd.DataFrame, dataset: str, horizon: float) -> pd.Series:
-    """Median errors of all models at a horizon, by name with recipe."""
+    """Median errors of all models at a horizon, by the verdict's names: none has no recipe."""
     rows = scores[
         (scores.dataset == dataset)
         & (scores.score == "rollout_angle")
@@ -176,10 +169,11 @@ def errors(scores: pd.DataFrame, dataset: str, horizon: float) -> pd.Series:
         & (scores.horizon_s == horizon)
         & (scores.fold.astype(str) == "all")
     ]
-    return rows.set_index(rows.identifier + " (" + rows.fit + ")").value
+    recipe = (" (" + rows.fit + ")").where(rows.identifier != "none", "")
+    return rows.set_index(rows.identifier + recipe).value
 
 
-def table_of(rows: Sequence[Row], seconds: dict[str, int]) -> str:
+def table_of(rows: Sequence[Row]) -> str:
     """The table as Markdown, with the median and the worst regret at its end."""
     head = ("machine", "judged on", "chosen", "error", "over published", "best", "regret")
     lines = [f"| {' | '.join(head)} | beyond Coulomb and viscous | time |"]
@@ -188,7 +182,7 @@ def table_of(rows: Sequence[Row], seconds: dict[str, int]) -> str:
         over = "" if np.isnan(r.over) else f"{r.over:.2f}"
         lines.append(
             f"| {r.machine} | {r.judged} | {r.chosen} | {r.error:.3g} | {over} | {r.best} | "
-            f"{r.regret:.2f} | {r.needs} | {seconds[r.machine]} s |"
+            f"{r.regret:.2f} | {r.needs} | {r.seconds:.0f} s |"
         )
     regret = [r.regret for r in rows]
     for word, value in (("median", np.median(regret)), ("worst", max(regret))):
@@ -213,7 +207,7 @@ def main() -> None:
         except InputError as error:  # the others may be as they should
             print(f"  {error}", flush=True)
     finished = [m for m in MACHINES.values() if (REPORT / m.name / "verdict.json").exists()]
-    table = table_of([row for machine in finished for row in rows_of(machine)], seconds_of())
+    table = table_of([row for machine in finished for row in rows_of(machine)])
     print(table)
     if asked.out is not None:
         before, _, after = asked.out.read_text(encoding="utf-8").partition("\n| machine |")

@@ -28,13 +28,17 @@ def test_suites_follow_one_rule():
 def write(folder, chosen, errors):
     """A result folder with errors on one test by (identifier, recipe)."""
     folder.mkdir(parents=True)
-    named = [{"name": f"{name} ({recipe})", "identifier": name} for name, recipe in errors]
+    named = [
+        {"name": name if name == "none" else f"{name} ({recipe})", "identifier": name}
+        for name, recipe in errors
+    ]
     verdict = {
         "recommended": chosen,
         "provisional": chosen,
         "questions": [{"name": "beyond_coulomb_viscous", "answer": "cannot_tell"}],
         "candidates": [entry for entry in named if entry["identifier"] != "truth"],
     }
+    (folder / "timings.csv").write_text("part,seconds\nfit,4.5\nscore,2.5\n")
     (folder / "verdict.json").write_text(json.dumps({"datasets": [verdict]}))
     rows = [
         ("rig_test", *name, "all", "rollout_angle", "median", 0.5, "all", error)
@@ -52,10 +56,14 @@ def test_a_regret_is_over_the_best_fitted_model_on_the_test(tmp_path, monkeypatc
         ("book", "calibrated"): 0.01,
         ("truth", "calibrated"): 0.001,
         ("lstm", "calibrated"): np.inf,
+        ("none", "calibrated"): 0.04,
     }
     write(tmp_path / "rig", "stribeck (shooting)", errors)
     (row,) = machines.rows_of(machines.Machine("rig", ("rig_test",), ("book",)))
     assert (row.judged, row.best, row.needs) == ("rig_test", "mlp (calibrated)", "cannot tell")
     assert (row.over, row.regret) == pytest.approx((3.0, 1.5))
-    last = machines.table_of([row], {"rig": 7}).splitlines()
+    last = machines.table_of([row]).splitlines()
     assert "| 3.00 | mlp (calibrated) | 1.50 | cannot tell | 7 s |" in last[2]
+    write(tmp_path / "idle", "none", errors)
+    (row,) = machines.rows_of(machines.Machine("idle", ("rig_test",)))
+    assert row.chosen == "none" and row.regret == pytest.approx(4.0)
