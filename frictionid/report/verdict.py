@@ -217,8 +217,6 @@ def _sentence(
             f"These data cannot tell whether {simplest.name} is enough or {adequate.name} is "
             f"needed; {model.name} is {error}."
         )
-    if adequate.model.role == "none":
-        return f"No friction is needed to predict this motion: {model.name} is {error}."
     others = len(compared) - 1
     worse = sum(c.standing in ("worse", "diverged") for c in compared)
     rivals = f"{within}{worse} of {others} other models are practically worse"

@@ -88,10 +88,11 @@ def test_without_predictions_there_is_no_verdict_but_a_reason(tmp_path):
     assert [c.name for c in found.candidates] == ["a"]  # its checks stand, all the same
 
 
-def test_no_friction_can_be_enough(tmp_path):
-    found = verdict(tmp_path, [model("none", 0.203, role="none"), model("rich", 0.2, size=9)])
-    assert (found.recommended, found.kind) == ("none", "simple_enough")
-    assert found.sentence.startswith("No friction is needed")
+def test_motion_that_hardly_shows_friction_does_not_show_that_there_is_none(tmp_path):
+    found = verdict(tmp_path, [model("none", 0.2, role="none"), model("plain", 0.203, size=9)])
+    assert found.recommended == "plain"
+    (answer,) = [q.answer for q in found.questions if q.name == "friction"]
+    assert answer == "no"
 
 
 def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch):
