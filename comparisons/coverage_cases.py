@@ -25,6 +25,7 @@ from frictionid.friction.laws import (
     Spline,
     Stribeck,
 )
+from frictionid.mechanics import mechanism_of
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -51,6 +52,7 @@ MACHINES = {
     "acrobot": {"kind": "acrobot"},
 }
 SAMPLES = {"joint": 181, "acrobot": 121}
+STATED = 5.0  # [%], tolerance of masses that are off
 JOINTS = {"joint": 1, "acrobot": 2}
 TORQUE = {"joint": 0.6, "acrobot": 0.14}  # [N m], largest
 
@@ -161,10 +163,14 @@ def runs_of(machine: str, seed: int, recordings: int) -> list[Run]:
     return runs
 
 
-def rig_of(case: Case, seeds: Sequence[int], recordings: int, *, late: bool) -> Rig:
+def rig_of(
+    case: Case, seeds: Sequence[int], recordings: int, *, late: bool, rotor_known: bool = False
+) -> Rig:
     """The rig with the recordings of some sets, 3 s each at 60 Hz (the acrobot 2 s)."""
     rotor = 2e-6 if case.machine == "acrobot" else 0.003
-    known = not late or case.law.uses_load  # bearing forces follow from the nominal parameters
+    known = (
+        rotor_known or not late or case.law.uses_load
+    )  # bearing forces follow from the nominal parameters
     return Rig(
         "coverage",
         MACHINES[case.machine],
@@ -177,8 +183,29 @@ def rig_of(case: Case, seeds: Sequence[int], recordings: int, *, late: bool) -> 
     )
 
 
-def sets_of(case: Case, seeds: Sequence[int], recordings: int, *, late: bool) -> list[Dataset]:
-    """Simulated sets, moved side by side: as they come alone, sooner."""
-    everything = simulate(rig_of(case, seeds, recordings, late=late))
+def sets_of(
+    case: Case, seeds: Sequence[int], recordings: int, *, late: bool, wrong: float = 0.0
+) -> list[Dataset]:
+    """Simulated sets, moved side by side: as they come alone, sooner.
+
+    wrong : how far nominal masses are off, either way [%]; with those, all inertia is masses
+    """
+    rig = rig_of(case, seeds, recordings, late=late, rotor_known=wrong > 0.0)
+    everything = simulate(rig)
     at = range(0, len(everything.recordings), recordings)
-    return [replace(everything, recordings=everything.recordings[i : i + recordings]) for i in at]
+    parts = [replace(everything, recordings=everything.recordings[i : i + recordings]) for i in at]
+    return parts if not wrong else [_off(*pair, wrong) for pair in zip(parts, seeds, strict=True)]
+
+
+def _off(dataset: Dataset, seed: int, wrong: float) -> Dataset:
+    """The set with nominal masses so many % off, and `STATED` as their tolerance."""
+    mechanism = dataset.mechanism
+    nominal, sign = mechanism.nominal(), np.random.default_rng([seed, 3]).choice([-1, 1])
+    masses = {name: v for name, v in nominal.items() if name.startswith("mass")}
+    defaults = {name: v * (1.0 + sign * wrong / 100.0) for name, v in masses.items()}
+    table = {
+        **mechanism.table,
+        "parameters": {**mechanism.table.get("parameters", {}), **defaults},
+        "tolerances": dict.fromkeys(masses, STATED),
+    }
+    return replace(dataset, mechanism=mechanism_of(table))

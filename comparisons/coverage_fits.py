@@ -65,13 +65,13 @@ def by_integral(case: Case, dataset: Dataset) -> list[Estimated]:
     return out
 
 
-def by_shooting(case: Case, dataset: Dataset) -> list[Estimated]:
+def by_shooting(case: Case, dataset: Dataset, rotor_known: bool = False) -> list[Estimated]:
     """What shooting finds, beginning with the one-step fit."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
     first = LeastSquares(case.law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
     found = refine(first, dataset, BLOCKS, SETTINGS)
     c, true = found.covariance, true_values(case, dataset)
-    base = true_system(rig_of(case, [0], 2, late=True)).p
+    base = true_system(rig_of(case, [0], 2, late=True, rotor_known=rotor_known)).p
     out = []
     intervals = c.interval(0.95)
     known = c.identified

@@ -135,7 +135,10 @@ class LeastSquares(Identifier):
             goes = chosen.any(axis=1) & ~spread.shown(law, theta, trial, under, chosen)
             theta, left = np.where(goes[:, None], trial, theta), left & ~chosen
             held |= chosen & goes[:, None]
-        return theta, held
+        neutral = law.neutral(theta)
+        # what ended there by itself stays, but for what others follow
+        there = (theta == neutral) & (law.neutral(theta + held) == neutral) & np.isfinite(size)
+        return theta, held | there & held.any(axis=1, keepdims=True)
 
     def _holding(self, law: Linearised, theta: Array, held: Array, under: Conditions) -> Array:
         """Parameters (F, N) where some are held at what is neutral beside the others there."""

@@ -138,7 +138,7 @@ def shown_once(H: Array, groups: Groups) -> Array:
     """
     label, most = groups.cluster, SINGULAR * np.diag(H)
     left = [np.diag(H - groups.H[label == name].sum(axis=0)) for name in np.unique(label)]
-    return np.asarray(np.min(left, axis=0) <= most)
+    return np.asarray(np.min(np.reshape(left, (-1, len(H))), axis=0, initial=np.inf) <= most)
 
 
 def expected(H: Array, groups: Groups) -> tuple[Array, Array]:

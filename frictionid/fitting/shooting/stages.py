@@ -14,6 +14,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
+from frictionid.dynamics.step_size import TooSteepError
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
     Estimate,
@@ -51,6 +52,7 @@ from frictionid.friction.provenance import Dropped
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
+_KEPT = 0.8  # of the windows that count
 _FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
@@ -166,7 +168,7 @@ def _without(
 ) -> Stage | None:
     """The stage without what is idle; None where that is nothing, or the fit clearly worse.
 
-    A fit that only settles without it gives no evidence for it.
+    A fit that only settles without it gives no evidence for it, unless it loses windows.
     """
     solution, (held, dropped) = stage.solution, idle
     if not any(idle):
@@ -175,10 +177,14 @@ def _without(
     friction = replace(friction, constraints=solution.estimate.friction.constraints)
     blocks = tuple(b for b in blocks if b.name not in {d.block for d in dropped})
     trial = stage._replace(friction=friction, blocks=blocks, held=(*stage.held, *held))
-    trial = _following(solved(trial, intervals, settings, use), intervals, settings, use)
+    try:
+        trial = _following(solved(trial, intervals, settings, use), intervals, settings, use)
+    except TooSteepError:  # it went astray
+        return None
     rise = cost_rise(solution, trial.solution, settings.huber)
     wandered = trial.solution.converged and not solution.converged
-    if any(u.shown(rise) for u in held) and not wandered:
+    lost = trial.solution.closed.sum() < _KEPT * solution.closed.sum()
+    if lost or (any(u.shown(rise) for u in held) and not wandered):
         return None
     return trial._replace(dropped=(*stage.dropped, *dropped))
 
