@@ -266,7 +266,8 @@ def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
         np.concatenate(column) for column in zip(*(s.motion for s in states), strict=True)
     )
     load = plant[np.repeat(np.arange(len(sizes)), sizes)].load(q, w, u)
-    return Nodes(Inputs(q, w, u, load), time, np.concatenate([[0], np.cumsum(sizes)]))
+    inputs = at_places(plant.mechanism, Inputs(q, w, u, load))
+    return Nodes(inputs, time, np.concatenate([[0], np.cumsum(sizes)]))
 
 
 def initial_state_folds(initial: InitialStates, folds: Folds, states: Sequence[States]) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures import driven_wrist
 from fixtures.command_line import run_command
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
@@ -11,7 +12,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.friction.model_files import save_model
 
 TRUE = Friction(
@@ -54,6 +55,20 @@ def test_whole_recordings_are_simulated_to_their_end():
         at = np.searchsorted(recording.angle.time, own.time_s - 1e-9)
         np.testing.assert_allclose(own.measured_q1, recording.angle.value[at, 0])
     assert (table.q1 - table.measured_q1).abs().median() < 0.03
+
+
+def test_memory_of_a_motor_that_turns_with_two_joints_goes_on_at_each_start(tmp_path):
+    """A film without lag is no memory: the four parts of three joints move as without it."""
+    arm = driven_wrist.mechanism(tmp_path)
+    data = driven_wrist.dataset(arm, driven_wrist.frame(arm, 3.0))
+    levels = np.stack([driven_wrist.COULOMB, 0 * driven_wrist.COULOMB, np.ones(4)], axis=1)
+    theta = np.column_stack([levels, driven_wrist.VISCOUS])
+    lagging = Friction(FilmLag(), np.column_stack([theta, np.full(4, 1e-6)]))
+    q = ["q1", "q2", "q3"]
+    tables = [
+        predicted_motion(f, data, 0.1, 1.0)[q] for f in (Friction(Stribeck(), theta), lagging)
+    ]
+    assert np.abs(tables[0] - tables[1]).to_numpy().max() < 1e-4
 
 
 def test_a_model_of_other_joints_is_refused():
