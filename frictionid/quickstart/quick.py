@@ -34,7 +34,7 @@ from frictionid.friction.provenance import Estimates
 LAWS = ("none", "coulomb_viscous", "motor_load", "stribeck", "spline")
 STEPS = ("check", *LAWS)
 _HORIZONS = (0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
-_FOLDS = 5
+_FOLDS = 10
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
