@@ -188,7 +188,12 @@ class Choice(NamedTuple):
         return self.adequate if self.adequate == self.simplest else None
 
 
-def choose(errors: Sequence[StartErrors], complexity: Array, unfit: Array | None = None) -> Choice:
+def choose(
+    errors: Sequence[StartErrors],
+    complexity: Array,
+    unfit: Array | None = None,
+    frictionless: Array | None = None,
+) -> Choice:
     """The simplest model that is not practically worse than the reference, see `Factor.standing`.
 
     Models are simple in the order of their complexity; of equally complex ones the first is that of
@@ -201,11 +206,24 @@ def choose(errors: Sequence[StartErrors], complexity: Array, unfit: Array | None
         Effective number of parameters; infinite for models that are never simpler than others.
     unfit : bool array (M,), optional
         Models that are reference, or chosen, only where no other is left.
+    frictionless : bool array (M,), optional
+        Models that are so unless all others are practically worse: motion that hardly shows
+        friction does not show that there is none.
     """
+    last = np.zeros(len(errors), dtype=bool) if unfit is None else unfit
+    choice = _chosen(errors, complexity, last)
+    if frictionless is None or choice.best is None:
+        return choice
+    others = {s for i, s in enumerate(choice.standings) if i != choice.best}
+    if frictionless[choice.best] and others <= {"worse", "diverged"}:
+        return choice
+    return _chosen(errors, complexity, last | frictionless)
+
+
+def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Choice:
     finite = np.array([not model.diverged for model in errors], dtype=bool)
     if not finite.any() or len(np.unique(errors[0].group)) < FEWEST:
         return Choice()
-    last = np.zeros(len(errors), dtype=bool) if unfit is None else unfit
     level = np.where(finite, [float(model.size.mean()) for model in errors], np.inf)
     best = int(np.lexsort((-np.asarray(complexity), level, last | ~finite))[0])
     losses = tuple(

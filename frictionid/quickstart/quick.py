@@ -200,17 +200,14 @@ def _folds(dataset: Dataset) -> Folds:
 def candidates_of(
     results: Mapping[str, Result], horizon: float, noise: float
 ) -> tuple[int, tuple[Candidate, ...], Candidate]:
-    """Number of folds that hold out motion, the laws compared on these, and the chosen one.
-
-    No friction is never chosen: too little motion does not show that there is none.
-    """
+    """Number of folds that hold out motion, the laws compared on these, and the chosen one."""
     folds = np.array([_by_fold(result, horizon) for result in results.values()])
     frictionless = np.array([result.overall.theta.size == 0 for result in results.values()])
     moving = np.flatnonzero(folds.max(axis=0) > _ABOVE * noise)
     errors = [_starts(result, horizon, moving) for result in results.values()]
     counts = [_complexity(result) for result in results.values()]
     names = [frozenset(result.overall.law.names) for result in results.values()]
-    choice = choose(errors, nested_complexity(counts, names), unfit=frictionless)
+    choice = choose(errors, nested_complexity(counts, names), frictionless=frictionless)
     candidates = tuple(
         Candidate(
             name=name,

@@ -135,16 +135,13 @@ def complexity_of(data: SummaryData, model: Model) -> float:
 
 
 def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ...]]:
-    """What the rule chooses of candidates from the same starts, and these with how they stand.
-
-    No friction is chosen where no other model is left only: motion that hardly shows friction does
-    not show that there is none.
-    """
+    """What the rule chooses of candidates from the same starts, and these with how they stand."""
     names = [frozenset(key for joint in _joints(c) for key in joint) for c in candidates]
     choice = choose(
         [c.errors for c in candidates],
         nested_complexity([c.complexity for c in candidates], names),
-        np.array([c.unfit or c.model.role == "none" for c in candidates], dtype=bool),
+        np.array([c.unfit for c in candidates], dtype=bool),
+        np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)

@@ -304,7 +304,7 @@ def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
     InputError
         Where a law has a memory of another kind.
     """
-    if law.cells or not law.has_memory:
+    if not law.has_memory or (law.is_network and law.cells):
         return ()
     if not law.reads_window:
         raise InputError(f"{law}: networks with a memory of this kind cannot be trained")
