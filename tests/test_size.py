@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 524_430, 389, 583, 70
-TEST_TOKENS, WORDS = 434_950, 33_870
+TOKENS, FILES, CLASSES, NAMES = 524_960, 389, 583, 70
+TEST_TOKENS, WORDS = 435_110, 33_920
 
 
 def tokens(path):

@@ -238,3 +238,28 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
     kept = [i for i in order if standings[i] not in ("worse", "diverged")]
     shown = [i for i in kept if standings[i] != "undecided"]
     return Choice(best, losses, standings, kept[0], shown[0])
+
+
+def preferring(
+    choice: Choice, names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
+) -> Choice:
+    """The choice, where errors cannot tell it from a richer law, by what the data identify.
+
+    A law that has all parameters of the chosen one, and that is undecided against the reference, is
+    chosen where the data identify one that it adds: few recordings scatter more than a parameter's
+    own interval.
+
+    names, shown : of each model's parameters, and of those that data tell from zero
+    """
+    if choice.recommended is None:
+        return choice
+    mine = names[choice.recommended]
+    richer = [
+        i
+        for i, standing in enumerate(choice.standings)
+        if standing == "undecided" and mine and mine < names[i] and shown[i] - mine
+    ]
+    if not richer:
+        return choice
+    place = min(richer, key=lambda i: choice.losses[i].factor.value)  # type: ignore[union-attr]
+    return choice._replace(simplest=place, adequate=place)

@@ -25,7 +25,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity
-from frictionid.evaluation.reference_model import Loss, StartErrors, choose
+from frictionid.evaluation.reference_model import Loss, StartErrors, choose, preferring
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
@@ -40,6 +40,7 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
+_TRIALS = 5  # of parameters that might be there by chance
 
 
 @dataclass(frozen=True)
@@ -208,6 +209,7 @@ def candidates_of(
     counts = [_complexity(result) for result in results.values()]
     names = [frozenset(result.overall.law.names) for result in results.values()]
     choice = choose(errors, nested_complexity(counts, names), frictionless=frictionless)
+    choice = preferring(choice, names, [_identified(result) for result in results.values()])
     candidates = tuple(
         Candidate(
             name=name,
@@ -224,6 +226,24 @@ def candidates_of(
     smallest = min(laws, key=lambda c: c.error)
     chosen = smallest if choice.adequate is None else candidates[choice.adequate]
     return len(moving), candidates, chosen
+
+
+def _identified(result: Result) -> frozenset[str]:
+    """Parameters of friction, of any joint, whose intervals at 99 % do not hold zero.
+
+    Without velocities, which say nothing of how much there is.
+    """
+    fit = result.refined
+    if fit is None or fit.friction.law.is_network:
+        return frozenset()
+    names, units = fit.friction.law.names, fit.friction.law.units
+    shown = fit.covariance.significant(_TRIALS) & ~fit.covariance.meaningless
+    places = [
+        p.place[1]
+        for p, yes in zip(fit.covariance.parameters, shown, strict=True)
+        if yes and p.block == "friction"
+    ]
+    return frozenset(names[i] for i in places if units[i] != "rad/s")
 
 
 def _starts(result: Result, horizon: float, moving: Array) -> StartErrors:

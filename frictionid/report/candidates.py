@@ -10,7 +10,15 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.complexity import nested_complexity
-from frictionid.evaluation.reference_model import Choice, Factor, Loss, StartErrors, choose, loss
+from frictionid.evaluation.reference_model import (
+    Choice,
+    Factor,
+    Loss,
+    StartErrors,
+    choose,
+    loss,
+    preferring,
+)
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed
@@ -143,6 +151,8 @@ def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ..
         np.array([c.unfit for c in candidates], dtype=bool),
         np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
+    refined = [c.model.refined for c in candidates]
+    choice = preferring(choice, names, [r.shown if r else frozenset() for r in refined])
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.evaluation.reference_model import StartErrors, choose, loss
+from frictionid.evaluation.reference_model import StartErrors, choose, loss, preferring
 
 GROUP = np.repeat(np.arange(20), 50)
 NOISE = 0.05 * np.random.default_rng(1).standard_normal((1000, 2))
@@ -117,3 +117,15 @@ def test_too_few_recordings_and_models_that_diverge_give_no_choice():
     assert choose([lost], np.ones(1)).best is None
     with pytest.raises(ValueError, match="at least 2 recordings"):
         loss(StartErrors(NOISE, 0 * GROUP), StartErrors(NOISE, 0 * GROUP))
+
+
+def test_of_laws_that_errors_cannot_tell_apart_the_one_with_an_identified_parameter_is_chosen():
+    group = GROUP % 5
+    apart_in_one = np.where(group == 0, 0.06, 0.0)[:, None] * (apart(1.0).error - NOISE)
+    errors = [StartErrors(NOISE, group), StartErrors(NOISE + apart_in_one, group)]
+    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
+    choice = choose(errors, np.array([1.0, 2.0]))
+    assert choice.standings[1] == "undecided" and choice.recommended == 0
+    assert preferring(choice, [levels, peak], [levels, peak]).recommended == 1
+    assert preferring(choice, [levels, peak], [levels, levels]).recommended == 0
+    assert preferring(choice, [peak, levels], [peak, levels]).recommended == 0
