@@ -259,7 +259,7 @@ def default_of(machine: Machine) -> tuple[str, str, dict[str, fid.Fit]]:
     each = np.array([joint.angle_noise for joint in check(machine.train).joints])
     units, sizes = machine.train.mechanism.position_units, machine.train.scales.size
     noise = float(norm_of(each, units, sizes)[0])
-    _, candidates, choice = candidates_of(by_law, horizon, noise)
+    _, candidates, choice = candidates_of(by_law, machine.train, horizon, noise)
     for law in candidates:
         print(f"  folds, {horizon:g} s: {_numbers(law.by_fold):60s} {law.name} {law.standing}")
     refined = by_law[choice.name].refined

@@ -40,7 +40,6 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
-_TRIALS = 5  # of parameters that might be there by chance
 
 
 @dataclass(frozen=True)
@@ -121,11 +120,9 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     horizon, results = _compared(part, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
-    moving, candidates, chosen = candidates_of(results, horizon, float(noise))
+    moving, candidates, chosen = candidates_of(results, part, horizon, float(noise))
     result = results[chosen.name]
-    candidates = tuple(replace(c, refined=_estimates(results[c.name], part)) for c in candidates)
-    refined = _estimates(result, part)
-    kept = () if refined is None else (e.block for e in refined.parameters)
+    kept = () if chosen.refined is None else (e.block for e in chosen.refined.parameters)
     return Quick(
         check=verdict,
         seconds=sum(float(np.ptp(r.angle.time)) for r in part.recordings),
@@ -133,9 +130,9 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         free=tuple(dict.fromkeys(["friction", *kept])),
         folds=moving,
         candidates=candidates,
-        chosen=next(c for c in candidates if c.name == chosen.name),
+        chosen=chosen,
         friction=result.overall,
-        refined=refined,
+        refined=chosen.refined,
         velocity=result.grid,
     )
 
@@ -199,7 +196,7 @@ def _folds(dataset: Dataset) -> Folds:
 
 
 def candidates_of(
-    results: Mapping[str, Result], horizon: float, noise: float
+    results: Mapping[str, Result], dataset: Dataset, horizon: float, noise: float
 ) -> tuple[int, tuple[Candidate, ...], Candidate]:
     """Number of folds that hold out motion, the laws compared on these, and the chosen one."""
     folds = np.array([_by_fold(result, horizon) for result in results.values()])
@@ -209,7 +206,8 @@ def candidates_of(
     counts = [_complexity(result) for result in results.values()]
     names = [frozenset(result.overall.law.names) for result in results.values()]
     choice = choose(errors, nested_complexity(counts, names), frictionless=frictionless)
-    choice = preferring(choice, names, [_identified(result) for result in results.values()])
+    refined = [_estimates(result, dataset) for result in results.values()]
+    choice = preferring(choice, names, [e.shown if e else frozenset() for e in refined])
     candidates = tuple(
         Candidate(
             name=name,
@@ -219,6 +217,7 @@ def candidates_of(
             curves=result.curves,
             standing=choice.standings[i] if choice.standings else "",
             loss=choice.losses[i] if choice.losses else None,
+            refined=refined[i],
         )
         for i, ((name, result), by_fold) in enumerate(zip(results.items(), folds, strict=True))
     )
@@ -226,24 +225,6 @@ def candidates_of(
     smallest = min(laws, key=lambda c: c.error)
     chosen = smallest if choice.adequate is None else candidates[choice.adequate]
     return len(moving), candidates, chosen
-
-
-def _identified(result: Result) -> frozenset[str]:
-    """Parameters of friction, of any joint, whose intervals at 99 % do not hold zero.
-
-    Without velocities, which say nothing of how much there is.
-    """
-    fit = result.refined
-    if fit is None or fit.friction.law.is_network:
-        return frozenset()
-    names, units = fit.friction.law.names, fit.friction.law.units
-    shown = fit.covariance.significant(_TRIALS) & ~fit.covariance.meaningless
-    places = [
-        p.place[1]
-        for p, yes in zip(fit.covariance.parameters, shown, strict=True)
-        if yes and p.block == "friction"
-    ]
-    return frozenset(names[i] for i in places if units[i] != "rad/s")
 
 
 def _starts(result: Result, horizon: float, moving: Array) -> StartErrors:

@@ -87,7 +87,7 @@ class Flexible(Identifier):
     half of the fastest speed in the rows in use, so that nothing depends on how fast a machine is.
     The level at rest is free; from knot to knot, and with the usual load, it changes by as much as
     it is, as a prior has it: where a joint hardly slides, nothing else would bound it, and a load
-    that hardly changes is told from the level by nothing else.
+    that hardly changes cannot be separated from the level otherwise.
     """
 
     seeded = False

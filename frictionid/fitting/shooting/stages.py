@@ -128,8 +128,8 @@ def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: A
 def begun(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
     """The fitted stage, without what a rough fit of all of it shows to be idle."""
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
-    told = not offered and not any(np.isfinite(p.size) for p in law.parameters)
-    if law.is_network or told:
+    none_held = not offered and not any(np.isfinite(p.size) for p in law.parameters)
+    if law.is_network or none_held:
         return solved(stage, intervals, settings, use)
     rough = replace(settings, iterations=(settings.iterations + 1) // 2, tolerance=_ROUGH)
     stage = solved(stage, intervals, rough, use)
