@@ -1,7 +1,7 @@
 # Two commands do everything on a bare machine: `make compare` and `make test`. `make` alone lists all.
 # PYTHON=... names the interpreter for .venv, ARGS=... is added to the command that a target runs.
 
-BIN := .venv/bin
+BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 CORE := .venv/frictionid.core
 TEST := .venv/frictionid.test
 DEV := .venv/frictionid.dev

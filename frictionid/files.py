@@ -77,7 +77,7 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = False) -> None:
     with written_beside(path) as beside:
         beside.write_bytes(content)
         if durable:
-            _sync(beside)
+            _sync(beside, os.O_RDWR)
     if durable:
         sync_folder(path.parent)
 
@@ -88,8 +88,8 @@ def sync_folder(folder: Path) -> None:
         _sync(folder)
 
 
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
+def _sync(path: Path, mode: int = os.O_RDONLY) -> None:
+    handle = os.open(path, mode)
     try:
         os.fsync(handle)
     finally:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import version
 
 import pytest
 from fixtures.paths import ROOT
@@ -107,6 +108,13 @@ def test_requirements_are_lower_bounds():
     assert {s.operator for group in groups for r in _requirements(group) for s in r.specifier} == {
         ">="
     }
+
+
+def test_one_version_is_said_everywhere():
+    said = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M)
+    newest = re.search(r"^## \[([\d.]+)\]", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert said and newest
+    assert {said[1], newest[1], version("frictionid")} == {_project()["version"]}
 
 
 # --- Set-up -----------------------------------------------------------------------------------

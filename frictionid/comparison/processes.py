@@ -60,6 +60,9 @@ def side_by_side(
 @contextmanager
 def _blocked(number: signal.Signals) -> Iterator[None]:
     """Put a signal off. Processes started meanwhile never see it: Ctrl-C is the parent's affair."""
+    if sys.platform == "win32":  # which has neither masks nor a tracker
+        yield
+        return
     resource_tracker.ensure_running()  # Python's own start of it would let the signal in
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [number])
     try:

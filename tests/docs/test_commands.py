@@ -8,7 +8,8 @@ from fixtures.paths import ROOT
 
 from frictionid.__main__ import app
 
-PAGES = sorted([ROOT / "README.md", ROOT / "data" / "README.md", *(ROOT / "docs").rglob("*.md")])
+TOP = ("README.md", "CONTRIBUTING.md", "data/README.md")
+PAGES = sorted([*map(ROOT.joinpath, TOP), *(ROOT / "docs").rglob("*.md")])
 GROUP = typer.main.get_command(app)
 # in a block, or in a line of text between backticks; "..." and "|" end a command
 NAMED = re.compile(r"(?:^|`|\n {4})(frictionid [a-z][^`\n|]*|python comparisons/[^`\n|]*)", re.M)

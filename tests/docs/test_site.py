@@ -14,7 +14,7 @@ from frictionid.__main__ import app
 
 DOCS = ROOT / "docs"
 MADE = {"index.md", "gallery.md"}  # by the site itself, of the README and of result folders
-PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FIGURES = re.compile(r"^\|(?! `).*\d\.\d.*$", re.MULTILINE)  # rows; of settings begin with a name
 ROWS = 2  # of figures: fewer are an aside
