@@ -125,6 +125,19 @@ def test_a_wider_prior_costs_less_in_training():
     assert (cost(problem, weights, free) < cost(problem, weights, strict)).all()
 
 
+def test_freedom_that_tells_nothing_is_rarely_taken():
+    rng = np.random.default_rng(0)
+    problem = explained_by(Stribeck(symmetric=False), TRUTH[:1], 0.1, rng)
+
+    def fitted(deviations, seed):
+        identifier = CompressedNetwork(MLP((8,)), prior_deviations=deviations)
+        return identifier.fit(problem, everything(problem), seed).theta
+
+    seeds = range(12)
+    strict = [np.array_equal(fitted((0.3, 1.0), seed), fitted((0.3,), seed)) for seed in seeds]
+    assert np.mean(strict) > 0.75  # by one standard error 0.84
+
+
 def test_compressed_squares_are_those_of_the_rows():
     problem, law = synthetic_problem(2), MLP((6, 6))
     weights, theta = synthetic_weights(problem), drawn(law)[:, :2]
