@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.example_motions import FEWEST, jackknife_width
-from frictionid.report.figures.curves import band_of, density_heights
+from frictionid.report.figures.curves import curve_and_band, density_heights
 from frictionid.report.figures.motion import limits_of
-from frictionid.report.figures.style import DARK, DENSITY, PALE, Style, most
+from frictionid.report.figures.style import DARK, DENSITY, PALE, Style, measured, most
 from frictionid.report.sections import DataDescription, Model, Section
 
 DIGITS = 5  # significant, of numbers in a chart
@@ -184,11 +183,7 @@ def _curve(
     """Line of a model with its 95 % band by shooting, else by the folds, and lines of the folds."""
     w, curves = data.velocity[:, joint], model.curves[..., joint]
     few = thinned(len(w))
-    x, middle, half = w, curves[-1], np.full(len(w), np.nan)
-    if model.refined is not None:
-        x, middle, half = band_of(model, data, joint)[:3]
-    elif model.role == "fitted" and len(curves) > FEWEST:
-        half = jackknife_width(curves[:-1])
+    x, middle, half = curve_and_band(model, data, joint)
     places = thinned(len(x))
     traces = band(x[places], middle[places], half[places], style.colour, group)
     thin = {"color": pale(style.colour, 0.4), "width": 0.7}
@@ -202,6 +197,8 @@ def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[f
     """Ends of the friction axis, with room for the density; one wild fold must not flatten all."""
     curves = [model.curves[:, :, joint].ravel() for model in models]
     curves += [] if data.truth is None else [data.truth[:, joint]]
+    velocity, curve, half = curve_and_band(models[0], data, joint)
+    curves.append((np.abs(curve) + half)[measured(velocity, data, joint)])
     high = 1.1 * most([np.abs(curve[np.isfinite(curve)]) for curve in curves])
     return [-high - DENSITY * 2 * high / (1 - DENSITY), high]
 

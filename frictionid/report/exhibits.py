@@ -10,10 +10,10 @@ import pandas as pd
 from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
+from frictionid.report.figures.first_screen import errors_of_models, friction_of_the_choice
 from frictionid.report.figures.fits import correlation, correlation_caption
 from frictionid.report.figures.motion import example_motions, motions, speed_table, velocity_scatter
 from frictionid.report.figures.scores import (
-    error_over_complexity,
     loss_against,
     one_step_boxes,
     rollout_errors,
@@ -188,17 +188,19 @@ def fit_tables(section: Section, fit: ShootingFit) -> Iterator[NamedTable]:
 Draw = Callable[[Section, Mapping[str, Style]], Any]
 # Pictures about what was fitted, with their captions, in the order of the page.
 FITTED: Mapping[str, tuple[Draw, str]] = {
+    "choice": (
+        friction_of_the_choice,
+        "Friction of {chosen} over velocity, {dataset}; grey: the models it is compared with.",
+    ),
+    "errors": (
+        errors_of_models,
+        "Error {horizon:g} s ahead, {dataset}, held out: each model, each fold.",
+    ),
     "one_step": (
         one_step_boxes,
         "One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond).",
     ),
     "rollouts": (rollout_errors, "Rollout errors over the horizon, fitted on {dataset}."),
-    "complexity": (
-        lambda section, styles: error_over_complexity(verdict_of(section), styles),
-        "Error after {horizon:g} s over the effective parameters, {dataset}: mean of the folds, "
-        "with the lowest and the highest. Star: recommended. Hollow: not plausible. Band: what "
-        "makes no practical difference.",
-    ),
     "tradeoff": (
         loss_against,
         "Errors of prediction and of the friction curve over the one-step loss, {dataset}, held "
@@ -255,10 +257,13 @@ def kind_pictures(section: Section, names: Names, kind: str) -> Iterator[Picture
 def _words(section: Section, recipe: str | None) -> dict[str, Any]:
     """What captions name."""
     shot = [model.scheme for model in section.models if model.refined is not None]
+    verdict = verdict_of(section)
+    chosen = chosen_of(section, verdict)
     return {
         "dataset": section.dataset,
+        "chosen": chosen.name if chosen else "",
         "beside": _beside(section, recipe),
-        "horizon": verdict_of(section).horizon,
+        "horizon": verdict.horizon,
         "members": spread_caption(section),
         "schemes": " and ".join(dict.fromkeys(shot)),
     }

@@ -109,14 +109,14 @@ def _contrast(
     recipe = min(judged, key=lambda r: min(judged[r].first.level, judged[r].second.level))
     a, b, between = judged[recipe].first, judged[recipe].second, judged[recipe].factor
     several = len({c.model.recipe for c in asked.candidates} - {ANY}) > 1
-    within = f"by recipe {recipe}: " if several and recipe else ""
+    within = f"by recipe {recipe} " if several and recipe else ""
     worse, better, shown = (a, b, between) if between.value >= 1 else (b, a, between.turned)
     middle, low, high = map(factor, shown[:3])
-    unit = asked.section.description.angle_unit
+    names = [c.model.label if within else c.name for c in (worse, better)]
+    errors = " and ".join(short(c.level) for c in (worse, better))
     reason = (
-        f"{within}{worse.name} is {short(worse.error)} {unit} off, {better.name} "
-        f"{short(better.error)} {unit}: by what they predict {middle} times as far (80 %: "
-        f"{low} to {high})."
+        f"{within}{names[0]} is {middle} times (80 %: {low} to {high}) as far off as {names[1]}; "
+        f"mean errors: {errors} {asked.section.description.angle_unit}."
     )
     return judged[recipe].answer, reason, between._asdict()
 

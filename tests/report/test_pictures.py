@@ -11,7 +11,8 @@ from frictionid.data.plants import plant_of
 from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loops
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
-from frictionid.report.figures.curves import friction_curves
+from frictionid.report.figures.curves import curve_and_band, friction_curves
+from frictionid.report.figures.first_screen import errors_of_models, friction_of_the_choice
 from frictionid.report.figures.scores import loss_against
 from frictionid.report.figures.style import drawing, styles
 from frictionid.report.memory import loop_pictures
@@ -89,3 +90,27 @@ def test_the_friction_beside_the_motion_is_what_was_put_in():
     found = least_squares_friction(rows, torque + noise)
     use = rows.moving[:, 0]
     np.testing.assert_allclose(found[use], torque[use], atol=1e-4)
+
+
+def test_a_verdict_s_error_picture_has_a_dot_for_each_fold_of_each_model(tmp_path):
+    own = section(tmp_path, ("one", "study"), ("one", "integral"), ("two", "integral"))
+    (axis,) = errors_of_models(own, styles(own.models)).axes
+    dots = [line.get_xdata() for line in axis.get_lines() if line.get_marker() == "o"]
+    assert [len(folds) for folds in dots] == 3 * [made.FOLDS]
+    assert len(axis.get_yticks()) == 3
+    assert [text.get_text() for text in axis.texts if "recipe" in text.get_text()] == [
+        "recipe study",
+        "recipe integral",
+    ]
+
+
+def test_no_band_is_clipped(tmp_path):
+    """However wide the band of the model that is shown, its axis holds it."""
+    level = 0.1 * np.sign(made.about(1)["velocity"])
+    wide = level * np.array([-2.0, 4.0, 1.0, 1.0, 1.0])[:, None, None]
+    own = section(tmp_path, ("one", "integral"), ("two", "integral"), curves=wide)
+    picture = friction_of_the_choice(own, styles(own.models))
+    low, high = picture.axes[0].get_ylim()
+    _, curve, half = curve_and_band(own.models[0], own.description, 0)
+    assert np.nanmax(half) > np.abs(curve).max()
+    assert low <= np.nanmin(curve - half) and np.nanmax(curve + half) <= high

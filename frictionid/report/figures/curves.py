@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.report.figures.style import (
     DARK,
     DASHED,
@@ -175,6 +176,20 @@ def band_of(model: Model, _data: DataDescription, joint: int) -> Band:
     return Band(*(part[:, joint] for part in model.refined.bands[:4]))
 
 
+def curve_and_band(model: Model, data: DataDescription, joint: int) -> tuple[Array, Array, Array]:
+    """Velocities (V,), a joint's curve, and half the width of its 95 % band, NaN where unknown.
+
+    By shooting, else by what leaving out each fold changes.
+    """
+    if model.refined is not None and model.refined.bands is not None:
+        velocity, curve, half = band_of(model, data, joint)[:3]
+        return velocity, curve, half
+    curves = model.curves[..., joint]
+    enough = model.role == "fitted" and len(curves) > FEWEST
+    half = jackknife_width(curves[:-1]) if enough else np.full(curves.shape[1], np.nan)
+    return data.velocity[:, joint], curves[-1], half
+
+
 def _members_of(model: Model, data: DataDescription, joint: int) -> Band:
     mean = model.curves[-1][:, joint]
     members = np.empty((0, 0, 0)) if model.members is None else model.members
@@ -244,7 +259,7 @@ def _about_picture(
     picture, axes = paired_panels(len(shown), data, kind.ratio)
     for joint in range(len(data.joints)):
         bands = {model: kind.read(model, data, joint) for model in every}
-        high = 1.12 * max(most([np.abs(band.curve)]) for band in bands.values())
+        high = 1.12 * max(_height(band, data, joint) for band in bands.values())
         ends = {model: _near(model, band, data, joint) for model, band in bands.items()}
         scale, prefix = prefixed(max(ends.values()))
         label = f"about the {kind.about}\n[{prefix}{data.torque_units[joint]}]"
@@ -273,6 +288,12 @@ def _about_picture(
     label_panels(picture, axes, shown, data, styles)
     key_above(picture, {**key, **_truth_key(data)})
     return picture
+
+
+def _height(band: Band, data: DataDescription, joint: int) -> float:
+    """How high a curve reaches with what lies about it, where the joint moved."""
+    inside = measured(band.velocity, data, joint)
+    return most([(np.abs(band.curve) + np.nan_to_num(band.simultaneous))[inside]])
 
 
 def _near(model: Model, band: Band, data: DataDescription, joint: int) -> float:

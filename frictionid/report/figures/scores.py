@@ -22,10 +22,9 @@ from frictionid.report.figures.style import (
     plain,
     plain_logarithm,
 )
-from frictionid.report.numbers import INFINITE, seconds, short
+from frictionid.report.numbers import INFINITE, short
 from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
 from frictionid.report.summary_table import ONE_STEP
-from frictionid.report.verdict import Verdict
 
 TRUTH = {"color": DARK, "linewidth": 1, "linestyle": DASHED, "zorder": 1}
 
@@ -165,39 +164,6 @@ def _scales(axis: Any, horizons: tuple[float, ...]) -> None:
     axis.set_xticks(horizons, [f"{h:g}" for h in horizons])
     axis.xaxis.set_minor_locator(NullLocator())
     plain_logarithm(axis)
-
-
-def error_over_complexity(verdict: Verdict, styles: Mapping[str, Style]) -> Any:
-    """Each model's error in the folds over its effective parameters; None with fewer than two.
-
-    Points are medians of all predictions, bars reach from the lowest to the highest fold. The band
-    is the region of practical equivalence above the best model.
-    """
-    shown = [c for c in verdict.compared if c.is_finite and np.isfinite(c.complexity)]
-    if len(shown) < 2 or not np.isfinite(verdict.region):
-        return None
-    picture = figure(2.7)
-    axis = picture.subplots()
-    best = min(c.error for c in shown)
-    axis.axhspan(best, best + verdict.region, color=DARK, alpha=0.12, linewidth=0)
-    axis.axhline(best, color=DARK, linewidth=0.8, linestyle=DASHED)
-    for candidate in shown:
-        place, colour = candidate.complexity, styles[candidate.model.label].colour
-        ends = candidate.by_fold.min(), candidate.by_fold.max()
-        axis.plot([place, place], ends, color=colour, linewidth=1.0, alpha=0.6)
-        face = "white" if candidate.implausible else colour
-        shape = "*" if candidate.name == verdict.recommended else "o"
-        axis.plot(place, candidate.error, shape, color=colour, markerfacecolor=face, markersize=8)
-    axis.set_xscale("symlog", linthresh=1.0)  # models without friction have no parameters
-    axis.xaxis.set_major_formatter("{x:g}")
-    axis.set_xlim(left=-0.3)
-    plain_logarithm(axis)
-    axis.set_xlabel("effective parameters")
-    axis.set_ylabel(f"error after {seconds(verdict.horizon)} [{verdict.unit}]")
-    axis.grid(**GRID)
-    labels = dict.fromkeys(c.model.label for c in shown)
-    key_above(picture, {label: marker(styles[label].colour, "o", 5) for label in labels}, 0.8)
-    return picture
 
 
 MARKERS = {"none": "s", "given": "D", "truth": "*"}  # others have those of their recipes

@@ -173,7 +173,9 @@ def key_above(picture: Any, key: Mapping[str, Any], handle: float = 1.8) -> None
     # a label that begins with _ would be left out
     shown = [f" {label}" if label.startswith("_") else label for label in labels]
     columns = next(
-        c for c in range(len(shown), 0, -1) if c == 1 or _width(shown, c, handle) < WIDTH - 0.1
+        c
+        for c in range(len(shown), 0, -1)
+        if c == 1 or _width(shown, c, handle) < picture.get_figwidth() - 0.1
     )
     order = [i for column in range(columns) for i in range(column, len(shown), columns)]
     picture.legend(
