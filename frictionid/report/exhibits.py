@@ -35,7 +35,7 @@ from frictionid.report.shooting_results import (
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import Table
 from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import difference_table, marked, verdict_numbers, verdict_table
+from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
 
 
 class Picture(NamedTuple):
@@ -156,10 +156,6 @@ def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[Nam
     parameter = None if parameters.empty else parameter_table(section, parameters)
     speeds = loops and speed_table(section.dataset, section.description)
     tables = {
-        "differences": (
-            "Differences between models, paired over the folds",
-            difference_table(section.fitted),
-        ),
         "parameters": ("Parameters of the models", parameter),
         "loops": ("Loops of friction over velocity", loops),
         "speeds": ("Speeds of the joints", speeds),

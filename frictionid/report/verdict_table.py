@@ -17,7 +17,6 @@ from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
 from frictionid.report.candidates import Candidate
 from frictionid.report.numbers import (
-    MINUS,
     NOTHING,
     decimals,
     factor,
@@ -27,9 +26,8 @@ from frictionid.report.numbers import (
     signed,
 )
 from frictionid.report.questions import QUESTIONS
-from frictionid.report.sections import RIVALS, Model, SummaryData, rollout
-from frictionid.report.summary_table import ONE_STEP, TRUE_START
-from frictionid.report.tables import Cell, Column, Table, by_columns, line, text_columns
+from frictionid.report.sections import Model
+from frictionid.report.tables import Cell, Column, Table, by_columns
 from frictionid.report.verdict import KINDS, Verdict
 
 DAGGER = "†"
@@ -158,47 +156,6 @@ def _effect(row: pd.Series) -> str:
 
 def _chance(probability: float) -> str:
     return NOTHING if np.isnan(probability) else percent(probability)
-
-
-def difference_table(data: SummaryData) -> Table | None:
-    """Table of each model's difference to the best one, in each score; None with one."""
-    rivals = data.of_role(*RIVALS)
-    if len(rivals) < 2:
-        return None
-    unit = data.description.angle_unit
-    heads = {name: Column(text, "one step", f"{unit}/s") for name, text in ONE_STEP.items()}
-    for h in data.horizons:
-        heads[rollout(h)] = Column(f"{h:g} s", "rollout", unit, ", median")
-    last = rollout(data.horizons[-1], score=TRUE_START) if data.horizons else ""
-    if last in data.level:
-        heads[last] = Column(f"{data.horizons[-1]:g} s", "from true states", unit, ", median")
-    best = {name: data.best(rivals, name) for name in heads}
-    lines = [
-        line(
-            [model.name, *(_difference(data, model, first, name) for name, first in best.items())],
-            model.role + model.recipe,
-        )
-        for model in data.models
-    ]
-    caption = (
-        f"{data.dataset}: differences to the best model of each column, paired over the folds: "
-        "mean ± standard error of the corrected t-test; ≈ where its 95 % interval holds zero. "
-        "Medians of rollouts are those of each fold."
-    )
-    columns = (*text_columns("model"), *heads.values())
-    return Table(caption, f"differences-{data.dataset}", columns, tuple(lines))
-
-
-def _difference(data: SummaryData, model: Model, best: Model | None, column: str) -> str | Cell:
-    if best is model:
-        return Cell("best", True)
-    pair = None if best is None else data.paired(model, best, column)
-    if pair is None or pair.clear is None:
-        return NOTHING
-    places = decimals([pair.error])
-    sign = "+" if pair.mean >= 0 else MINUS
-    text = f"{sign}{fixed(abs(pair.mean), places)} ± {fixed(pair.error, places)}"
-    return text if pair.clear else f"≈ {text}"
 
 
 FORMAT = "frictionid verdict 1"

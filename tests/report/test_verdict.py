@@ -11,7 +11,6 @@ from frictionid.report import results_json, show, write
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.terminal import verdict as words_of
 from frictionid.report.verdict import verdict_of
-from frictionid.report.verdict_table import difference_table
 
 SHARED = [0.001, -0.001, 0.002, -0.002]
 
@@ -184,5 +183,3 @@ def test_given_models_are_ranked_with_the_fitted_ones(tmp_path):
     table = summary_table(summary_of(section.fitted), "")
     bold = {line.cells[0].text: any(cell.best for cell in line.cells) for line in table.lines}
     assert bold == {"none": False, "ours": True, "paper": True}  # one step ahead they are level
-    first = difference_table(section.fitted).lines
-    assert [line.cells[-1].text for line in first][-1] == "best"
