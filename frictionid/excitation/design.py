@@ -221,7 +221,7 @@ def scales(experiment: Experiment, pool: Information, sines: Information) -> Arr
 def _least(each: Information) -> Array:
     """Least standard error (P,) by one recording, infinite where none identifies a parameter."""
     variances = np.diagonal(covariances(each), axis1=-2, axis2=-1).max(axis=0)
-    return np.asarray(np.sqrt(variances.min(axis=0, initial=np.inf)))
+    return np.sqrt(variances.min(axis=0, initial=np.inf))
 
 
 DRAWS = 80  # a standard deviation is then known to 8 %
@@ -239,8 +239,7 @@ class MonteCarlo(NamedTuple):
 
     def bias(self, *, inertia: bool) -> Array:
         """Mean deviations: the error of smoothing, whatever the noise."""
-        out: Array = (self.everything if inertia else self.friction).mean(axis=0)
-        return out
+        return (self.everything if inertia else self.friction).mean(axis=0)
 
 
 def monte_carlo(
@@ -273,8 +272,7 @@ def _fitted(H: Array, g: Array) -> Array:
     if not np.all(scale > 0):
         return np.full(g.shape, np.inf)
     scaled = H / (scale[:, :, None] * scale[:, None, :])
-    out: Array = -np.linalg.solve(scaled, (g / scale)[..., None])[..., 0] / scale
-    return out
+    return -np.linalg.solve(scaled, (g / scale)[..., None])[..., 0] / scale
 
 
 OTHER_SCALES = (0.5, 2.0)  # of the prior friction, at which the signals are simulated as well

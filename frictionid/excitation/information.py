@@ -125,7 +125,7 @@ def _mask_variance(change: Array, margin: Array) -> Array:
     """
     probability = norm.cdf(margin)
     D = change * np.sqrt(probability * (1 - probability))[:, None]
-    return np.asarray(D @ np.swapaxes(D, -1, -2))
+    return D @ np.swapaxes(D, -1, -2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class Concatenated:
     @property
     def q(self) -> Array:
         """Angles (N (T + 1), n)."""
-        return np.asarray(self.recording.angle.value)
+        return self.recording.angle.value
 
     @cached_property
     def problem(self) -> Problem:

@@ -212,7 +212,7 @@ def _at_rest(task: TrajectoryTask, sines: Array, cosines: Array) -> tuple[Array,
 def _torque(task: TrajectoryTask, q: Array, w: Array, a: Array) -> Array:
     """Torques (T, n) [N m] of a motion with the prior friction."""
     M, h = task.plant.dynamics(q, w)
-    return np.asarray(times(M, a) - h + task.friction.torque(at_rest(w)))
+    return times(M, a) - h + task.friction.torque(at_rest(w))
 
 
 def _size(task: TrajectoryTask) -> int:
@@ -234,7 +234,7 @@ def _information(task: TrajectoryTask, motion: Trajectory) -> Array:
     slides = np.abs(motion.w) > _RESTING * task.limits.velocity
     J *= (slides / (task.torque_noise * task.limits.torque))[..., None]
     flat = J.reshape(-1, J.shape[-1])
-    return np.asarray(flat.T @ flat)
+    return flat.T @ flat
 
 
 def _errors(task: TrajectoryTask, information: Array) -> Array:
@@ -243,4 +243,4 @@ def _errors(task: TrajectoryTask, information: Array) -> Array:
     # base parameters are known to their own size: some combinations no motion within limits shows
     prior = np.concatenate([np.full(2 * n, 1e-6), np.ones(len(information) - 2 * n)])
     covariance = np.linalg.inv(information + np.diag(prior))
-    return np.asarray(np.sqrt(np.diag(covariance)[: 2 * n]).reshape(n, 2))
+    return np.sqrt(np.diag(covariance)[: 2 * n]).reshape(n, 2)

@@ -64,8 +64,7 @@ class TrueSystem:
             return Tf
         bearing = self.mechanism.load(self.parameters, y[0], y[1], u)
         load = Load(bearing, u, -self.friction.moment * np.sin(y[0]))
-        loaded: Array = Tf + mode * self.friction.loaded_level(w, load)
-        return loaded
+        return Tf + mode * self.friction.loaded_level(w, load)
 
 
 def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:
@@ -88,10 +87,9 @@ def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Ar
     array([1.5, 0. ])
     """
     if slips.all():
-        return np.asarray(solve(M, f - Tf))
+        return solve(M, f - Tf)
     both = slips[..., :, None] & slips[..., None, :]
-    a: Array = solve(np.where(both, M, np.eye(M.shape[-1])), np.where(slips, f - Tf, 0.0))
-    return a
+    return solve(np.where(both, M, np.eye(M.shape[-1])), np.where(slips, f - Tf, 0.0))
 
 
 def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
@@ -141,8 +139,7 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
     wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
     best = np.maximum(wrong, 0.0).max(axis=-1).argmin(axis=0)
-    chosen: Array = mode[best, np.arange(len(best))]
-    return chosen
+    return mode[best, np.arange(len(best))]
 
 
 def _hold_margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
@@ -157,8 +154,7 @@ def _within(system: TrueSystem, y: Array, u: Array, hold: Array) -> Array:
     rest, forward = np.zeros_like(y[1]), np.ones_like(y[1])
     upper = system.torque(y, u, forward, rest)
     lower = system.torque(y, u, -forward, rest)
-    within: Array = np.minimum(upper - hold, hold - lower)
-    return within
+    return np.minimum(upper - hold, hold - lower)
 
 
 def integrate_motion(
@@ -234,8 +230,7 @@ def runge_kutta(system: TrueSystem, y: Array, u: Array, mode: Array, step: Array
     k2 = derivative(system, y + (0.5 * h) * k1, u, mode)
     k3 = derivative(system, y + (0.5 * h) * k2, u, mode)
     k4 = derivative(system, y + h * k3, u, mode)
-    end: Array = y + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
-    return end
+    return y + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
 
 
 def derivative(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
@@ -308,5 +303,4 @@ def _first_event(
 def _relative(system: TrueSystem, y: Array, u: Array, mode: Array, last: Array) -> Array:
     """Smallest of the margins that end negative (`last`), relative to their final size."""
     now = margins(system, y, u, mode)
-    smallest: Array = np.where(last < 0, now / np.abs(last), np.inf).min(axis=-1)
-    return smallest
+    return np.where(last < 0, now / np.abs(last), np.inf).min(axis=-1)

@@ -62,8 +62,7 @@ class Chirp(Command):
         since = time - time[0]
         growth = (self.stop_frequency - self.start_frequency) / max(since[-1], 1e-9)
         turns = (self.start_frequency + 0.5 * growth * since) * since
-        wave: Array = self.amplitude * np.sin(2 * np.pi * turns)
-        return wave
+        return self.amplitude * np.sin(2 * np.pi * turns)
 
 
 @dataclass(frozen=True)

@@ -113,8 +113,7 @@ def track(
 
     def command(k: int, y: Array) -> Array:
         off = wanted[k, :2] - y[:2]
-        torque: Array = motors * (forward[k] + kp * off[0] + kd * off[1])
-        return torque
+        return motors * (forward[k] + kp * off[0] + kd * off[1])
 
     return sampled_loop(system, command, start, time, delay=delay, gain=gain, substeps=substeps)
 

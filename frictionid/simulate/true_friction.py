@@ -84,8 +84,7 @@ class Curve:
 
     def torque(self, w: Array, side: Array) -> Array:
         """Friction torque [N m] at w for the direction `side` (+1, -1 or 0), shape (..., n)."""
-        torque: Array = side * self.level(w, side) + self._arrays[2] * w
-        return torque
+        return side * self.level(w, side) + self._arrays[2] * w
 
     def table(self) -> dict[str, Any]:
         """Fields by name, as lists."""
@@ -97,8 +96,7 @@ def level_of(numbers: Sequence[Array], speed: Array, side: Array) -> Array:
     positive, negative, _, peak_positive, peak_negative, width = numbers
     forward = side >= 0
     peak = np.where(forward, peak_positive, peak_negative)
-    level: Array = np.where(forward, positive, negative) + peak * np.exp(-((speed / width) ** 2))
-    return level
+    return np.where(forward, positive, negative) + peak * np.exp(-((speed / width) ** 2))
 
 
 class TrueFriction:
@@ -188,12 +186,10 @@ class FilmLag(TrueFriction):
         return np.abs(w)
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
-        torque: Array = mode * self.curve.level(z, mode) + self._arrays[1] * w
-        return torque
+        return mode * self.curve.level(z, mode) + self._arrays[1] * w
 
     def rate(self, w: Array, z: Array, mode: Array) -> Array:
-        rate: Array = (mode * w - z) / self._arrays[0]
-        return rate
+        return (mode * w - z) / self._arrays[0]
 
 
 @dataclass(frozen=True)
@@ -252,18 +248,15 @@ class LuGre(TrueFriction):
 
     def start(self, w: Array) -> Array:
         side = np.sign(w)
-        z: Array = side * self.curve.level(w, side) / self._arrays[0]
-        return z
+        return side * self.curve.level(w, side) / self._arrays[0]
 
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
         stiffness, damping, width, viscous = self._arrays
         fading = damping * np.exp(-((w / width) ** 2))
-        torque: Array = stiffness * z + fading * self.rate(w, z, mode) + viscous * w
-        return torque
+        return stiffness * z + fading * self.rate(w, z, mode) + viscous * w
 
     def rate(self, w: Array, z: Array, mode: Array) -> Array:
-        rate: Array = w - self._arrays[0] * mode * w * z / self.curve.level(w, mode)
-        return rate
+        return w - self._arrays[0] * mode * w * z / self.curve.level(w, mode)
 
 
 class Load(NamedTuple):
@@ -331,8 +324,7 @@ class LoadFriction(TrueFriction):
         square = np.where(np.abs(u) > np.abs(te), of_external * te**2, of_motor * u**2)
         peak = np.abs(peak_motor * u - peak_external * te) + np.where(u * te < 0, square, 0.0)
         left = np.exp(-((w / np.array(self.curve.stribeck_velocity)) ** 2))
-        level: Array = bearing * N + np.abs(motor * u - external * te) + left * peak
-        return level
+        return bearing * N + np.abs(motor * u - external * te) + left * peak
 
     def table(self) -> dict[str, Any]:
         return {**super().table(), "moment": self.moment}

@@ -104,7 +104,7 @@ class RecordingFriction(TrueFriction):
     def torque(self, w: Array, z: Array, mode: Array) -> Array:
         recording = z[..., 0].astype(int)
         numbers = [values[recording] for values in self._arrays]
-        return np.asarray(mode * level_of(numbers, w, mode) + numbers[2] * w)
+        return mode * level_of(numbers, w, mode) + numbers[2] * w
 
     def table(self) -> dict[str, Any]:
         return Stribeck(self.curve).table()

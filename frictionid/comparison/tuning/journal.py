@@ -79,8 +79,7 @@ class Study:
     @property
     def held_out(self) -> Mapping[str, float | None] | None:
         """Scores on the held-out fold, of the "chosen" and the "suite" settings."""
-        scores: Mapping[str, float | None] | None = self.optuna_study.user_attrs.get("held_out")
-        return scores
+        return self.optuna_study.user_attrs.get("held_out")
 
     def set_held_out(self, scores: Mapping[str, float | None]) -> None:
         """Write the scores on the held-out fold."""

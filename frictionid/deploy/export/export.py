@@ -263,8 +263,7 @@ def writer_of(name: str) -> Writer:
     """
     if name not in FORMATS:
         raise InputError(f"export format {name!r} is unknown; {nearest(name, FORMATS)}")
-    writer: Writer = _module(name, "write")
-    return writer
+    return _module(name, "write")
 
 
 def _module(name: str, part: str) -> Any:

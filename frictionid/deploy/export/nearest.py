@@ -211,8 +211,7 @@ def reaching(initial: InitialStates) -> InitialStates:
 
 def at_horizon(q: Array, initial: InitialStates) -> Array:
     """Angles (S, n) at the horizon, of series (T + 1, S, n)."""
-    at: Array = q[initial.last[-1], np.arange(q.shape[1])]
-    return at
+    return q[initial.last[-1], np.arange(q.shape[1])]
 
 
 def cost_sentence(exported: ExportedFriction, cost: Cost) -> str:

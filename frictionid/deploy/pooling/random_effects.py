@@ -72,7 +72,7 @@ class RandomEffects(NamedTuple):
     def probability(self, x: Array) -> Array:
         """Probability that another specimen lies below values x, of any shape."""
         z = (np.asarray(x)[..., None] - self.means) / self.deviations
-        return np.asarray(ndtr(z).mean(axis=-1))
+        return ndtr(z).mean(axis=-1)
 
     def quantile(self, p: float) -> float:
         """Value below which another specimen lies with probability p."""
@@ -140,7 +140,7 @@ def between(y: Array, s: Array, level: Array) -> Array:
     """Variances tau^2 (N,) at which Q is as large as levels (N,); zero where it never is."""
     low, high = np.zeros(len(level)), np.sum((y - y.mean()) ** 2) / level  # Q is below there
     low, high = np.where(_statistic(y, s, low) <= level, [low, low], [low, high])
-    return np.asarray(_bisected(lambda x: _statistic(y, s, x) > level, low, high))
+    return _bisected(lambda x: _statistic(y, s, x) > level, low, high)
 
 
 def _bisected(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
@@ -154,8 +154,7 @@ def _bisected(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
 def _statistic(y: Array, s: Array, variance: Array) -> Array:
     """Q (N,) at variances tau^2 (N,); it falls as these grow."""
     mean, _ = weighted(y, s, variance)
-    out: Array = np.sum((y - mean[:, None]) ** 2 / (variance[:, None] + s**2), axis=1)
-    return out
+    return np.sum((y - mean[:, None]) ** 2 / (variance[:, None] + s**2), axis=1)
 
 
 _GRID = 501  # points of a distribution between the ends of its range

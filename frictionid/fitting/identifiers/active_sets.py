@@ -240,13 +240,11 @@ def search(
 def held_out_costs(G: Array, columns: Sequence[int]) -> Array:
     """Squares (C,) of each cluster under the fit of all the other clusters; G (C, M, M)."""
     if not columns:
-        return np.asarray(G[:, -1, -1])
+        return G[:, -1, -1]
     S = np.array(columns)
     _, c = best_fits(G.sum(0) - G, np.repeat(S[None], len(G), axis=0))
     H, g = G[:, S[:, None], S], G[:, S, -1]
-    return np.asarray(
-        G[:, -1, -1] + np.einsum("ci,cij,cj->c", c, H, c) - 2 * np.einsum("ci,ci->c", c, g)
-    )
+    return G[:, -1, -1] + np.einsum("ci,cij,cj->c", c, H, c) - 2 * np.einsum("ci,ci->c", c, g)
 
 
 def selected(G: Array, sets: Sequence[ActiveSet], n_standard_errors: float) -> tuple[int, ...]:

@@ -144,7 +144,7 @@ class _Check(NamedTuple):
         self.require(same, "the same seed must give the same numbers")
 
     def torque(self, friction: Friction) -> Array:
-        return np.asarray(along(friction, self.problem.nodes))
+        return along(friction, self.problem.nodes)
 
     def equal(self, actual: Array, expected: Array, rule: str) -> None:
         size = float(np.sqrt(np.mean(expected**2)))

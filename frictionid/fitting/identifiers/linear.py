@@ -122,4 +122,4 @@ def _in_linear_range(friction: Friction, problem: Problem) -> Array:
     theta = friction.theta[:, None]
     linear = (law.gradient(0.0 * theta[:1], x) * theta).sum(-1)
     error = np.abs(law.torque(theta, x, ()) - linear).max(axis=(1, 2))
-    return np.asarray(error <= _ROUNDING * np.abs(linear).max(axis=(1, 2)))
+    return error <= _ROUNDING * np.abs(linear).max(axis=(1, 2))

@@ -52,7 +52,7 @@ class _Trained(NamedTuple):
     def predict(self, table: Array) -> Array:
         """Torque (B,) [N m] at features (B, p)."""
         scaled = self.estimator.predict((table - self.centre) / self.size)
-        return np.asarray(self.level + self.scale * scaled)
+        return self.level + self.scale * scaled
 
 
 @dataclass(frozen=True)

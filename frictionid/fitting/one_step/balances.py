@@ -69,8 +69,7 @@ class Rows(NamedTuple):
 
     def required(self, parameters: Array) -> Array:
         """Mean torque (K, n) [N m] that base parameters (R, nb) need, without friction."""
-        torque: Array = (self.regressor * parameters[self.recording][:, None]).sum(-1)
-        return torque
+        return (self.regressor * parameters[self.recording][:, None]).sum(-1)
 
     def means(self, torque: SignalIntegrals, delay: ArrayLike = 0.0) -> Array:
         """Mean torque (..., K, n) [N m] logged `delay` (...) [s] before each window."""
@@ -283,8 +282,7 @@ def _nodes(q: Array, w: Array, step: Array) -> tuple[Array, Array, int]:
 def _simpson(values: Array, middle: int) -> Array:
     """Means (..., L, n) over the intervals of values (..., 2 L + 1, n) as `_nodes` orders them."""
     ends = values[..., : middle - 1, :] + values[..., 1:middle, :]
-    out: Array = (ends + 4.0 * values[..., middle:, :]) / 6.0
-    return out
+    return (ends + 4.0 * values[..., middle:, :]) / 6.0
 
 
 def _running(parts: Array) -> Array:

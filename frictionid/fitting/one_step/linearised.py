@@ -221,7 +221,7 @@ class Linearised(NamedTuple):
     def cost(self, residual: Array, weights: Array) -> Array:
         """Weighted squares (F,) of residuals (F, K, n)."""
         squares = np.einsum("...n,...n->...", residual, residual)
-        return np.asarray((weights * squares).sum(axis=-1))
+        return (weights * squares).sum(axis=-1)
 
     def possible(self, theta: Array) -> Array:
         """The parameters: all within the bounds are possible."""

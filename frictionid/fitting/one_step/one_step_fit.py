@@ -51,7 +51,7 @@ def half_widths(
     """
     covariance, freedom = covariance_of_fit(friction, problem, weights, robust)
     half = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance))
-    return np.asarray(half.reshape(friction.theta.shape))
+    return half.reshape(friction.theta.shape)
 
 
 def covariance_of_fit(

@@ -345,4 +345,4 @@ def _factors(residual: Array, weights: Array, clip: float) -> Array:
     middle = (cumulated >= 0.5 * cumulated[-1:]).argmax(axis=0)[None]
     median = np.take_along_axis(ordered, middle, axis=0)
     allowed = np.maximum(clip * MAD * median, 1e-300)
-    return np.asarray(np.min(allowed / np.maximum(size, allowed), axis=-1))
+    return np.min(allowed / np.maximum(size, allowed), axis=-1)

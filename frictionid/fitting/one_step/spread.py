@@ -44,7 +44,7 @@ class Spread(NamedTuple):
         measure = np.where(unknown, self.error / np.where(np.isfinite(size), size, 1.0), -1.0)
         out = np.zeros_like(unknown)
         out[np.arange(len(out)), np.argmax(measure, axis=1)] = True
-        return np.asarray(out & unknown)
+        return out & unknown
 
     def shown(
         self, law: Linearised, theta: Array, without: Array, under: Conditions, chosen: Array
@@ -52,7 +52,7 @@ class Spread(NamedTuple):
         """Whether (F,) fits without some chosen parameters (F, N) are clearly worse than with."""
         before, after = (law.cost(law.residual(x), under.weights) for x in (theta, without))
         most = np.where(chosen, self.excess, 1.0).max(axis=1)
-        return np.asarray(after - before > CLEAR * most * self.variance)
+        return after - before > CLEAR * most * self.variance
 
 
 def spread_of(law: Linearised, theta: Array, residual: Array, under: Conditions) -> Spread:
@@ -102,4 +102,4 @@ def _inverse(H: Array) -> Array:
     value, vector = np.linalg.eigh(H / np.outer(size, size))
     # a combination without a trace is known no better than rounding
     value = np.maximum(value, _BLIND * value.max(initial=0.0))
-    return np.asarray((vector / value) @ vector.T / np.outer(size, size))
+    return (vector / value) @ vector.T / np.outer(size, size)

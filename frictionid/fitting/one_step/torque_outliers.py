@@ -123,7 +123,7 @@ def _balances(plant: Plant, recording: Recording, states: States) -> Array:
     balance = momentum_balance(terms, interval_stencil(len(states.time)))
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)
-    return np.asarray((balance.end - balance.start) / dt - balance.force - u)
+    return (balance.end - balance.start) / dt - balance.force - u
 
 
 def _without_friction(balances: list[Array], speeds: list[Array]) -> tuple[float, list[Array]]:
@@ -175,7 +175,7 @@ def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -
         # the means are correlated: about as much as makes this right
         error[part] = noise * np.sqrt(np.maximum(inverse.diagonal(), 0.0)) / unit[part]
     low, high = _SHARE
-    return np.asarray((size > 0) & (share > low) & (share < high) & (share > _CLEAR * error))
+    return (size > 0) & (share > low) & (share < high) & (share > _CLEAR * error)
 
 
 def _blurred(footprint: csr_array, half: int) -> csr_array:

@@ -249,7 +249,7 @@ def _check_level(law: Law, theta: Array, x: Inputs) -> None:
         _check_smoothing(law, theta, x)
 
     def torque(w: float) -> Array:
-        return np.asarray(narrow.torque(theta, x._replace(w=w + 0.0 * x.w), ()))
+        return narrow.torque(theta, x._replace(w=w + 0.0 * x.w), ())
 
     for sign, side in ((1.0, "positive"), (-1.0, "negative")):
         # extrapolated to rest, without the rise of the smoothing and the slope of viscous friction

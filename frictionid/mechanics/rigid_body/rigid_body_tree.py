@@ -296,7 +296,7 @@ def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -
         factors = np.zeros((tree.n, 4, 4))
         factors[:, *_LOWER] = free[: 10 * tree.n].reshape(tree.n, 10) * scale[:, None]
         bodies = moments_of(factors @ np.swapaxes(factors, 1, 2) + floor)
-        return np.asarray(regrouping @ np.append(bodies, most * free[10 * tree.n :] ** 2))
+        return regrouping @ np.append(bodies, most * free[10 * tree.n :] ** 2)
 
     def residual(free: Array) -> Array:
         return np.append((base(free) - wanted) @ root, _WEAK * (free - start))

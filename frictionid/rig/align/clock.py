@@ -75,12 +75,12 @@ class Clock(NamedTuple):
 
     def to_angles(self, time: Array) -> Array:
         """Times (K,) by the angles' clock."""
-        return np.asarray(time + self.offset + self.drift * (time - self.at))
+        return time + self.offset + self.drift * (time - self.at)
 
     def to_log(self, time: Array) -> Array:
         """Times (K,) by the log's clock."""
         since = (time - self.at - self.offset) / (1.0 + self.drift)
-        return np.asarray(self.at + since)
+        return self.at + since
 
     def offset_at(self, time: float) -> float:
         """Offset [s] at a time of the log's clock."""
@@ -347,7 +347,7 @@ def _used(intervals: Intervals) -> Array:
         return np.ones(K, dtype=bool)
     width = max(int(_STRETCH / float(np.median(intervals.dt))), 4)
     every = K / _MAX_INTERVALS
-    return np.asarray((np.arange(K) % int(width * every)) < width)
+    return (np.arange(K) % int(width * every)) < width
 
 
 def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:

@@ -243,14 +243,14 @@ def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int)
 def _convolved(a: Array, b: Array) -> Array:
     size = len(a) + len(b) - 1
     fast = next_fast_len(size)
-    return np.asarray(irfft(rfft(a, fast) * rfft(b, fast), fast)[:size])
+    return irfft(rfft(a, fast) * rfft(b, fast), fast)[:size]
 
 
 def _basis(columns: Array) -> Array:
     """Orthonormal basis of some columns."""
     size = np.sqrt((columns**2).sum(axis=0))
     U, s, _ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
-    return np.asarray(U[:, s > 1e-6 * s[0]])
+    return U[:, s > 1e-6 * s[0]]
 
 
 def _means(torque: Signal, clock: Array) -> Array:
@@ -259,7 +259,7 @@ def _means(torque: Signal, clock: Array) -> Array:
     edges = clock[0] + STEP * (np.arange(len(clock) + 2 * half) - half)
     fine = averages(torque, np.append(edges, edges[-1] + STEP))[:, 0]
     sums = np.concatenate([[0.0], np.cumsum(fine)])
-    return np.asarray((sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half))
+    return (sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half)
 
 
 def _peaks(offsets: Array, explained: Array) -> Array:

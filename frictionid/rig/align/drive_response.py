@@ -50,7 +50,7 @@ class _Record(NamedTuple):
 
     def delayed(self, delay: float) -> Array:
         """Command at time - delay."""
-        return np.asarray(np.interp(self.time - delay, self.time, self.command))
+        return np.interp(self.time - delay, self.time, self.command)
 
     def residual(self, theta: Array) -> Array:
         """Predicted minus measured torque for theta = (gain, bias, delay, low, high)."""
@@ -58,7 +58,7 @@ class _Record(NamedTuple):
 
     def predicted(self, theta: Array) -> Array:
         gain, bias, delay, low, high = theta
-        return np.asarray(np.clip(gain * self.delayed(delay) + bias, low, high))
+        return np.clip(gain * self.delayed(delay) + bias, low, high)
 
 
 def drive_response(time: Array, command: Array, measured: Array) -> DriveResponse | None:
@@ -99,7 +99,7 @@ def _fitted(record: _Record) -> Array:
         return record.residual(x * scale)
 
     fit = least_squares(residual, start, loss="soft_l1", f_scale=_noise(residual(start)))
-    return np.asarray(fit.x * scale)
+    return fit.x * scale
 
 
 def _best_delay(record: _Record) -> tuple[float, float, float]:
@@ -153,4 +153,4 @@ def _errors(theta: Array, record: _Record) -> Array:
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-10, hermitian=True)
     scores = np.stack([J[block == b].T @ residual[block == b] for b in range(_BLOCKS)])
     matrix = _BLOCKS / (_BLOCKS - 1) * inverse @ (scores.T @ scores) @ inverse
-    return np.asarray(np.sqrt(np.diag(matrix)) * scale)
+    return np.sqrt(np.diag(matrix)) * scale

@@ -126,14 +126,14 @@ class _Model(NamedTuple):
 def link_noise(sigma: Array) -> Array:
     """Standard deviations (T, n) of links between markers with deviations (T, n + 1); nan is 0."""
     sigma = np.nan_to_num(sigma)
-    return np.asarray(np.sqrt(sigma[:, 1:] ** 2 + sigma[:, :-1] ** 2))
+    return np.sqrt(sigma[:, 1:] ** 2 + sigma[:, :-1] ** 2)
 
 
 def _huber(x: Array) -> Array:
     """Residuals whose squares are Huber's cost, so that wrong dots do not bend the view."""
     size = np.abs(x)
     far = np.sqrt(np.maximum(2 * _HUBER * size - _HUBER**2, 0.0))
-    return np.asarray(np.sign(x) * np.where(size > _HUBER, far, size))
+    return np.sign(x) * np.where(size > _HUBER, far, size)
 
 
 def length_contradiction(markers: Array, seen: Array, lengths: Array) -> tuple[Array, Array] | None:
@@ -264,7 +264,7 @@ def _deviation(link: Array, sigma: Array) -> Array:
         if i:
             slope[:, i, i] -= across[:, i - 1]
             slope[:, i, i - 1] += across[:, i - 1]
-    return np.asarray(np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3))))
+    return np.sqrt(((slope * sigma[:, None, :, None]) ** 2).sum(axis=(2, 3)))
 
 
 def _check_seen(seen: Array, setup: MarkerSetup, name: str) -> None:

@@ -110,7 +110,7 @@ def colour_regions(patch: Patch, dot: DotModel) -> Array:
     order = np.argsort(-area)
     order = order[area[order] >= np.pi * dot.radius**2 / 3]
     table = np.column_stack([centres[1:] + patch.corner, area])
-    return np.asarray(table[order])
+    return table[order]
 
 
 class _Window(NamedTuple):

@@ -170,7 +170,7 @@ def _times(film: Film, motion: TrueMotion, rng: np.random.Generator) -> Array:
         time = np.clip(time, start, stop)
         time[0] = start
     # time stamps are whole ticks, and exact
-    return np.asarray(time[0] + np.round((time - time[0]) * CLOCK) / CLOCK)
+    return time[0] + np.round((time - time[0]) * CLOCK) / CLOCK
 
 
 def _noise(film: Film, rng: np.random.Generator) -> Array | None:

@@ -306,7 +306,7 @@ class Follower:
 def unwrapped_direction(link: Array, near: Array) -> Array:
     """Directions [rad] of links (..., 2) [px], 0 downwards, within half a turn of those `near`."""
     direction = np.arctan2(link[..., 0], link[..., 1])
-    return np.asarray(near + (direction - near + np.pi) % (2 * np.pi) - np.pi)
+    return near + (direction - near + np.pi) % (2 * np.pi) - np.pi
 
 
 def follow(setup: MarkerSetup, frames: Iterator[Frame]) -> Iterator[Markers]:

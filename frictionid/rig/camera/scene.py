@@ -253,12 +253,12 @@ class View:
         seen = X[..., :2] / (1.0 + X[..., 2:] / self.distance) * self.scale
         corner = np.linalg.norm(middle)
         out = 1.0 + self.distortion * (seen**2).sum(-1, keepdims=True) / corner**2
-        return np.asarray(middle + seen * out)
+        return middle + seen * out
 
 
 def _turned(about_x: float, about_y: float) -> Array:
     """The first two columns (3, 2) of the rotation by a vector in the picture's plane."""
-    return np.asarray(Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2])
+    return Rotation.from_rotvec([about_x, about_y, 0.0]).as_matrix()[:, :2]
 
 
 def chain(angles: Array, lengths: Array) -> Array:

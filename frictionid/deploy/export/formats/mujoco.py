@@ -66,7 +66,7 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
         return nominal | dict(zip(names, map(float, start * np.exp(x)), strict=True))
 
     def off(x: Array) -> Array:
-        return np.asarray((mechanism.base(values(x)) - base) / size)
+        return (mechanism.base(values(x)) - base) / size
 
     # Gauss-Newton by minimum norm: of all solutions near the start, one that changes little
     solution = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15)

@@ -81,8 +81,7 @@ def _model(model: ExportedFriction, program: Program, name: str) -> bytes:
     facts |= {"dt": "[s] since the step before, whose memory goes in"} if "dt" in sizes else {}
     helper.set_model_props(proto, facts)
     onnx.checker.check_model(proto)
-    content: bytes = proto.SerializeToString()
-    return content
+    return proto.SerializeToString()
 
 
 class _Graph:
