@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from fixtures.drive_ports import flood, logger, setup, until
 
 from frictionid.rig.logfile import read_log
-from frictionid.rig.protocol import parsed, written
+from frictionid.rig.rig_settings import parsed, written
 from frictionid.rig.virtual_port import Terminal
 
 LINES, DAMAGED, UNPLUGGED = 600_000, 0.01, 3

@@ -16,7 +16,7 @@ from frictionid.data.state_estimators import RTS, KalmanFilter
 from frictionid.dynamics.tangent import end_states
 from frictionid.evaluation.scoring import held_out_residual
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine, window_steps, windows

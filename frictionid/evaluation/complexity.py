@@ -10,8 +10,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.fitting.gauss_newton import Conditions
 from frictionid.fitting.one_step.linearised import Linearised
+from frictionid.fitting.one_step.one_step_fit import spread_of
 from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.fitting.one_step.spread import spread_of
 from frictionid.friction import Friction
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
@@ -30,7 +30,7 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     stopping and weight decay leave fewer, which no linear theory counts.
 
     >>> from frictionid.fitting.identifiers.least_squares import LeastSquares
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> from frictionid.friction.laws import Stribeck
     >>> problem = synthetic_problem(1)
     >>> weights = np.ones((1, len(problem.r)))

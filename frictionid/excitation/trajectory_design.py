@@ -20,7 +20,7 @@ from frictionid.errors import InputError
 from frictionid.excitation.experiment import Limits
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant
-from frictionid.simulate.tracking import Fourier
+from frictionid.simulate.torques import Fourier
 
 WINDOW = 0.05  # [s], over which a torque is averaged: as long as a window of inverse dynamics
 _RESTING = 0.01  # of the velocity limit

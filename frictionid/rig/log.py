@@ -17,8 +17,7 @@ from typing import Any
 
 from frictionid.errors import InputError, needs
 from frictionid.rig.logfile import Appender, log_header, log_row
-from frictionid.rig.protocol import Cells, Rejected, diagnosis, framed, parsed
-from frictionid.rig.rig_settings import RigSettings
+from frictionid.rig.rig_settings import Cells, Rejected, RigSettings, diagnosis, framed, parsed
 
 with needs("drive"):
     import serial

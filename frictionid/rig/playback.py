@@ -22,8 +22,7 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.rig.log import Counts, Logger
 from frictionid.rig.logfile import column_names
-from frictionid.rig.protocol import Cells
-from frictionid.rig.rig_settings import RigSettings
+from frictionid.rig.rig_settings import Cells, RigSettings
 
 _PUMP = 0.05  # [s], longest wait for a line
 _REPEATS = 3  # of a stop command: a line may be damaged

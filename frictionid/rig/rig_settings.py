@@ -1,16 +1,230 @@
-"""Settings of a real rig in rig.toml: its motors, the protocol of their drive, its mechanism."""
+r"""Settings of a real rig in rig.toml: its motors, the protocol of their drive, its mechanism.
+
+The protocol is that of lines; between bytes and rows there are pure functions. A line is
+
+    [mark] value , value , ... [* checksum] newline
+
+in ASCII, one value for each column, with \n or \r\n at its end. Other bytes between lines are
+skipped. With a mark, a line is found even if the one before it lost its end.
+"""
 
 from __future__ import annotations
 
+import binascii
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import xor
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from frictionid.config import Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
-from frictionid.rig.protocol import LineProtocol
+
+# SI value of a unit of the controller's clock.
+SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+# Hexadecimal digits of each checksum.
+CHECKSUMS = {"none": 0, "xor": 2, "crc16": 4}
+MAX_LINE = 1024  # bytes; longer lines are damaged
+_CELL = re.compile(rb" *[+-]?(?:\d{1,24}(?:\.\d{0,24})?|\.\d{1,24})(?:[eE][+-]?\d{1,2})? *")
+_EXAMPLE = 60  # bytes of a rejected line that are shown
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+class LineProtocol(Strict):
+    r"""The [protocol] table: format of a line, and the commands of the drive.
+
+    Attributes
+    ----------
+    columns : names of the values, one of them "time"
+    unit : of the time, "s", "ms" or "us"
+    wrap : units after which the time wraps around to zero, 2^32 for a counter of 32 bits
+    checksum : "none"; "xor" of all bytes between mark and asterisk, two hexadecimal digits; or
+        "crc16", CCITT with the start value FFFF, four digits
+    mark : one character that begins each line, or none
+    separator : one character between values
+    baud : rate of the port
+    begin, stop : commands after which the drive reports and obeys, and no longer does
+    send : command of torques, which stand in place of {value}
+
+    Examples
+    --------
+    >>> line = written(LineProtocol(checksum="crc16", mark="$"), ("1000", "0.05", "0.2"))
+    >>> line
+    b'$1000,0.05,0.2*DBC5\n'
+    >>> read(LineProtocol(checksum="crc16", mark="$"), line.rstrip())
+    (b'1000', b'0.05', b'0.2')
+    """
+
+    columns: Annotated[list[str], Field(min_length=1)] = ["time", "command", "current"]
+    unit: str = "us"
+    wrap: float = 2.0**32
+    checksum: str = "none"
+    mark: str = ""
+    separator: str = ","
+    baud: Annotated[int, Field(gt=0)] = 115200
+    begin: str = ""
+    send: str = "u,{value}"
+    stop: str = "stop"
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.send.count("{value}") != 1:
+            raise ValueError(f'send = "{self.send}" must hold {{value}} once')
+        if "time" not in self.columns:
+            raise ValueError(f"columns = {self.columns} have no 'time'; add it")
+        for name in self.columns:
+            if not _NAME.fullmatch(name) or name == "host":
+                raise ValueError(f"columns: {name!r} is no name of letters, digits and _, or taken")
+            if self.columns.count(name) > 1:
+                raise ValueError(f"columns: {name!r} is named twice; each value has its own name")
+        for key, values in (("unit", SECOND), ("checksum", CHECKSUMS)):
+            if (value := getattr(self, key)) not in values:
+                raise ValueError(f"{key} = {value!r} is unknown; known: {', '.join(values)}")
+        for key in ("mark", "separator"):
+            text = getattr(self, key)
+            fine = text.isascii() and text.isprintable() and text not in tuple("*+-.eE")
+            if not fine or len(text) > 1 or text.isalnum() or (key == "separator" and not text):
+                raise ValueError(f"{key} = {text!r} must be one character that no number has")
+        if self.mark == self.separator:
+            raise ValueError(f"mark and separator are both {self.mark!r}; choose another mark")
+        if not self.wrap > 0:
+            raise ValueError(f"wrap = {self.wrap} must be positive")
+        return self
+
+
+Cells = tuple[bytes, ...]
+
+
+class Rejected(NamedTuple):
+    """A damaged line, and the reason: "checksum", "columns" or "garbage"."""
+
+    line: bytes
+    reason: str
+
+
+class Parsed(NamedTuple):
+    """Content of some bytes: rows, rejected lines, and the begin of an unfinished line."""
+
+    rows: list[Cells]
+    rejected: list[Rejected]
+    remainder: bytes
+
+
+def parsed(form: LineProtocol, remainder: bytes, new: bytes) -> Parsed:
+    r"""Rows of new bytes of a stream, after the `remainder` of those before.
+
+    The rows do not depend on how the stream is cut into pieces.
+
+    >>> parsed(LineProtocol(), b"", b"1,2,3\n4,x,6\n7,8").rejected
+    [Rejected(line=b'4,x,6', reason='garbage')]
+    """
+    *lines, last = (remainder + new).split(b"\n")
+    rows, rejected = [], []
+    for line in lines:
+        cells = read(form, line)
+        if cells is not None:
+            rows.append(cells)
+        elif line.strip():
+            rejected.append(Rejected(line[-MAX_LINE:], rejection_reason(form, line)))
+    return Parsed(rows, rejected, last[-MAX_LINE - 2 :])
+
+
+def read(form: LineProtocol, line: bytes) -> Cells | None:
+    """Values of a line as they were written, or None where it is damaged."""
+    body, fault = _unwrapped(form, line)
+    cells = tuple(body.split(form.separator.encode()))
+    if fault or len(cells) != len(form.columns) or len(line) > MAX_LINE:
+        return None
+    return cells if all(map(_CELL.fullmatch, cells)) else None
+
+
+def written(form: LineProtocol, values: Sequence[str]) -> bytes:
+    """Line of values, one for each column."""
+    return framed(form, form.separator.join(values))
+
+
+def framed(form: LineProtocol, text: str) -> bytes:
+    """Line of any text with mark and checksum, such as a command to the drive."""
+    body = text.encode("ascii")
+    end = b"" if form.checksum == "none" else b"*" + checksum(form.checksum, body)
+    return form.mark.encode() + body + end + b"\n"
+
+
+def unframed(form: LineProtocol, line: bytes) -> str | None:
+    """Text of a framed line, or None where it is damaged."""
+    body, fault = _unwrapped(form, line)
+    return None if fault or not body.isascii() else body.decode() or None
+
+
+def checksum(kind: str, body: bytes) -> bytes:
+    """Checksum of the bytes between mark and asterisk, as hexadecimal digits.
+
+    >>> checksum("xor", b"1,2"), checksum("crc16", b"123456789")
+    (b'2F', b'29B1')
+    """
+    if kind == "xor":
+        return b"%02X" % reduce(xor, body, 0)
+    return b"%04X" % binascii.crc_hqx(body, 0xFFFF)
+
+
+def rejection_reason(form: LineProtocol, line: bytes) -> str:
+    """Why a line is damaged: wrong "checksum", wrong number of "columns", or "garbage"."""
+    body, fault = _unwrapped(form, line)
+    cells = body.split(form.separator.encode())
+    numbers = len(cells) != len(form.columns) and all(map(_CELL.fullmatch, cells))
+    return fault or ("columns" if numbers else "garbage")
+
+
+def diagnosis(form: LineProtocol, rejected: Iterable[Rejected], count: int) -> str:
+    """Message where no line can be read: the expected format, what came, and what to correct.
+
+    count : bytes that came
+    """
+    lines = list(rejected)
+    shown = max((r.line for r in lines), key=_printable_share, default=b"")
+    text = shown[:_EXAMPLE].decode("ascii", "backslashreplace").strip()
+    if _printable_share(shown) < 0.9:
+        return (
+            f"nothing but garbage in {count} bytes: the baud rate is wrong, or something else is "
+            "connected; check --baud and the port"
+        )
+    kinds = Counter(r.reason for r in lines)
+    kind = kinds.most_common(1)[0][0]
+    wanted = form.separator.join(form.columns)
+    rule = f"{form.mark}{wanted}{'' if form.checksum == 'none' else '*' + form.checksum}"
+    hints = {
+        "checksum": f"their checksums are not {form.checksum}: correct checksum in [protocol]",
+        "columns": "their number of values is another: correct columns in [protocol]",
+        "garbage": "correct [protocol], or what the drive sends",
+    }
+    return f"lines such as {text!r} do not follow the protocol {rule!r}; {hints[kind]}"
+
+
+def _printable_share(line: bytes) -> float:
+    """Share of printable characters."""
+    plain = sum(32 <= b < 127 or b in b"\r\t" for b in line)
+    return plain / len(line) if line else 0.0
+
+
+def _unwrapped(form: LineProtocol, line: bytes) -> tuple[bytes, str]:
+    """Bytes of a line between its last mark and its checksum, and what is wrong with these."""
+    body = line.removesuffix(b"\r")
+    if form.mark:
+        _, mark, body = body.rpartition(form.mark.encode())
+        body = body if mark else b""
+    digits = CHECKSUMS[form.checksum]
+    if not digits:
+        return body, ""
+    body, star, stated = body.rpartition(b"*")
+    if not star or not re.fullmatch(rb"[0-9A-Fa-f]{%d}" % digits, stated):
+        return body, "garbage"
+    return body, "" if checksum(form.checksum, body) == stated.upper() else "checksum"
+
 
 # One rig.toml serves all commands: each reads its own tables of these.
 _TABLES = ("mechanism", "motor", "protocol", "angles", "markers", "links", "camera", "sync_led")

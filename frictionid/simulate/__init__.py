@@ -3,12 +3,21 @@
 It shares the mechanics with the identified models, but neither the physics step nor the laws.
 """
 
-from frictionid.simulate.dataset_folder import check_dataset_folder, write_dataset
-from frictionid.simulate.rig import Camera, Drive, Rig, Run, noise_free
-from frictionid.simulate.rig_file import load_rig
+from frictionid.simulate.dataset_folder import check_dataset_folder, load_rig, write_dataset
+from frictionid.simulate.rig import Camera, Drive, Rig, Run, Variation, noise_free
 from frictionid.simulate.simulation import simulate
-from frictionid.simulate.torques import Chirp, Command, Multisine, Noise, Sine, Steps
-from frictionid.simulate.tracking import Controller, Fourier, sampled_loop, track
+from frictionid.simulate.torques import (
+    Chirp,
+    Command,
+    Controller,
+    Fourier,
+    Multisine,
+    Noise,
+    Sine,
+    Steps,
+    sampled_loop,
+    track,
+)
 from frictionid.simulate.true_friction import (
     Curve,
     FilmLag,
@@ -17,4 +26,3 @@ from frictionid.simulate.true_friction import (
     Stribeck,
     TrueFriction,
 )
-from frictionid.simulate.variation import Variation

@@ -12,7 +12,7 @@ from frictionid.data.signals import Array, Signal, sample
 from frictionid.mechanics import Plant
 from frictionid.simulate.integrate import integrate_motion
 from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
-from frictionid.simulate.tracking import track
+from frictionid.simulate.torques import track
 
 ORIGIN = "simulated by frictionid simulate"
 # Commands are multiples of 1e-6 N m, so that the tables hold them exactly.

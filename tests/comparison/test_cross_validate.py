@@ -260,9 +260,8 @@ ABSURD = {
 @pytest.mark.parametrize(("change", "words"), ABSURD.values(), ids=ABSURD.keys())
 def test_benchmarks_that_cannot_be_prepared_are_refused_before_anything_is_fitted(change, words):
     change = {"protocol": PROTOCOL, **change}
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=words):
         prepare_benchmark(benchmark(**change), RECIPES)
-    assert "\n" not in str(caught.value)
 
 
 def test_recordings_may_differ_in_length():

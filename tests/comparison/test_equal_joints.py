@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.command_line import run_command
+from fixtures.exact_problems import half_widths
 
 import frictionid as fid
 from frictionid.arrays import times
@@ -15,8 +16,8 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import effective_parameters
 from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
-from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, half_widths, one_step_fit
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
+from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, one_step_fit
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import values_of, with_values
 from frictionid.fitting.shooting import Settings, refine

@@ -21,8 +21,7 @@ from frictionid.data.readers.formats import READERS
 from frictionid.data.readers.formats.ros import RosSettings
 from frictionid.data.signals import sample
 from frictionid.rig.align.align_files import AngleColumns
-from frictionid.rig.protocol import written
-from frictionid.rig.rig_settings import rig_settings_of
+from frictionid.rig.rig_settings import rig_settings_of, written
 
 MAIN = "import sys; from frictionid.__main__ import main; sys.exit(main())"
 

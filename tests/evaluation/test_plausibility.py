@@ -12,7 +12,7 @@ from frictionid.evaluation.plausibility import (
     lowest_dissipation,
     tail_drop,
 )
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.shooting.sandwich import Groups, worth
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, LuGre

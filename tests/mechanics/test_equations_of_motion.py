@@ -30,58 +30,11 @@ def mechanism(request):
 # ---------------------------------------------------------------- the terms belong together
 
 
-def test_mass_matrix_is_symmetric_and_positive_definite(mechanism):
-    M = mechanism.terms(*random_case(mechanism, 1, (500,))).M
-    np.testing.assert_array_equal(M, np.swapaxes(M, -1, -2))
-    assert np.linalg.eigvalsh(M).min() > 0.0
-
-
-def test_momentum_is_the_velocity_gradient_of_the_energy(mechanism):
-    p, q, w = random_case(mechanism, 2)
-    t = mechanism.terms(p, q, w)
-    assert_close(t.momentum, gradient(lambda w: mechanism.terms(p, q, w).energy, w))
-    assert_close(t.momentum, np.einsum("...ij,...j", t.M, w))
-
-
-def test_mass_matrix_is_the_velocity_gradient_of_the_momentum(mechanism):
-    p, q, w = random_case(mechanism, 3)
-    assert_close(
-        mechanism.terms(p, q, w).M, gradient(lambda w: mechanism.terms(p, q, w).momentum, w)
-    )
-
-
-def test_dl_dq_is_the_angle_gradient_of_the_lagrangian(mechanism):
-    p, q, w = random_case(mechanism, 4)
-
-    def lagrangian(q):
-        t = mechanism.terms(p, q, w)
-        return (t.momentum * w).sum(-1) - t.energy  # T - V = 2 T - (T + V)
-
-    assert_close(mechanism.terms(p, q, w).dLdq, gradient(lagrangian, q))
-
-
 def test_h_is_dl_dq_without_the_change_of_the_mass_matrix(mechanism):
     p, q, w = random_case(mechanism, 5)
     t = mechanism.terms(p, q, w)
     change = gradient(lambda q: times(mechanism.inertia(p, q), w), q)  # d(M w)/dq
     assert_close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
-
-
-def test_dynamics_and_inertia_are_parts_of_terms(mechanism):
-    p, q, w = random_case(mechanism, 6)
-    t = mechanism.terms(p, q, w)
-    M, h = mechanism.dynamics(p, q, w)
-    assert_close(M, t.M)
-    assert_close(h, t.h)
-    assert_close(mechanism.inertia(p, q), t.M)
-
-
-def test_motors_act_on_the_driven_joints(mechanism):
-    p, q, w = random_case(mechanism, 7, (3,))
-    expected = np.diag([float(d) for d in mechanism.driven])
-    np.testing.assert_array_equal(mechanism.B, expected)
-    np.testing.assert_array_equal(mechanism.terms(p, q, w).B, expected)
-    assert mechanism.n == len(mechanism.joints)
 
 
 def test_which_joints_are_driven():
@@ -132,15 +85,6 @@ def test_hanging_down_is_the_lowest_rest(mechanism):
 # ---------------------------------------------------------------- base parameters
 
 
-def test_linear_in_the_base_parameters(mechanism):
-    p1, q, w = random_case(mechanism, 12)
-    p2 = random_case(mechanism, 13)[0]
-    one, two = mechanism.terms(p1, q, w), mechanism.terms(p2, q, w)
-    both = mechanism.terms(2.0 * p1 + p2, q, w)
-    for name in ("M", "h", "momentum", "dLdq", "energy"):
-        assert_close(getattr(both, name), 2.0 * getattr(one, name) + getattr(two, name))
-
-
 def test_motion_shows_every_base_parameter_by_itself(mechanism):
     _, q, w = random_case(mechanism, 14)
     a = np.random.default_rng(15).normal(scale=100.0, size=q.shape)
@@ -183,12 +127,6 @@ def test_acrobots_with_their_second_links_masses_merged_move_alike(inertias):
         plate = m3 * (one["H2"] ** 2 + one["W2"] ** 2) / 12 + added
         merged["H2"] = np.sqrt(12 * plate / (m3 + m4) - one["W2"] ** 2)
     assert_same_motion(m, one, merged)
-
-
-def test_base_parameters_are_named_and_ordered(mechanism):
-    names = mechanism.base_names
-    assert len(set(names)) == len(names) == mechanism.base({}).shape[-1]
-    assert set(mechanism.base_units) == {"kg m^2", "N m"}
 
 
 def test_without_a_rotor_at_joint_2_the_double_pendulum_has_five_base_parameters():
@@ -241,38 +179,6 @@ def test_gradients_pass_from_the_motion_to_the_physical_parameters():
     assert float(slope) == pytest.approx(18.0**2)
 
 
-def test_batch_gives_what_each_row_gives_alone(mechanism):
-    rng = np.random.default_rng(25)
-    v = physical(mechanism, rng, (4,))
-    q, w = states(mechanism, rng, (4,))
-    u = rng.normal(size=q.shape)
-    p = mechanism.base(v)
-    together, load = mechanism.terms(p, q, w), mechanism.load(v, q, w, u)
-    for i in range(4):
-        one = {k: float(x[i]) for k, x in v.items()}
-        assert_close(p[i], mechanism.base(one))
-        alone = mechanism.terms(p[i], q[i], w[i])
-        rows = [x if k == "B" else x[i] for k, x in together._asdict().items()]
-        assert_same_terms(alone, type(alone)(*rows))
-        assert_close(load[i], mechanism.load(one, q[i], w[i], u[i]))
-
-
-def test_parameter_batches_broadcast_against_states(mechanism):
-    rng = np.random.default_rng(26)
-    n, nb = mechanism.n, len(mechanism.base_names)
-    p = mechanism.base(physical(mechanism, rng, (3,)))
-    q, w = states(mechanism, rng, (5,))
-    t = mechanism.terms(p[:, None, :], q, w)
-    assert p.shape == (3, nb)
-    assert t.M.shape == (3, 5, n, n)
-    assert t.h.shape == t.dLdq.shape == t.momentum.shape == (3, 5, n)
-    assert t.energy.shape == (3, 5)
-    assert_close(t.h[2], mechanism.terms(p[2], q, w).h)
-    one_state = mechanism.terms(p, q[0], w[0])
-    assert one_state.M.shape == (3, n, n)
-    assert_close(one_state.M, t.M[:, 0])
-
-
 def test_one_parameter_per_row_and_the_others_common():
     """An exchangeable mass: one entry for each recording, all other parameters numbers."""
     m = acrobot()
@@ -302,16 +208,6 @@ def test_a_motors_constants_are_parameters_that_move_nothing():
     assert_close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
     with pytest.raises(ValueError, match="motor = 'yes' must be true or false"):
         pendulum(motor="yes")
-
-
-def test_pickled_mechanism_computes_the_same(mechanism):
-    p, q, w = random_case(mechanism, 27)
-    before = mechanism.terms(p, q, w)  # compiled code is in its cache and must not be pickled
-    copy = pickle.loads(pickle.dumps(mechanism))
-    assert copy == mechanism
-    assert copy.base_names == mechanism.base_names
-    for a, b in zip(before, copy.terms(p, q, w), strict=True):
-        np.testing.assert_array_equal(a, b)
 
 
 def test_machines_of_one_kind_share_their_compiled_code():

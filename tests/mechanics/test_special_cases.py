@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from fixtures.random_machines import (
     MECHANISMS,
-    STEP,
     assert_close,
     assert_same_terms,
     physical,
     states,
 )
 
-from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
 # ---------------------------------------------------------------- special cases
@@ -198,50 +196,3 @@ def test_bearing_force_of_a_swinging_pendulum_by_newton():
     along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2
     across = v["length"] * a + v["g"] * np.sin(q[:, 0])
     assert_close(m.load(v, q, w, u)[:, 0], v["mass"] * np.hypot(along, across))
-
-
-@pytest.mark.parametrize("name", ["acrobot", "acrobot-shapes", "double_pendulum-11"])
-def test_bearing_force_is_the_change_of_momentum_beyond_it(name):
-    """Newton: force = d/dt (sum m v) + sum m g, by differences along the motion itself."""
-    mechanism = MECHANISMS[name]
-    rng = np.random.default_rng(30)
-    v = physical(mechanism, rng)
-    p = mechanism.base(v)
-    q, w = states(mechanism, rng, (50,))
-    u = rng.normal(size=q.shape)
-    t = mechanism.terms(p, q, w)
-    a = solve(t.M, t.h + times(t.B, u))
-    for joint in range(2):
-        now = momentum_beyond(name, v, joint, q + 1j * STEP * w, w + 1j * STEP * a)
-        force = now.imag / STEP
-        force[:, 1] += v["g"] * masses_beyond(name, v, joint)
-        assert_close(mechanism.load(v, q, w, u)[:, joint], np.hypot(*force.T))
-
-
-def points(name, v):
-    """Masses as (mass, distance along link 1, distance along link 2, joint)."""
-    if name.startswith("acrobot"):
-        return (
-            (v["m1"], v["L1"], 0.0, 0),
-            (v["m2"], v["L2"], 0.0, 0),
-            (v["m3"], v["L2"], v["L3"], 1),
-            (v["m4"], v["L2"], v["L4"], 1),
-        )
-    return (v["m1"], v["r1"], 0.0, 0), (v["m2"], v["l1"], v["r2"], 1)
-
-
-def masses_beyond(name, v, joint):
-    return sum(mass for mass, _, _, at in points(name, v) if at >= joint)
-
-
-def momentum_beyond(name, v, joint, q, w):
-    total = 0.0
-    for mass, first, second, at in points(name, v):
-        if at >= joint:
-            for length, angle, rate in (
-                (first, q[:, 0], w[:, 0]),
-                (second, q.sum(-1), w.sum(-1)),
-            ):
-                across = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-                total = total + mass * length * rate[:, None] * across
-    return total

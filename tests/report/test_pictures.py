@@ -16,7 +16,7 @@ from frictionid.report.figures.first_screen import errors_of_models, friction_of
 from frictionid.report.figures.scores import loss_against
 from frictionid.report.figures.style import drawing, styles
 from frictionid.report.memory import loop_pictures
-from frictionid.rig.align.alignment_figure import least_squares_friction
+from frictionid.rig.align.recording_folder import least_squares_friction
 
 PLANT = plant_of(tiny.dataset())[0]
 GRID = np.linspace(-10.0, 10.0, 401)[:, None]

@@ -9,9 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.simulated_films import (
-    BLUE,
     LENGTHS,
-    RED,
     SMALL,
     Film,
     Look,
@@ -25,10 +23,7 @@ from frictionid import load_dataset
 from frictionid.errors import InputError
 from frictionid.rig.camera.film import shots, write_film
 from frictionid.rig.camera.marker_setup import (
-    Links,
-    Marker,
     load_marker_setup,
-    marker_setup_text,
 )
 from frictionid.rig.camera.source import Source, open_source
 from frictionid.rig.camera.track import track
@@ -186,12 +181,6 @@ def test_a_video_that_ends_early_is_refused(place, tmp_path, run):
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_no_wrong_output_is_left(place, run):
-    words = ("track", "even.mov", "--out", "rig.toml/a.csv")
-    status, _, err = run(place, *words)
-    assert status == 2 and "cannot be written" in err
-
-
 def test_a_camera_toml_is_checked(tmp_path, run):
     (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
     (tmp_path / "data").mkdir()
@@ -199,19 +188,6 @@ def test_a_camera_toml_is_checked(tmp_path, run):
     words = ("render", "data", "--camera", "camera.toml", "--out", "v")
     status, _, err = run(tmp_path, *words)
     assert status == 2 and "did you mean 'noise'" in err
-
-
-def test_a_marker_setup_survives_its_file(tmp_path):
-    setup = marker_setup_of(FILM).model_copy(update={"links": Links(pixels=[91.75, 105.25])})
-    path = tmp_path / "rig.toml"
-    path.write_text(marker_setup_text(setup, ["a note"]))
-    assert load_marker_setup(path) == setup
-
-
-def test_two_dots_of_colours_far_enough_apart_are_fine():
-    look = Look(dots=((), RED, BLUE))
-    assert [m.hue for m in marker_setup_of(replace(FILM, look=look)).markers] == [None, 0.0, 210.0]
-    assert Marker(name="a", at=[1.0, 2.0]).hue is None
 
 
 class Live(Source):
@@ -246,12 +222,6 @@ def test_nothing_that_exists_is_lost_to_an_output(place, run):
     assert not (place / "lost.csv").exists()
     assert (place / "even.mov").read_bytes() == film
     assert (place / "rig.toml").read_bytes() == rig
-
-
-def test_a_missing_rig_is_reported_as_missing(place, run):
-    words = ["track", "even.mov", "--rig", "nosuch.toml", "--out", "lost.csv"]
-    status, _, err = run(place, *words)
-    assert status == 2 and "does not exist" in err and "TOML" not in err
 
 
 def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):

@@ -21,8 +21,7 @@ from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
 from frictionid.rig.logfile import read_log
 from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
-from frictionid.rig.protocol import framed, read
-from frictionid.rig.rig_settings import rig_settings_of
+from frictionid.rig.rig_settings import framed, read, rig_settings_of
 from frictionid.rig.virtual_drive import (
     RAMP,
     SILENCE,

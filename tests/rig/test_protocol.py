@@ -7,17 +7,17 @@ from hypothesis import strategies as st
 
 from frictionid.errors import InputError
 from frictionid.rig.logfile import clock_runs, seconds, unified_time
-from frictionid.rig.protocol import (
+from frictionid.rig.rig_settings import (
     MAX_LINE,
     LineProtocol,
     diagnosis,
     framed,
     parsed,
     read,
+    rig_settings_of,
     unframed,
     written,
 )
-from frictionid.rig.rig_settings import rig_settings_of
 
 PLAIN, XOR, CRC = (LineProtocol(checksum=kind) for kind in ("none", "xor", "crc16"))
 SAFE = LineProtocol(checksum="crc16", mark="$")

@@ -9,7 +9,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics import Plant, double_pendulum
 from frictionid.simulate import Camera, Drive, Rig, Run, simulate
 from frictionid.simulate.integrate import TrueSystem, integrate_motion
-from frictionid.simulate.tracking import Controller, Fourier, track
+from frictionid.simulate.torques import Controller, Fourier, track
 from frictionid.simulate.true_friction import Curve, Stribeck
 
 MACHINE = double_pendulum(m1=0.6, m2=0.5, l1=0.25, r1=0.12, r2=0.13, I1=0.013, I2=0.012)

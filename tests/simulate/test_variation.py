@@ -23,7 +23,7 @@ from frictionid.simulate import (
     simulate,
     write_dataset,
 )
-from frictionid.simulate.rig_file import rig_of
+from frictionid.simulate.dataset_folder import rig_of
 
 CURVE = Curve((0.02,), (0.02,), (0.001,))
 RUNS = tuple(Run(f"r{i}", (2.0,)) for i in range(3))

@@ -19,8 +19,8 @@ from frictionid.fitting.gauss_newton import Conditions, minimum
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess
 from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
+from frictionid.fitting.one_step.one_step_fit import spread_of
 from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
-from frictionid.fitting.one_step.spread import spread_of
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import check_temperature
 
@@ -51,7 +51,7 @@ class LeastSquares(Identifier):
 
     Examples
     --------
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> from frictionid.friction.laws import CoulombViscous
     >>> problem = synthetic_problem(joints=1)
     >>> friction = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)

@@ -40,7 +40,7 @@ class Linear(Identifier):
 
     Examples
     --------
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> from frictionid.friction.laws import Spline
     >>> problem = synthetic_problem(joints=1)
     >>> friction = Linear(Spline((1.0, 4.0))).fit(problem, np.ones((1, len(problem.r))), seed=0)

@@ -56,7 +56,7 @@ class BlackBox(Identifier):
 
     >>> import numpy as np
     >>> from frictionid.fitting.identifiers import SparseDynamics
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> problem = synthetic_problem(joints=1)
     >>> BlackBox(SparseDynamics(degree=1)).fit(problem, np.ones((1, len(problem.r))), 0).mechanism
     'unit'

@@ -75,7 +75,7 @@ class Regressor(Identifier):
     Examples
     --------
     >>> from sklearn.neighbors import KNeighborsRegressor
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> problem = synthetic_problem(joints=1)
     >>> fit = Regressor(KNeighborsRegressor(3)).fit(problem, np.ones((1, len(problem.r))), seed=0)
     >>> fit[0].curve(np.array([-4.0, 4.0])).round(1)[:, 0]  # truth: 0.18

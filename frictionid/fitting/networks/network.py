@@ -19,7 +19,7 @@ from frictionid.arrays import Array
 from frictionid.config import Count, Positive, check_settings
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers.sparse_dynamics import accelerations
+from frictionid.fitting.identifiers.sindy import accelerations
 from frictionid.fitting.networks.training import (
     Adam,
     EarlyStopping,

@@ -34,7 +34,7 @@ def columns(law: Law, problem: Problem) -> Array:
 def clusters(problem: Problem) -> Array:
     """Cluster (K,) of each row: its recording, or where these are few, a stretch of it.
 
-    >>> from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+    >>> from frictionid.fitting.identifiers.check_identifier import synthetic_problem
     >>> labels = clusters(synthetic_problem(1))  # three recordings
     >>> len(np.unique(labels))
     21

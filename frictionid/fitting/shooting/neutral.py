@@ -18,7 +18,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.gauss_newton import box_step
-from frictionid.fitting.one_step.spread import CLEAR, KNOWN
+from frictionid.fitting.one_step.one_step_fit import CLEAR, KNOWN
 from frictionid.fitting.parameters.blocks import FrictionBlock
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,

@@ -27,8 +27,7 @@ from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
 from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
 from frictionid.rig.logfile import ClockRuns, Log, column_names, read_log
-from frictionid.rig.protocol import SECOND
-from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
+from frictionid.rig.rig_settings import SECOND, RigSettings, rig_settings_of, rig_tables
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ

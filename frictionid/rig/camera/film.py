@@ -16,7 +16,7 @@ from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
 from frictionid.rig.camera.scene import Image, Look, Scene, SyncLed, View, chain
-from frictionid.simulate.rig_file import settings_of
+from frictionid.simulate.dataset_folder import settings_of
 
 with needs("camera"):
     import cv2

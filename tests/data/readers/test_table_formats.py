@@ -40,9 +40,8 @@ def load(folder, kind, pattern="*.csv", **tables):
 
 
 def refused(words, *arguments, **tables):
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=words):
         load(*arguments, **tables)
-    assert "\n" not in str(caught.value)
 
 
 # --- Recorders of drives --------------------------------------------------------------------------

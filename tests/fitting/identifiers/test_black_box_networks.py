@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import BlackBox, check_identifier
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction

@@ -5,7 +5,7 @@ import pytest
 from fixtures.exact_problems import everything, explained_by
 
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, NoFriction
 

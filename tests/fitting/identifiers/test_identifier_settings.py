@@ -12,7 +12,7 @@ from sklearn.neighbors import KNeighborsRegressor
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Linear, Regressor, SINDy
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.training_sets import window
@@ -176,14 +176,11 @@ def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: LSTM(cells=0),
         lambda: LSTM(sample_time=0.0),
         lambda: replace(FREE, odd=True),
         lambda: Network(LSTM(), targets=0),
         lambda: Network(LSTM(), burn_in=-1),
-        lambda: Network(LSTM(), device="tpu"),
         lambda: Network(Stribeck()),
-        lambda: MLP(hidden=()),
         lambda: MLP(hidden=(2.5,)),
         lambda: MLP(others=-1),
         lambda: MLP(shape="step"),
@@ -192,12 +189,10 @@ def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
         lambda: CompressedNetwork(MLP(), nodes=1),
         lambda: CompressedNetwork(MLP(), prior_deviations=()),
         lambda: CompressedNetwork(MLP(), share=0.9),
-        lambda: WindowMLP(samples=0),
         lambda: WindowMLP(sample_time=-1.0),
         lambda: WindowMLP(presliding=-0.01),
         lambda: Ensemble(members=1),
         lambda: Network(WindowMLP(), inputs="all"),
-        lambda: Network(WindowMLP(), epochs=0),
         lambda: Network(WindowMLP(), share=0.0),
         lambda: window(Dahl(), synthetic_problem(1).nodes),
     ],

@@ -11,17 +11,16 @@ from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
 from threadpoolctl import threadpool_limits
 
-from frictionid.arrays import times
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess, sums_of_rows
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
-from frictionid.friction import Friction, Law, along
+from frictionid.friction import Friction, Law
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 
 CLEAN = DATA / "acrobot_clean"
@@ -270,16 +269,6 @@ def test_scipy_finds_nothing_better_on_the_simulated_acrobot(clean):
     other = by_scipy(Stribeck(), problem, weights[0], start, jac="ours")
     friction = Friction(Stribeck(), other[None])
     assert cost(problem, weights, found) <= cost(problem, weights, friction) * (1 + 1e-9)
-
-
-def test_the_equation_of_motion_is_what_is_fitted():
-    """The residual of a fit is G applied to friction that is missing, to first order in theta."""
-    problem = explained_by(CoulombViscous(), [[0.1, 0.02]])
-    short = Friction(CoulombViscous(), np.array([[0.09, 0.02]]))
-    missing = Friction(CoulombViscous(), np.array([[0.01, 0.0]]))
-    off = problem.residual(along(short, problem.nodes))
-    expected = times(problem.G, problem.mean(along(missing, problem.nodes)))
-    np.testing.assert_allclose(off, expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["whole recordings", "weights of each row"])

@@ -9,7 +9,7 @@ from fixtures.exact_problems import cost, everything, explained_by, stationarity
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear, check_identifier
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
 from frictionid.friction.laws import Spline, Stribeck, Table

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from frictionid.fitting.identifiers import LeastSquares, least_squares
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.identifiers.initial_guess import _grams
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
 from frictionid.fitting.one_step import linearised
 from frictionid.fitting.one_step.linearised import Given, Linearised
 from frictionid.friction import Nodes, along
@@ -47,15 +47,6 @@ def test_stretches_change_no_number(law, joints, monkeypatch):
     parts = fit.normal_equations(theta, fit.residual(theta), weights)
     for a, b in zip(whole, parts, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(a).max())
-
-
-def test_a_fit_by_stretches_is_the_fit(monkeypatch):
-    problem = synthetic_problem(2)
-    weights = np.ones((1, len(problem.r)))
-    whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
-    monkeypatch.setattr(linearised, "_ROWS", 37)
-    parts = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
-    np.testing.assert_allclose(whole.theta, parts.theta, rtol=1e-6)
 
 
 @pytest.mark.parametrize("robust", [None, 3.0])

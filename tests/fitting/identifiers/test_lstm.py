@@ -9,9 +9,9 @@ from fixtures.exact_problems import cost, everything, explained_by
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.cells import CompiledCells
-from frictionid.fitting.networks.network import Network, check_device
+from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.training_sets import Cells, FoldStack, SequenceTrainingSet
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, WindowMLP, check_law
@@ -192,20 +192,6 @@ def test_it_finds_what_a_static_law_cannot():
     found = learner.fit(problem, weights, 0)
     assert found.law.sample_time == pytest.approx(0.02)
     assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)
-
-
-def test_it_keeps_to_the_contract_of_identifiers():
-    check_identifier(SMALL, joints=(2,))
-
-
-@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
-def test_a_device_that_is_not_there_is_told_in_one_line():
-    with pytest.raises(InputError, match="sees no CUDA device") as told:
-        check_device("cuda")
-    assert "\n" not in str(told.value)
-    with pytest.raises(InputError, match="sees no CUDA device"):
-        problem = synthetic_problem(1)
-        replace(SMALL, device="cuda").fit(problem, synthetic_weights(problem), 0)
 
 
 def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():

@@ -12,7 +12,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.evaluation import curve_error
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import (
+from frictionid.fitting.identifiers.check_identifier import (
     synthetic_problem,
     synthetic_weights,
     true_friction,
@@ -169,18 +169,6 @@ def test_rows_held_out_inside_a_fold_are_whole_recordings_or_pieces_of_it():
     assert (rows <= (weights > 0)).all()
     share = (rows * weights).sum(1) / weights.sum(1)
     assert ((share >= 0.2) & (share < 0.4)).all()
-
-
-def test_it_comes_back_from_its_files_and_prints_no_weights(tmp_path):
-    problem = synthetic_problem(2)
-    found = SMALL.fit(problem, synthetic_weights(problem), 0)
-    assert len(str(found)) < 200
-    for friction in (found, found[1]):
-        save_model(friction, tmp_path / "model.json", LAWS)
-        assert "joints" not in json.loads((tmp_path / "model.json").read_text())
-        again = load_model(tmp_path / "model.json", LAWS)
-        assert again.law == SMALL.law
-        np.testing.assert_array_equal(again.theta, friction.theta)
 
 
 def test_weights_that_are_lost_or_of_another_fit_are_refused(tmp_path):

@@ -4,20 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import explained_by
 from fixtures.paths import DATA
 
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Published
-from frictionid.fitting.identifiers.synthetic_problem import (
+from frictionid.fitting.identifiers.check_identifier import (
     synthetic_problem,
     synthetic_weights,
-    true_friction,
 )
-from frictionid.friction import Friction, along
-from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model
 
 DFKI = DATA / "dfki_c1"
@@ -40,15 +38,6 @@ def test_it_brings_its_law_its_parameters_and_where_it_comes_from():
     assert found.law is OTHERS.law
     assert found.parameters == {"m1": 0.5}
     assert found.provenance.notes == {"source": "a paper"}
-
-
-def test_the_true_numbers_leave_no_residual():
-    friction = true_friction(2)
-    problem = explained_by(friction.law, friction.theta)
-    found = Published(friction).fit(problem, np.ones((1, len(problem.r))), 0)
-    residual = problem.residual(along(found, problem.nodes))
-    np.testing.assert_allclose(residual, 0.0, atol=1e-15)
-    assert np.abs(problem.r).max() > 0.1
 
 
 def test_nobody_can_change_the_published_numbers_through_a_fit():
@@ -91,11 +80,3 @@ def test_the_models_of_the_real_acrobot_hold_friction_and_their_own_inertias(ver
     assert {"m1", "m2", "l1", "I1", "I2"} <= set(found.parameters)
     level = found.law.limit(found.theta[0], problem.nodes.inputs, ())
     assert ((level > 0.01) & (level < 1.0)).all()
-
-
-def test_stribeck_from_elsewhere_serves_as_well():
-    published = Published(Friction(Stribeck(), np.array([[0.1, 0.05, 1.0, 0.01]])))
-    found = published.fit(synthetic_problem(1), np.ones((2, 120)), 0)
-    np.testing.assert_allclose(
-        found.curve(np.array([100.0]))[:, 0, 0], 0.1 + 0.01 * 100.0, rtol=1e-12
-    )

@@ -9,7 +9,6 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
-from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import euler_step
 from frictionid.errors import InputError
@@ -127,16 +126,6 @@ def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measure
     predicted = euler_step(plant_of(1)[0], SHARP, begin, u, dt)
     residual = problem.residual(along(SHARP, problem.nodes))
     np.testing.assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
-
-
-def test_the_euler_residual_is_the_first_sample_of_an_euler_rollout():
-    recording, states = made_up(np.random.default_rng(3))
-    problem = euler_problem(plant_of(1), [recording], [states])
-    u, dt = averages(recording.torque, states.time), np.diff(states.time)
-    begin = State(states.q[:-1], states.w[:-1])
-    motion = rollout(plant_of(1)[0], SHARP, begin, u[None], dt[None], method="euler")
-    residual = problem.residual(along(SHARP, problem.nodes))
-    np.testing.assert_allclose(residual, motion.w[1] - states.w[1:], rtol=0, atol=1e-12)
 
 
 def test_the_integral_residual_is_the_momentum_balance():
@@ -279,15 +268,6 @@ def test_nodes_are_in_order_and_rows_find_theirs():
     memories = memory_along(LAG, nodes)
     assert len(memories) == 49 and memories[0][0].shape == (3, 2)
     np.testing.assert_array_equal(memories[0][0], np.abs(nodes.inputs.w[nodes.first[:-1]]))
-
-
-def test_the_stencil_averages():
-    recordings, states = three(np.random.default_rng(14))
-    for build, place in ((euler_problem, 0.0), (integral_problem, 0.5)):
-        problem = build(plant_of(3), recordings, states)
-        line = 2.0 + 3.0 * problem.nodes.time[:, None]
-        at = problem.time + place * problem.dt
-        np.testing.assert_allclose(problem.mean(line)[:, 0], 2.0 + 3.0 * at, rtol=1e-14)
 
 
 def test_a_torque_on_another_clock_counts_by_its_mean(build):

@@ -8,7 +8,7 @@ from fixtures.exact_problems import everything, explained_by, standard_errors
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.residual import huber_factors
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, Stribeck

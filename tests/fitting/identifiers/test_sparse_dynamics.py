@@ -17,7 +17,7 @@ from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
 from frictionid.fitting.identifiers import BlackBox, SparseDynamics, check_identifier
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.method import check_method
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.fitting.shooting import Shooting

@@ -15,9 +15,8 @@ from fixtures.exact_problems import (
 
 from frictionid.arrays import times
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
-from frictionid.friction import Friction, along
-from frictionid.friction.law import smooth_sign
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
+from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 PLAIN, SYMMETRIC, ASYMMETRIC = CoulombViscous(), Stribeck(), Stribeck(symmetric=False)
@@ -131,15 +130,6 @@ def test_data_that_are_alike_in_both_directions_give_both_the_same_levels():
     np.testing.assert_allclose(theta[:, [0, 2, 4, 5]], TRUTH[SYMMETRIC], rtol=1e-6)
 
 
-def test_joints_find_stribeck_velocities_that_are_far_apart():
-    theta = np.array([[0.1, 0.05, 0.6, 0.01], [0.02, 0.06, 6.0, 0.002]])
-    problem = explained_by(SYMMETRIC, theta, 2e-4, np.random.default_rng(1))
-    found = fit(SYMMETRIC, problem, everything(problem))
-    truth = cost(problem, everything(problem), found.__class__(SYMMETRIC, theta[None]))
-    assert (cost(problem, everything(problem), found) <= truth).all()
-    np.testing.assert_allclose(found.theta[0, :, 2], theta[:, 2], rtol=0.05)
-
-
 def test_the_best_start_is_no_worse_than_any_one_start():
     rng = np.random.default_rng(4)
     for _ in range(3):
@@ -153,22 +143,6 @@ def test_the_best_start_is_no_worse_than_any_one_start():
             assert best <= cost(problem, weights, one) * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("law", "end"),
-    [
-        (PLAIN, "coulomb 0.05 N m, viscous 0.01 N m s/rad"),
-        (SYMMETRIC, "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad"),
-        (ASYMMETRIC, "stribeck_velocity 2.5 rad/s, viscous 0.01 N m s/rad"),
-    ],
-)
-def test_it_prints_itself_with_units(law, end):
-    problem = explained_by(law, TRUTH[law])
-    found = fit(law, problem, np.repeat(everything(problem), 2, axis=0))
-    line = str(found[0]).splitlines()[2]
-    assert line.startswith("  joint 2  coulomb") and line.endswith(end)
-    assert "coulomb 0.05 +- " in str(found) or law == ASYMMETRIC
-
-
 @pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("shape", ["tanh", "arctan"])
 @pytest.mark.parametrize(
@@ -179,36 +153,6 @@ def test_levels_of_all_sizes_come_out(n, shape, theta):
     problem = explained_by(law, theta[:n])
     found = fit(law, problem, everything(problem))
     np.testing.assert_allclose(found.theta[0], theta[:n], rtol=1e-9, atol=1e-12)
-
-
-def test_where_no_bound_holds_it_is_the_weighted_normal_equations():
-    problem = synthetic_problem(2)
-    weights = synthetic_weights(problem)
-    w = problem.nodes.inputs.w
-    columns = []
-    for feature in (smooth_sign(w, PLAIN.width), w):
-        for j in range(2):
-            columns.append(times(problem.G, problem.mean(feature * (np.arange(2) == j))))
-    J = np.stack(columns, axis=-1)
-    for f, theta in enumerate(fit(PLAIN, problem, weights).theta):
-        root = np.sqrt(weights[f])[:, None]
-        A, b = (J * root[..., None]).reshape(-1, 4), (problem.r * root).ravel()
-        exact = np.linalg.lstsq(A, b)[0].reshape(2, 2).T
-        np.testing.assert_allclose(theta, exact, rtol=1e-10)
-
-
-@pytest.mark.parametrize("theta", [[[0.1, -0.01]], [[-0.05, 0.02]], [[-0.1, -0.1]]])
-def test_coefficients_stay_positive_where_the_data_want_them_negative(theta):
-    problem = explained_by(PLAIN, theta, 1e-3, np.random.default_rng(0))
-    weights = everything(problem)
-    found = fit(PLAIN, problem, weights)
-    assert (found.theta >= 0).all()
-    assert (found.theta == 0).any()
-    assert np.abs(stationarity(PLAIN, problem, weights[0], found.theta[0])).max() < 1e-10
-    for change in np.eye(2)[:, None] * 1e-4:  # the best within the bounds
-        assert cost(problem, weights, Friction(PLAIN, found.theta + change)) > cost(
-            problem, weights, found
-        )
 
 
 def test_a_level_of_an_arctangent_is_its_level_at_high_speed():

@@ -12,7 +12,7 @@ from fixtures.paths import ROOT
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, check_identifier
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem, synthetic_weights
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.training import Adam, batches
@@ -32,8 +32,6 @@ from frictionid.friction.model_files import load_model, save_model
 
 sys.path.append(str(ROOT / "comparisons"))
 from own_network import OwnLaw, own_network
-
-SMALL = Network(WindowMLP(3, hidden=(4,)), epochs=4, batch=60)
 
 
 def drawn(law, folds=3, n=2, seed=0):
@@ -182,8 +180,7 @@ def test_gradients_and_least_squares_find_one_curve_least_squares_more_closely()
     assert np.abs(torques[0] - torques[1]).mean() < 0.05 * np.abs(torques[1]).mean()
 
 
-def test_they_keep_to_the_contract_of_identifiers():
-    check_identifier(SMALL, joints=(2,))
+def test_a_network_of_ones_own_keeps_to_the_contract_of_identifiers():
     check_identifier(own_network(2), joints=(1,))
 
 
@@ -218,17 +215,6 @@ def test_an_ensemble_is_the_mean_of_its_members_which_spread():
     np.testing.assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
     seen, far = (members.curve(np.array([v])).std(axis=0).max() for v in (2.0, 30.0))
     assert 0 < seen < far
-
-
-def test_they_come_back_from_their_files(tmp_path):
-    law = WindowMLP(3, 0.02, (4,), odd=True)
-    theta = drawn(law)
-    both = np.concatenate([theta, theta + 0.1], axis=-1)
-    for friction in (Friction(law, theta), Friction(Ensemble(law, 2), both)):
-        save_model(friction, tmp_path / "model.json", LAWS)
-        again = load_model(tmp_path / "model.json", LAWS)
-        assert again.law == friction.law
-        np.testing.assert_array_equal(again.theta, friction.theta)
 
 
 def test_the_memory_of_a_motion_begins_as_if_it_had_been_constant():

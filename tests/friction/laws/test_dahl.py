@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered
 
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Dahl, LuGre, MotorLoad
 

@@ -7,7 +7,7 @@ from fixtures.exact_problems import everything, explained_by
 from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.step import acceleration
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, Inputs, Nodes, at_rest
 from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Stribeck

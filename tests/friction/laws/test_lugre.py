@@ -8,7 +8,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import step
 from frictionid.dynamics.step_size import substeps
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import (
     CoulombViscous,

@@ -9,7 +9,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares, Linear
-from frictionid.fitting.identifiers.synthetic_problem import synthetic_problem
+from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import Spline, Stribeck
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
