@@ -20,7 +20,14 @@ from frictionid.api.models import (
 from frictionid.comparison.results import model_scores
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
+from frictionid.evaluation import (
+    Protocol,
+    nominal_torque_scores,
+    prepare,
+    prepared_for,
+    score_frame,
+    score_model,
+)
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
 
@@ -128,7 +135,9 @@ def scores_of(
     scores = {}
     for name, friction in models.items():
         try:
-            scores[name] = score_model(friction, prepared_for(prepared, friction)).scores
+            frame = score_model(friction, prepared_for(prepared, friction)).scores
+            rows = [*frame.itertuples(index=False), *nominal_torque_scores(prepared)]
+            scores[name] = score_frame(rows)
         except InputError as error:
             raise InputError(f"{(files or {}).get(name, name)}: {error}") from None
         done(name)

@@ -21,7 +21,7 @@ from frictionid.config import nearest
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError
-from frictionid.evaluation import EstimatedStates, speeds, velocity_grid
+from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocity_grid
 from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
@@ -34,6 +34,7 @@ from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
 from frictionid.report.fit_table import estimate_frame, estimate_table, interval_note
 from frictionid.report.tables import html, terminal_text
+from frictionid.report.torque_left import torque_sentence
 
 PLOTS = ("friction", "motion", "correlation")
 _VELOCITIES = 201  # of a curve
@@ -108,6 +109,16 @@ class Fit:
         side, than the value.
         """
         return estimate_frame(self._estimates, self.joints, bounded=self._has_intervals)
+
+    @cached_property
+    def torque_left(self) -> pd.DataFrame:
+        """Torque that the model leaves of its own data; of other data, `evaluate` has it.
+
+        A line for each joint and, last, one for all; empty where no torque was measured. Columns:
+        joint, unit, measured_rms, left_rms, left, nominal_rms, nominal: rms [N m], and as shares of
+        the measured torque, of the model and of the nominal mechanism without friction.
+        """
+        return torque_frame(self.friction.provenance.torque_left)
 
     @property
     def covariance(self) -> pd.DataFrame | None:
@@ -240,7 +251,7 @@ class Fit:
 
     def summary(self) -> str:
         """All that the command line says of a fit, as text."""
-        return printed(partial(show_fit, self.friction))
+        return printed(partial(show_fit, self.friction, self.joints))
 
     def save(self, path: str | Path) -> None:
         """Write a model file (JSON), weights of a network beside it.
@@ -319,6 +330,8 @@ class Fit:
         notes += (*source.equation, *source.equality)
         if self.method == "one_step" and self._has_intervals and self._estimates:
             notes.append(interval_note(source))
+        left = torque_sentence({self.law: self.torque_left} if self.friction.law.names else {})
+        notes += [left] if left else []
         notes += [s for s in source.torque if s == AS_LOGGED]
         went = source.refined
         if went is not None:

@@ -23,7 +23,7 @@ from frictionid.cli.options import (
 
 def evaluate(
     files: ModelsAndDataset,
-    out: Annotated[Path, typer.Option(help="Table of scores to write (CSV).")],
+    out: Annotated[Path | None, typer.Option(help="Table of scores to write (CSV).")] = None,
     horizons: Annotated[
         str, typer.Option(help="Rollout horizons in seconds, with commas.")
     ] = "0.1,0.25,0.5,1.0",
@@ -51,7 +51,8 @@ def evaluate(
     from frictionid.files import write_text
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.report import show_scores
+    from frictionid.report import show_scores, show_torque_left
+    from frictionid.report.torque_left import score_torque_frames
 
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")
@@ -69,13 +70,16 @@ def evaluate(
     dataset = load_dataset(place, data, trust=trust)
     with counted(len(models), f"evaluating ({dataset.name})") as done:
         table = scores_of(frictions, dataset, protocol, done, named)
-    write_text(out, table.to_csv(index=False, float_format="%.9g"))
+    if out is not None:
+        write_text(out, table.to_csv(index=False, float_format="%.9g"))
     if json:
         print(table.to_json(orient="records", indent=1))
         return
     show_scores(table)
+    show_torque_left(score_torque_frames(table), dataset.mechanism.joints)
     notes = [note for name, f in frictions.items() for note in training_notes(name, f, dataset)]
-    print(_STATES[initial_states], *notes, f"written to {out}", sep="\n")
+    written = [] if out is None else [f"written to {out}"]
+    print(_STATES[initial_states], *notes, *written, sep="\n")
 
 
 _STATES = {

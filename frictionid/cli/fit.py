@@ -71,6 +71,7 @@ def fit(
     from frictionid.fitting.method import check_method
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
+    from frictionid.report import show_fit
     from frictionid.report.figures.fits import check_drawable, fit_figure
     from frictionid.report.figures.style import png
 
@@ -92,14 +93,12 @@ def fit(
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
+    show_fit(fitted.friction, fitted.joints)
     _show(fitted.friction, set_ or [], out, figure)
 
 
 def _show(friction: Friction, texts: list[str], out: Path, figure: Path | None) -> None:
-    """Print a fit, and where it was written."""
-    from frictionid.report import show_fit
-
-    show_fit(friction)
+    """Print where a fit was written."""
     print(f"written to {out}")
     if any(text.partition("=")[0].strip() == "width" for text in texts):
         _say_if_numerical(friction)

@@ -27,6 +27,7 @@ from frictionid.evaluation import (
     curves,
     initial_state_folds,
     member_curves,
+    nominal_torque_scores,
     prepare,
     prepared_for,
     score_folds,
@@ -218,10 +219,12 @@ def score(
     prepared = prepared_for(shared.prepared, friction)
     lines, members = _curves(friction, prepared.grid)
     scores, motions, errors = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
+    scores = _with_nominal(scores, shared.prepared, benchmark.folds)
     tests = {}
     for test in shared.tests:
         name = test.dataset.name
-        tests[name], test_motions, _ = score_model(overall, prepared_for(test, friction))
+        test_scores, test_motions, _ = score_model(overall, prepared_for(test, friction))
+        tests[name] = _with_nominal(test_scores, test)
         motions = [*motions, *test_motions]
     return Result(
         scores=scores,
@@ -237,6 +240,14 @@ def score(
         errors=errors,
         beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
     )
+
+
+def _with_nominal(
+    scores: pd.DataFrame, prepared: Prepared, folds: Folds | None = None
+) -> pd.DataFrame:
+    """A score frame with the torque that the nominal mechanism leaves without friction."""
+    rows = list(scores.itertuples(index=False))
+    return score_frame([*rows, *nominal_torque_scores(prepared, folds)])
 
 
 def _curves(friction: Friction, grid: Array) -> tuple[Array, Array]:

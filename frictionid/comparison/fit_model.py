@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from frictionid.arrays import Array
@@ -18,6 +19,7 @@ from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
+from frictionid.data.state_estimators import thin
 from frictionid.errors import InputError
 from frictionid.evaluation import (
     EstimatedStates,
@@ -25,6 +27,7 @@ from frictionid.evaluation import (
     Protocol,
     screened,
     speeds,
+    torque_left,
     velocity_grid,
     with_speeds,
 )
@@ -71,6 +74,7 @@ class _NotFixed(Identifier):
         return self.inner.fit(problem, weights, seed)
 
 
+_NODES = 0.004  # [s], shortest time between samples of the balance that says what torque is left
 OF_NOISE = "standard errors of the noise alone, bias of the smoothing not included"
 AS_LOGGED = (
     "targets are taken to act when they are logged: a delay of theirs, which a fit by shooting "
@@ -132,7 +136,18 @@ def fit_model(
     if equal := equal_groups(identifier):
         check_units(friction, equal)
         notes["equality"] = tuple(_equality(identifier, recipe, training, seed))
+    notes["torque_left"] = tuple(_torque_left(friction, prepared))
     return with_speeds(friction.noted(notes), speeds(dataset, prepared.smoothed))
+
+
+def _torque_left(friction: Friction, prepared: Prepared) -> Iterable[tuple[Any, ...]]:
+    """Scores of the torque left, along samples that are not nearer than windows need them."""
+    protocol = prepared.protocol
+    apart = max(protocol.sample_time or 0.0, _NODES)
+    states = tuple(thin(s, apart) for s in prepared.smoothed)
+    estimated = EstimatedStates(prepared.dataset, apart, {INTEGRAL.states: states})
+    thinned = replace(prepared, protocol=replace(protocol, sample_time=apart), estimated=estimated)
+    return map(tuple, torque_left(friction, thinned))
 
 
 def _as_logged(dataset: Dataset) -> bool:

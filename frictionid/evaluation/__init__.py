@@ -44,7 +44,10 @@ from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_
 from frictionid.evaluation.scoring import (
     Evaluation,
     held_out_residual,
+    nominal_torque_scores,
     one_step_scores,
     score_folds,
     score_model,
+    torque_left,
 )
+from frictionid.evaluation.torque_left import torque_frame

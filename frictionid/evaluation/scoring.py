@@ -35,8 +35,15 @@ from frictionid.evaluation.predicted_motion import (
     predict,
     rollout_scores,
 )
-from frictionid.evaluation.prepared import CalibratedView, Prepared, calibrated_views
+from frictionid.evaluation.prepared import (
+    CalibratedView,
+    Prepared,
+    calibrated_views,
+    prepared_for,
+    with_calibration,
+)
 from frictionid.evaluation.score_frame import Score, score_frame, summarise
+from frictionid.evaluation.torque_left import NOMINAL, has_torque, row_torques, torque_scores
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own
@@ -191,6 +198,36 @@ def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
     return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions], errors)
 
 
+def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Iterator[Score]:
+    """Torque that the mechanism leaves without friction, see `frictionid.evaluation.torque_left`.
+
+    prepared : the uncorrected data; folds : on the rows that they hold out, on all by default
+    """
+    problem, mechanism = prepared.integral, prepared.plant.mechanism
+    if has_torque(prepared.dataset):
+        held = np.zeros(len(problem.r), dtype=int)
+        held = held if folds is None else _held_out_rows(problem, folds)
+        torque = row_torques(problem, problem.r[:, : mechanism.n], held >= -1)
+        scores = torque_scores(torque, problem, held, mechanism, NOMINAL)
+        yield from (score for score in scores if score.score == NOMINAL and score.fold == "all")
+
+
+def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
+    """Torque that one friction (n, P) leaves of data, and that of the mechanism without friction.
+
+    Parameters as in `score_model`; `prepared` is the uncorrected data.
+    """
+    if friction.mechanism or not has_torque(prepared.dataset):
+        return
+    data = with_calibration(prepared_for(prepared, friction), friction.calibration)
+    problem, n = data.integral, data.plant.n
+    residual = problem.residual(along(friction, problem.nodes))[:, :n]
+    every = np.zeros(len(residual), dtype=int)
+    torque = row_torques(problem, residual, every == 0)
+    yield from torque_scores(torque, problem, every, data.plant.mechanism)
+    yield from nominal_torque_scores(prepared)
+
+
 def _held_out_rows(problem: Problem, folds: Folds) -> Array:
     return folds.held_out(problem.recording, problem.time)
 
@@ -229,6 +266,7 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
     units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
         residual, energy = np.empty((len(held), data.plant.n)), np.zeros((2, len(held)))
+        torque = np.zeros((2, *residual.shape))
         for folds, data in model.views:
             use = np.isin(held, folds)
             place = np.searchsorted(folds, held[use])
@@ -236,9 +274,13 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
             unexplained = held_out_residual(model.friction[folds], problem, use, place)
             residual[use] = unexplained[:, : data.plant.n]  # coupled parts add no rows
             energy[:, use] = dissipated(problem, residual[use], use)
+            if name == "integral":
+                torque[:, use] = row_torques(problem, residual[use], use)
         yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
     if not model.friction.mechanism:  # of the momentum balance, the last one
         yield from _energy_scores(energy, held)
+        if has_torque(data.dataset):
+            yield from torque_scores(torque, data.integral, held, data.plant.mechanism)
 
 
 def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:

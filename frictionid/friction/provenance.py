@@ -261,6 +261,7 @@ class Provenance(BaseModel):
     half_widths : (n, P), half the 95 % intervals of a one-step fit, NaN where there is none
     half_widths_hold : what they hold; smoothing_bias : (n, P), where it is in them
     torque : whether each motor's torque is measured; equality : tests of equal joints
+    torque_left : scores of the torque that the model does not explain of its own data
     refined : of shooting and inverse dynamics; pooled : of several fits
     speeds : greatest speed of each part in the data
     temperature : at which a law that follows it was taken
@@ -285,6 +286,7 @@ class Provenance(BaseModel):
     half_widths_hold: str = ""
     smoothing_bias: Numbers = None
     torque: tuple[str, ...] = ()
+    torque_left: tuple[tuple[Any, ...], ...] = ()
     refined: Estimates | None = None
     equality: tuple[str, ...] = ()
     speeds: Annotated[Any, BeforeValidator(_speeds)] = ()

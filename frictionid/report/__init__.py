@@ -22,6 +22,7 @@ from frictionid.report.terminal import (
     show_scores,
     show_side_by_side,
     show_summary,
+    show_torque_left,
     side_by_side_json,
 )
 from frictionid.report.write import build

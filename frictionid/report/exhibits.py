@@ -34,6 +34,7 @@ from frictionid.report.shooting_results import (
 )
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
 from frictionid.report.tables import Table
+from frictionid.report.torque_left import torque_frames, torque_numbers, torque_table
 from frictionid.report.verdict import Verdict, verdict_of
 from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
 
@@ -131,6 +132,11 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
     summary = summary_of(data, verdict.failed)
     table = summary_table(summary, caption_of(data, summary))
     tables = [NamedTable(f"summary--{stem}", table, summary.frame)]
+    frames = torque_frames(data)
+    left = torque_table(frames, data.description.joints, data.dataset)
+    if left is not None:
+        heading = "Torque left, per joint"
+        tables.append(NamedTable(f"torque--{stem}", left, torque_numbers(frames), heading))
     pictures = list(motion_pictures(section, data, names))
     pictures += example_pictures(chosen_of(section, verdict), data, names, stem)
     if data.held_out:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from frictionid.comparison.results import Results
+from frictionid.evaluation import torque_frame
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
@@ -30,6 +31,7 @@ from frictionid.report.summary_table import (
     summary_table,
 )
 from frictionid.report.tables import Column, Table, for_terminal, line, render, text_columns
+from frictionid.report.torque_left import torque_frames, torque_sentence, torque_table
 from frictionid.report.verdict import verdict_of
 
 
@@ -47,6 +49,9 @@ def show_summary(results: Results) -> None:
         for data in section.data:
             unseen = "" if data.held_out else f" (fitted on {section.dataset}, never seen)"
             _print_summary(summary_of(data, failed), f"{data.dataset}{unseen}")
+            left = torque_sentence(torque_frames(data))
+            if left:
+                console().print(left, markup=False, soft_wrap=True)
     for section in sections:
         words = verdict(section)
         text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
@@ -151,8 +156,11 @@ def parameter_table(read: Sequence[Estimate]) -> Table:
     return Table("", "parameters", tuple(columns), tuple(lines))
 
 
-def show_fit(friction: Friction) -> None:
-    """Print a fitted friction: its parameters, with intervals where it was shot, and its words."""
+def show_fit(friction: Friction, joints: Sequence[str] = ()) -> None:
+    """Print a fitted friction: its parameters, with intervals where it was shot, and its words.
+
+    joints : their names
+    """
     out, source = console(), friction.provenance
     if source.refined is not None:
         show_refined(source.refined)
@@ -167,6 +175,15 @@ def show_fit(friction: Friction) -> None:
             out.print("\n  ".join([head, *lines]), markup=False, soft_wrap=True)
     for sentence in (*source.equality, *source.torque):
         out.print(sentence, markup=False, soft_wrap=True)
+    show_torque_left({"model": torque_frame(source.torque_left)}, joints)
+
+
+def show_torque_left(frames: Mapping[str, pd.DataFrame], joints: Sequence[str]) -> None:
+    """Print the torque left by models, see `torque_table`; nothing where none was measured."""
+    table = torque_table(frames, joints)
+    if table is not None:
+        console().print(table.caption, markup=False, soft_wrap=True)
+        console().print(table, soft_wrap=True)
 
 
 def _print_summary(summary: Summary, title: str) -> None:

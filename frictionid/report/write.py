@@ -188,7 +188,12 @@ def _part(
         "section": section,
         "size": size_of(section.description),
         "verdict": verdict,
-        "tables": [exhibits[section.dataset, d.dataset].tables[0].table for d in section.data],
+        "tables": [
+            named.table
+            for d in section.data
+            for named in exhibits[section.dataset, d.dataset].tables
+            if named.stem.startswith(("summary--", "torque--"))
+        ],
         "chosen": chosen,
         "equation": equation_of(chosen) if chosen else "",
         "rows": parameter_rows(chosen, data) if chosen else [],

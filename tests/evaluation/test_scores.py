@@ -175,6 +175,8 @@ def test_every_score_has_all_its_statistics(prepared, folds):
         ("curve_error", "rms", None),
         ("n_parameters", "count", None),
         ("dissipated_energy", "ratio", None),
+        *((f"torque_{name}", "rms", None) for name in ("left", "measured")),
+        ("torque_left", "share", None),
     }
     assert not rows.duplicated(list(SCORE_COLUMNS[:5])).any()
     assert np.isfinite(rows.value).all()
@@ -269,6 +271,8 @@ def test_measured_data_have_neither_curve_error_nor_truth(folds):
         "one_step_integral",
         "rollout_angle",
         "n_parameters",
+        "torque_left",
+        "torque_measured",
     }
 
 

@@ -1,0 +1,130 @@
+"""Torque left: what a model does not explain of the measured torque, per joint and together.
+
+Over windows of 0.05 s, of the momentum balance along the smoothed motion,
+
+    left = mean of G^-1 e = mean of (u - Tf - what the rigid bodies need)    [N m]
+
+with the one-step residual e = r - G Tf [Gautier1991]. Windows in which a joint rests or reverses do
+not count for it: there friction is whatever holds the joint. Shares are of the root mean square of
+the measured torque in the windows that count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from frictionid.arrays import Array, solve
+from frictionid.data.joint_scales import are_mixed
+from frictionid.data.recordings import Dataset
+from frictionid.evaluation.score_frame import Score
+from frictionid.fitting.one_step.residual import Problem, stiction_mask
+from frictionid.mechanics import Mechanism
+
+LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
+_WINDOW = 0.05  # [s]
+_COMPLETE = 0.5  # of the usual length: shorter windows, at gaps and ends of folds, do not count
+
+
+def has_torque(dataset: Dataset) -> bool:
+    """Whether torques were measured: some are not zero, and none follows from a servo's voltage."""
+    torque = any(np.any(r.torque.value) for r in dataset.recordings)
+    return torque and all(r.servo is None for r in dataset.recordings)
+
+
+def row_torques(problem: Problem, residual: Array, use: Array) -> Array:
+    """Torques (2, k, n) [N m] of k rows: what a residual (k, n) leaves, and the measured one.
+
+    use : (K,) true for the k rows of a momentum balance
+    """
+    n = residual.shape[-1]
+    middle = problem.stencil[use, 1]  # where the mean torque of the interval stands
+    u = problem.nodes.inputs.u[middle, :n]
+    return np.stack([solve(problem.G[use][:, :n, :n], residual), u])
+
+
+def torque_scores(
+    torque: Array, problem: Problem, fold: Array, mechanism: Mechanism, name: str = LEFT
+) -> Iterator[Score]:
+    """Torque left in each joint, [N m] and as a share, and together, of each fold and of all.
+
+    torque : (2, K, n), see `row_torques`; fold : (K,) that holds each row out, -1 for none
+    """
+    mean, counts, owner = _windows(torque, problem, fold, mechanism)
+    mean = np.where(counts, mean, 0.0)
+    number = np.maximum(counts.sum(axis=0), 1)
+    left, measured = np.sqrt((mean**2).sum(axis=1) / number)
+    for j in np.flatnonzero(counts.any(axis=0)):
+        joint, unit = str(j + 1), mechanism.torque_units[j]
+        yield Score("all", name, "rms", joint=joint, value=float(left[j]), unit=unit)
+        if measured[j] > 0:
+            yield Score("all", name, "share", joint=joint, value=float(left[j] / measured[j]))
+            yield Score("all", MEASURED, "rms", joint=joint, value=float(measured[j]), unit=unit)
+    mixed = are_mixed(mechanism.torque_units)
+    for label, rows in (*((str(f), owner == f) for f in np.unique(owner)), ("all", owner >= 0)):
+        value = _together((mean[:, rows] ** 2).sum(axis=1), mixed)
+        if np.isfinite(value):
+            yield Score(label, name, "share", value=value)
+
+
+def _together(squares: Array, mixed: bool) -> float:
+    """Share of all motors' torques by sums of squares (2, n); of joints of two kinds the mean."""
+    left, measured = squares[:, squares[1] > 0]
+    if not len(left):
+        return float("nan")
+    return float(np.sqrt(np.mean(left / measured) if mixed else left.sum() / measured.sum()))
+
+
+def _windows(
+    torque: Array, problem: Problem, fold: Array, mechanism: Mechanism
+) -> tuple[Array, Array, Array]:
+    """Means (2, W, n) over windows, whether they count (W, n), and the fold (W,) of each."""
+    turns = mechanism.friction_map != 0
+    rests = stiction_mask(problem, None) @ turns
+    number = np.floor(problem.time / _WINDOW + 1e-9).astype(int)
+    rows = np.flatnonzero(fold >= 0)
+    keys = np.stack([fold, problem.recording, number], axis=1)[rows]
+    windows, place = np.unique(keys, axis=0, return_inverse=True)
+    place, dt = place.reshape(-1), problem.dt[rows]
+    length = np.bincount(place, dt, len(windows))
+    sums = np.zeros((2, len(windows), torque.shape[-1]))
+    for total, each in zip(sums, torque[:, rows] * dt[:, None], strict=True):
+        np.add.at(total, place, each)
+    counts = np.ones((len(windows), torque.shape[-1]), dtype=bool)
+    np.logical_and.at(counts, place, ~rests[rows])
+    counts &= (length >= _COMPLETE * np.median(length))[:, None]
+    return sums / length[:, None], counts, windows[:, 0]
+
+
+_FRAME = (
+    *((MEASURED, "rms"), (LEFT, "rms"), (LEFT, "share")),
+    *((NOMINAL, "rms"), (NOMINAL, "share")),
+)
+COLUMNS = ("joint", "unit", "measured_rms", "left_rms", "left", "nominal_rms", "nominal")
+
+
+def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
+    """Torque left by the scores of one model: a line for each joint, and one for all; or none.
+
+    Joints that never slide are left out. Columns: joint, unit, measured_rms, left_rms, left,
+    nominal_rms, nominal (without friction, by the mechanism as the data set has it); `left` and
+    `nominal` are shares of the measured torque.
+    """
+    values = {
+        (s.score, s.statistic, s.joint): s
+        for s in (Score(*row) for row in scores)
+        if s.fold == "all"
+    }
+    joints = sorted(
+        (joint for score, rms, joint in values if (score, rms) == (LEFT, "rms")), key=int
+    )
+    none = Score("all", "")
+    lines = []
+    for joint in [*joints, *["all"] * bool(joints)]:
+        measured, *both = (values.get((*column, joint), none) for column in _FRAME)
+        unit = "" if joint == "all" else both[0].unit
+        lines.append((joint, unit, measured.value, *(s.value for s in both)))
+    return pd.DataFrame(lines, columns=list(COLUMNS))

@@ -1,0 +1,93 @@
+"""Torque left: zero for the truth, what is missing for anything else, the same by every command."""
+
+import numpy as np
+import pytest
+from fixtures import driven_wrist as wrist
+from fixtures.command_line import run_command
+
+import frictionid as fid
+from frictionid.data.plants import plant_of
+from frictionid.evaluation import EstimatedStates, Prepared, Protocol, torque_frame, torque_left
+from frictionid.fitting.one_step.formulation import INTEGRAL
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous, NoFriction
+
+NOISE = 0.01  # of each motor's torque
+TRUTH = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=1)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return wrist.mechanism(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def data(arm):
+    return wrist.dataset(arm, wrist.frame(arm, 8.0))
+
+
+def left(data, theta):
+    law = CoulombViscous() if len(theta[0]) else NoFriction()
+    prepared = Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
+    frame = torque_frame(map(tuple, torque_left(Friction(law, theta), prepared)))
+    return frame.set_index("joint")
+
+
+def test_the_true_friction_leaves_less_than_the_noise(data):
+    # 9 of 10 samples within a window: noise averages out, reversals do not count
+    assert (left(data, TRUTH)["left"] < NOISE).all()
+
+
+def test_without_friction_all_of_it_is_left(data):
+    frame, w = left(data, np.zeros((4, 0))), EstimatedStates(data).by(INTEGRAL.states)[0].w
+    v = w @ data.mechanism.friction_map.T
+    friction = (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ data.mechanism.friction_map
+    usual = np.sqrt((friction**2).mean(axis=0))
+    np.testing.assert_allclose(frame["left_rms"][:3], usual, rtol=0.1)
+    np.testing.assert_allclose(frame["left"], frame["nominal"], rtol=1e-12)
+
+
+def test_what_is_missing_in_one_joint_is_left_there(data):
+    less = TRUTH - np.array([[0.0, 0.0], [1.5, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    frame = left(data, less)
+    assert frame["left_rms"]["2"] == pytest.approx(1.5, rel=0.02)
+    assert (frame["left"][["1", "3"]] < NOISE).all()
+    squares = (frame["left_rms"][:3] ** 2).sum() / (frame["measured_rms"][:3] ** 2).sum()
+    assert frame["left"]["all"] ** 2 == pytest.approx(squares, rel=0.1)  # joints slide at all times
+
+
+def test_fit_evaluation_and_comparison_say_the_same(data):
+    fit = fid.fit(data, "coulomb_viscous", method="inverse_dynamics")
+    frame = fit.torque_left.set_index("joint")
+    assert frame["left"]["all"] < NOISE < 0.1 < frame["nominal"]["all"]
+    with pytest.warns(UserWarning, match="training data"):
+        scores = fid.evaluate({"given": fit}, data, (0.1,))
+    own = ["fold", "score", "statistic", "horizon_s", "joint", "value", "unit"]
+    again = torque_frame(scores[own].itertuples(index=False)).set_index("joint")
+    np.testing.assert_allclose(again["left"], frame["left"], rtol=0.1)
+    bench = fid.compare(data, {"given": fit, "none": "none"}, folds=3, horizons=(0.1,))
+    held = bench["given"].scores
+    np.testing.assert_allclose(
+        torque_frame(held.itertuples(index=False))["left"], again["left"], rtol=0.1
+    )
+    shares = held[(held["score"] == "torque_left") & (held["joint"] == "all")]
+    assert list(shares["fold"]) == ["0", "1", "2", "all"]
+    line = next(x for x in str(bench.summary()).splitlines() if x.startswith("torque left"))
+    assert ", given 0." in line and "; no friction, nominal" in line
+
+
+def test_the_commands_print_it_without_a_file_to_write(monkeypatch, capsys, tmp_path):
+    fit = fid.fit("acrobot_clean", "coulomb_viscous")
+    fit.save(tmp_path / "model.json")
+    arguments = "evaluate", "model.json", "acrobot_clean", "--horizons", "0.1"
+    code, out, _ = run_command(monkeypatch, capsys, tmp_path, *arguments)
+    assert code == 0 and "Torque left" in out and "no friction, nominal" in out
+    assert not list(tmp_path.glob("*.csv"))
+
+
+def test_nothing_is_said_of_motion_without_torque():
+    time = np.arange(0.0, 4.0, 0.01)
+    swing = {"time": time, "angle": np.exp(-0.3 * time) * np.sin(5.0 * time)}
+    rig = fid.mechanisms.pendulum(mass=1.0, length=0.4)
+    data = fid.Dataset.from_arrays({"a": swing}, rig)
+    assert fid.fit(data, "coulomb_viscous").torque_left.empty
