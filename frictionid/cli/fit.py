@@ -28,6 +28,7 @@ from frictionid.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from frictionid.api.fitted import Fit
     from frictionid.fitting.method import Method
     from frictionid.friction import Friction
 
@@ -71,7 +72,6 @@ def fit(
     from frictionid.fitting.method import check_method
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
-    from frictionid.report import show_fit
     from frictionid.report.figures.fits import check_drawable, fit_figure
     from frictionid.report.figures.style import png
 
@@ -93,15 +93,17 @@ def fit(
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
+    _show(fitted, set_ or [], out, figure)
+
+
+def _show(fitted: Fit, texts: list[str], out: Path, figure: Path | None) -> None:
+    """Print a fit, and where it was written."""
+    from frictionid.report import show_fit
+
     show_fit(fitted.friction, fitted.joints)
-    _show(fitted.friction, set_ or [], out, figure)
-
-
-def _show(friction: Friction, texts: list[str], out: Path, figure: Path | None) -> None:
-    """Print where a fit was written."""
     print(f"written to {out}")
     if any(text.partition("=")[0].strip() == "width" for text in texts):
-        _say_if_numerical(friction)
+        _say_if_numerical(fitted.friction)
     if figure is not None:
         print(f"written to {figure}")
 
