@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 from coverage_cases import DELAY, Case, rig_of
+from scipy.special import stdtrit
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.one_step_fit import half_widths
+from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Inputs
@@ -55,7 +56,8 @@ def by_integral(case: Case, dataset: Dataset) -> list[Estimated]:
     weights = np.ones(len(problem.r))
     identifier = LeastSquares(case.law)
     friction = identifier.fit(problem, weights[None], seed=0)[0]
-    half = half_widths(friction, problem, weights, robust=identifier.robust)
+    matrix, freedom = covariance_of_fit(friction, problem, weights)
+    half = (stdtrit(freedom, 0.975) * np.sqrt(np.diag(matrix))).reshape(friction.theta.shape)
     out = []
     true = true_values(case, dataset)
     for (j, i), value in np.ndenumerate(friction.theta):

@@ -270,16 +270,24 @@ class Mechanism(ABC):
         >>> m.base_names, (m.base_tolerances() / m.base(m.nominal())).round(3).tolist()
         (('inertia', 'gravity'), [0.05, 0.05])
         """
-        values = self.nominal() if self.tolerances else {}
-        square = np.zeros(len(self.base_names))
-        for name, value in values.items():
-            share = self.tolerances.get(name, self.tolerances.get("all", 0.0)) / 100.0
-            size = share * abs(value)
-            if size > 0:
-                ends = (self.base({**values, name: value + s * size}) for s in (0.5, -0.5))
-                up, down = (np.asarray(end, dtype=float) for end in ends)
-                square += (up - down) ** 2
+        square, here = np.zeros(len(self.base_names)), self.nominal()
+        for name, size in self.errors().items():
+            ends = (self.base({**here, name: here[name] + s * size}) for s in (0.5, -0.5))
+            up, down = (np.asarray(end, dtype=float) for end in ends)
+            square += (up - down) ** 2
         return np.where(square > 0, np.sqrt(square), np.inf)
+
+    def errors(self) -> dict[str, float]:
+        """How far each parameter that has a tolerance may be off, in its unit.
+
+        >>> from frictionid.mechanics import pendulum
+        >>> replace(pendulum(mass=0.5, length=0.2), tolerances={"mass": 5.0}).errors()
+        {'mass': 0.025}
+        """
+        nominal, stated = self.nominal() if self.tolerances else {}, self.tolerances
+        shares = {name: stated.get(name, stated.get("all", 0.0)) / 100.0 for name in nominal}
+        sizes = {name: shares[name] * abs(value) for name, value in nominal.items()}
+        return {name: size for name, size in sizes.items() if size > 0}
 
     def with_defaults(self) -> Self:
         """The mechanism with the default of each required parameter that was not given.

@@ -18,6 +18,7 @@ from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.parameters.parameter_block import (
     ParameterBlock,
+    values_of,
 )
 from frictionid.fitting.shooting.covariance import covariance_of, least_significant
 from frictionid.fitting.shooting.data_checks import (
@@ -46,6 +47,7 @@ from frictionid.fitting.shooting.sandwich import groups_of, worth
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
 from frictionid.fitting.shooting.stages import Stage, begun, solved, that_may_be_free, with_neutral
 from frictionid.friction import Friction
+from frictionid.friction.laws.levels import LOAD
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
@@ -89,6 +91,30 @@ def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | flo
     there = solution._replace(estimate=estimate)
     move = 2.0 * move_with_windows(problem, there, problem.settings.windows[-1])
     return np.outer(move, move) if np.isfinite(move).all() else 0.0
+
+
+def load_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+    """Covariance (D, D) of load coefficients by bearing loads that are off as masses may be.
+
+    Loads follow from masses, not from the base parameters that are free. By each mass that is off
+    by its tolerance they change in proportion r_i, and the coefficients k in inverse proportion:
+
+        C = sum_i (k r_i) (k r_i)'
+    """
+    estimate, intervals = solution.estimate, problem.intervals
+    mechanism, friction = intervals.dataset.mechanism, estimate.friction
+    if not (friction.law.uses_load and mechanism.tolerances):
+        return 0.0
+    nominal, (q, w) = mechanism.nominal(), (intervals.q, intervals.w)
+    load = mechanism.load(nominal, q, w, 0.0 * q)
+    values, matrix = values_of(estimate, problem.blocks), np.zeros(2 * (len(problem.parameters),))
+    joints = [p.place[0] if p.name.startswith(LOAD.name) else -1 for p in problem.parameters]
+    for name, size in mechanism.errors().items():
+        off = mechanism.load({**nominal, name: nominal[name] + size}, q, w, 0.0 * q) - load
+        share = (off * load).sum(axis=0) / np.maximum((load * load).sum(axis=0), 1e-300)
+        move = values * np.array([share[j] if j >= 0 else 0.0 for j in joints])
+        matrix += np.outer(move, move)
+    return matrix
 
 
 _UNEXPLAINED = 3.0  # [noise], root mean square of a window's residual
@@ -169,7 +195,7 @@ def refined_by(
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
     omitted = omitted_blocks(problem, solution, [d.block for d in dropped])
     shared = model_error(omitted) + settings_error(problem, solution)
-    shared = shared + smoothing_error(problem, solution)
+    shared = shared + smoothing_error(problem, solution) + load_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)
     limits = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
     covariance = with_held(covariance, held)

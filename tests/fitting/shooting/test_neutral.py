@@ -18,7 +18,7 @@ from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.neutral import LocalCost, followed
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import DataRange, Friction, constraints_of
-from frictionid.friction.laws import CoulombViscous, MotorLoad, Quadratic, Stribeck
+from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Quadratic, Stribeck
 from frictionid.mechanics import mechanism_of, pendulum
 
 FAST = 2.0  # [rad/s]
@@ -193,6 +193,22 @@ def test_a_tolerance_draws_a_wrong_mass_towards_what_was_stated():
     nominal = 0.206 * 0.2**2
     assert found[0.01] == pytest.approx(nominal, rel=1e-3)
     assert abs(found[5.0] - tiny.INERTIA) < 0.5 * abs(nominal - tiny.INERTIA)
+
+
+def test_the_interval_of_a_load_coefficient_holds_what_the_mass_may_be_off():
+    """Ten times the mass's tolerance adds ten times as much; parameters without load ignore it."""
+    start, data = Friction(LoadDependent(), np.array([[0.01, 0.002, 0.002]])), tiny.dataset()
+    squares = {}
+    for tolerance in (0.0, 0.5, 5.0):
+        tolerances = {"mass": tolerance} if tolerance else {}
+        mechanism = replace(data.mechanism, tolerances=tolerances)
+        fit = refine(start, replace(data, mechanism=mechanism), (FrictionBlock(),), SHORT)
+        squares[tolerance] = np.diag(fit.covariance.matrix)
+    added = [np.sqrt(squares[t] - squares[0.0]) for t in (0.5, 5.0)]
+    load = float(fit.covariance.values[1])
+    np.testing.assert_allclose(added[0][1], 0.005 * load, rtol=0.2)
+    np.testing.assert_allclose(added[1][1], 10.0 * added[0][1], rtol=0.1)
+    assert (added[1][[0, 2]] < 0.3 * np.sqrt(squares[0.0][[0, 2]])).all()
 
 
 def test_tolerances_reach_the_base_parameters_to_first_order():
