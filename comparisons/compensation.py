@@ -146,7 +146,7 @@ def scaled(friction: fid.Friction, factor: float) -> fid.Friction:
 def trial(seeds: Sequence[int], integral: float) -> Mapping[str, Outcome]:
     """Outcome of each variant over seeds of the sensors' noise."""
     time = np.arange(0.0, (len(POINTS) - 1) * (MOVE + REST) + LAST, 1 / RATE)
-    fitted = fid.fit(fid.simulate(RIG), "stribeck").friction
+    fitted = fid.fit(fid.simulate(RIG), "stribeck", method="one_step").friction
     wanted = reference(time)
     forward = torques(fitted, fid.Compensation(gain=0.95, ahead=DELAY), wanted)
     done = closed_loop(forward, integral, seeds, time=time, wanted=wanted)

@@ -122,7 +122,7 @@ def rows() -> Iterator[Row]:
     """All rows of the table."""
     rig, swingups = fid.load_dataset("dfki_c1"), fid.load_dataset("dfki_c1_swingup")
     for law in ("coulomb_viscous", "stribeck", "motor_load"):
-        yield row(law, fid.fit(rig, law).friction, rig, swingups)
+        yield row(law, fid.fit(rig, law, method="one_step").friction, rig, swingups)
     shot = fid.fit(
         rig,
         "motor_load",
@@ -135,9 +135,9 @@ def rows() -> Iterator[Row]:
     training, held_out = halves(fid.load_dataset("bam_xl330"))
     passive = fid.load_dataset("bam_xl330_passive")
     models: dict[str, Any] = {
-        "coulomb_viscous": fid.fit(training, "coulomb_viscous").friction,
-        "motor_load": fid.fit(training, "motor_load").friction,
-        "gear_load": fid.fit(training, fid.GearLoad(moment=0.48052585)).friction,
+        "coulomb_viscous": fid.fit(training, "coulomb_viscous", method="one_step").friction,
+        "motor_load": fid.fit(training, "motor_load", method="one_step").friction,
+        "gear_load": fid.fit(training, fid.GearLoad(moment=0.48052585), method="one_step").friction,
         "published M6": fid.load_model(
             Path(__file__).parents[1] / "data" / "bam_xl330" / "m6.json"
         ).friction,

@@ -27,7 +27,16 @@ from growth_data import Data
 
 from frictionid.report.figures.style import COLOURS, GREY, drawn, figure, rendered
 
-FIT = ("fit", "{data}", "--out", "{out}/model.json", "--replace", "--identifier")
+FIT = (
+    "fit",
+    "{data}",
+    "--out",
+    "{out}/model.json",
+    "--replace",
+    "--by",
+    "one_step",
+    "--identifier",
+)
 COMMANDS: dict[str, tuple[str, ...]] = {
     "check": ("check", "{data}"),
     "fit": (*FIT, "stribeck"),

@@ -101,7 +101,8 @@ def harm(law: Law, motion: Motion, seeds: Sequence[int], neutral: bool) -> np.nd
     ratios = []
     for data in hidden(motion, seeds):
         fits = (
-            fid.fit(data, LeastSquares(form, neutral=neutral)) for form in (law, CoulombViscous())
+            fid.fit(data, LeastSquares(form, neutral=neutral), method="one_step")
+            for form in (law, CoulombViscous())
         )
         rich, plain = (error(fit, test) for fit in fits)
         ratios.append(rich / plain)
@@ -112,7 +113,10 @@ def cost(case: Case, seeds: Sequence[int]) -> float:
     """Largest move of a parameter by neutral values, in standard errors, where motion shows all."""
     most = 0.0
     for data in sets_of(case, seeds, 12, late=False):
-        shown, plain = (fid.fit(data, LeastSquares(case.law, neutral=n)) for n in (True, False))
+        shown, plain = (
+            fid.fit(data, LeastSquares(case.law, neutral=n), method="one_step")
+            for n in (True, False)
+        )
         spread = (plain.frame.high_95 - plain.frame.low_95).to_numpy() / 4.0
         off = np.abs(shown.friction.theta - plain.friction.theta).ravel() / spread
         most = max(most, float(np.nanmax(off)))

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from frictionid.api.fitted import Fit
 from frictionid.api.models import (
     DatasetLike,
@@ -23,14 +25,20 @@ from frictionid.comparison.registry import RECIPES
 from frictionid.comparison.smoothing_bias import with_smoothing_bias
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_named, recipe_of
 from frictionid.config import checked, nearest
+from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
+from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Law
+from frictionid.quickstart.quick import time_between_samples
 
 ONE_STEP = (*RECIPES, CALIBRATED.name)
 METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)
+_ARM = 3  # joints
+_MOST = 100_000  # samples of all joints that are fitted by default
 
 
 def method_of(
@@ -82,7 +90,7 @@ def method_of(
     if method == "one_step":
         if options:
             raise InputError(
-                f"{', '.join(options)}: only with method = 'shooting' or 'inverse_dynamics'"
+                f"{', '.join(options)}: only by shooting or inverse_dynamics, not in one step"
             )
         if calibrated is None:
             return recipe_named(recipe)
@@ -105,12 +113,34 @@ def _calibration_of(calibration: Any) -> KnownCalibration:
     return known_calibration(friction_of(calibration), name)
 
 
+def usual_method(dataset: Dataset, identifier: Identifier) -> str:
+    """Method of `METHODS` that a fit takes where none is named.
+
+    Shooting, whose inertia, bias and delay are free where the data tell them. For arms inverse
+    dynamics: three joints or more, each with a sampled torque; networks of arms, and what uses no
+    physics, are fitted in one step.
+
+    Examples
+    --------
+    >>> from frictionid.fitting.identifiers import Frictionless
+    >>> usual_method(dataset_of("acrobot_clean"), Frictionless())
+    'shooting'
+    """
+    if not identifier.uses_mechanism:
+        return "one_step"
+    driven = np.any([np.any(r.torque.value, axis=0) for r in dataset.recordings], axis=0)
+    if dataset.mechanism.n < _ARM or not (driven.all() and torque_is_sampled(dataset)):
+        return "shooting"
+    network = getattr(getattr(identifier, "law", None), "is_network", False)
+    return "one_step" if network else "inverse_dynamics"
+
+
 def fit(
     data: DatasetLike,
     law: LawLike,
     *,
-    method: str | Method = "one_step",
-    recipe: str = "integral",
+    method: str | Method | None = None,
+    recipe: str | None = None,
     free: str | Sequence[str] | None = None,
     fixed: Sequence[str] = (),
     windows: float | Sequence[float] | None = None,
@@ -130,12 +160,13 @@ def fit(
     data : Dataset, or path or name of one
     law : str, Law, Identifier, a class of these, or a list of laws, one for each joint
         Such as "stribeck"; `frictionid.identifiers()` lists the names.
-    method : str or Method
-        "one_step" on smoothed states, in seconds; "shooting" on the measured angles, which refines
-        that fit, with intervals; "inverse_dynamics" on the torques, for arms. The name of a recipe
-        stands for a one-step fit by it.
-    recipe : str
-        Of the one-step fit: "integral", "study", or "calibrated".
+    method : str or Method, optional
+        "shooting" on the measured angles, with intervals; "inverse_dynamics" on the torques, for
+        arms; "one_step" on smoothed states, which takes masses, gains and clocks as given. The name
+        of a recipe stands for a one-step fit by it. None: as `usual_method` says, and of long data
+        samples as `quick` takes them.
+    recipe : str, optional
+        Of the one-step fit: "integral" by default, "study", or "calibrated".
     free : list of str, optional
         Blocks that these free: "friction", "inertia", "delay", "gain", "bias", "offset",
         "actuator"; friction is always free. None: friction, and of inertia, delay and bias those
@@ -170,14 +201,23 @@ def fit(
 
     Examples
     --------
-    >>> fit("acrobot_clean", "coulomb_viscous").frame[["parameter", "value"]].round(3).head(2)
+    >>> fast = fit("acrobot_clean", "coulomb_viscous", method="one_step")
+    >>> fast.frame[["parameter", "value"]].round(3).head(2)
       parameter  value
     0   coulomb  0.167
     1   viscous  0.004
     """
     dataset = dataset_of(data)
-    protocol = Protocol(sample_time=optional_number("sample_time", sample_time))
     identifier = identifier_of(law, settings)
+    apart = optional_number("sample_time", sample_time)
+    if method is None:
+        shot = bool(equal) or windows is not None or iterations is not None
+        asked = {"one_step": bias or recipe is not None, "shooting": shot}
+        asked["inverse_dynamics"] = consistent
+        method = next((m for m, yes in asked.items() if yes), usual_method(dataset, identifier))
+        if method != "one_step" and apart is None:
+            apart = time_between_samples(dataset, _MOST)
+    protocol = Protocol(sample_time=apart)
     if equal:
         groups = groups_of(equal, dataset.mechanism.friction_names)
         identifier = with_equal(identifier, groups)
@@ -185,7 +225,7 @@ def fit(
         free = f"friction,{free}" if isinstance(free, str) else ["friction", *free]
     chosen = method_of(
         method,
-        recipe=recipe,
+        recipe="integral" if recipe is None else recipe,
         free=free,
         fixed=fixed,
         windows=windows,

@@ -28,7 +28,7 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
-from frictionid.report.console import printed
+from frictionid.report.console import console, printed
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
@@ -37,7 +37,10 @@ from frictionid.report.tables import html, terminal_text
 from frictionid.report.torque_left import torque_sentence
 
 PLOTS = ("friction", "motion", "correlation")
-_VELOCITIES = 201  # of a curve
+ASSUMED = (
+    "one step takes masses, gains, delay and bias as given: what is off in these passes for "
+    "friction; by shooting they are free"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -251,7 +254,14 @@ class Fit:
 
     def summary(self) -> str:
         """All that the command line says of a fit, as text."""
-        return printed(partial(show_fit, self.friction, self.joints))
+        return printed(self.show)
+
+    def show(self) -> None:
+        """Print it as the command line does."""
+        console().print(self._headline, markup=False, soft_wrap=True)
+        show_fit(self.friction, self.joints)
+        if self._assumption:
+            console().print(self._assumption, markup=False, soft_wrap=True)
 
     def save(self, path: str | Path) -> None:
         """Write a model file (JSON), weights of a network beside it.
@@ -308,6 +318,14 @@ class Fit:
         return estimate_table(self._estimates, bounded=self._has_intervals, noise_alone=alone)
 
     @property
+    def _assumption(self) -> str:
+        """What a one-step fit takes for granted; nothing where a calibration was estimated."""
+        friction = self.friction
+        if self.method != "one_step" or friction.calibration or not friction.provenance.recipe:
+            return ""
+        return "" if friction.mechanism or not friction.theta.shape[-1] else ASSUMED
+
+    @property
     def _headline(self) -> str:
         method = "one-step" if self.method == "one_step" else self.method.replace("_", " ")
         if self.data is None:
@@ -318,7 +336,9 @@ class Fit:
             seconds = sum(float(np.ptp(r.angle.time)) for r in recordings)
             several = "s" * (len(recordings) > 1)
             where = f" to {self.data.name!r}: {len(recordings)} recording{several}, {seconds:.3g} s"
-        return f"{self.law}, {method} fit{where}"
+        apart = self.friction.provenance.sample_time
+        thinned = f", samples {1e3 * apart:.3g} ms apart" if apart else ""
+        return f"{self.law}, {method} fit{where}{thinned}"
 
     @property
     def _notes(self) -> list[str]:
@@ -330,6 +350,7 @@ class Fit:
         notes += (*source.equation, *source.equality)
         if self.method == "one_step" and self._has_intervals and self._estimates:
             notes.append(interval_note(source))
+        notes += [self._assumption] if self._assumption else []
         left = torque_sentence({self.law: self.torque_left} if self.friction.law.names else {})
         notes += [left] if left else []
         notes += [s for s in source.torque if s == AS_LOGGED]

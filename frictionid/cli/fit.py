@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,8 +27,6 @@ from frictionid.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from frictionid.api.fitted import Fit
-    from frictionid.fitting.method import Method
     from frictionid.friction import Friction
 
 
@@ -39,14 +36,17 @@ def fit(
     out: Annotated[Path, typer.Option(help="Model file to write.")],
     set_: Settings = None,
     recipe: Annotated[
-        str, typer.Option(help="One-step recipe: integral, study or calibrated.")
-    ] = "integral",
+        str | None, typer.Option(help="One-step recipe: integral, study or calibrated.")
+    ] = None,
     data: Tables = None,
     sample_time: SampleTime = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
     by: Annotated[
         str | None,
-        typer.Option(help="shooting, or inverse_dynamics: refine the fit of the recipe."),
+        typer.Option(
+            help="shooting; inverse_dynamics, on torques; or one_step, fast, which takes masses, "
+            "gains and clocks as given [shooting, or of arms inverse_dynamics]."
+        ),
     ] = None,
     free: Free = "",
     fixed: Fixed = None,
@@ -69,7 +69,6 @@ def fit(
     from frictionid.cli.progress import heard
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import write_bytes
-    from frictionid.fitting.method import check_method
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report.figures.fits import check_drawable, fit_figure
@@ -78,31 +77,36 @@ def fit(
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
     chosen = identifier_of(identifier, settings(set_ or []))
-    method = _method(recipe, by, free, fixed or [], windows, iterations, calibration, consistent)
-    check_method(method, chosen)
     groups = [[name.strip() for name in group.split(",")] for group in equal or []]
     if figure is not None:
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        common = partial(fit_data, loaded, chosen, method=method, sample_time=sample_time)
-        fitted = common(seed=seed, equal=groups, bias=bias)
+        fitted = fit_data(
+            loaded,
+            chosen,
+            method=by,
+            recipe=recipe,
+            free=free or None,
+            fixed=fixed or (),
+            windows=None if windows is None else _seconds(windows),
+            iterations=iterations,
+            consistent=consistent,
+            calibration=calibration,
+            equal=groups,
+            sample_time=sample_time,
+            seed=seed,
+            bias=bias,
+        )
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
     if json:
         print(out.read_text(encoding="utf-8"), end="")
         return
-    _show(fitted, set_ or [], out, figure)
-
-
-def _show(fitted: Fit, texts: list[str], out: Path, figure: Path | None) -> None:
-    """Print a fit, and where it was written."""
-    from frictionid.report import show_fit
-
-    show_fit(fitted.friction, fitted.joints)
+    fitted.show()
     print(f"written to {out}")
-    if any(text.partition("=")[0].strip() == "width" for text in texts):
+    if any(text.partition("=")[0].strip() == "width" for text in set_ or []):
         _say_if_numerical(fitted.friction)
     if figure is not None:
         print(f"written to {figure}")
@@ -116,41 +120,6 @@ def _say_if_numerical(friction: Friction) -> None:
             f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "
             "fits and predictions treat friction at rest as a step; a wider one is a part of it"
         )
-
-
-def _method(
-    recipe: str,
-    by: str | None,
-    free: str,
-    fixed: list[str],
-    windows: str | None,
-    iterations: int | None,
-    calibration: Path | None,
-    consistent: bool,
-) -> Method:
-    """Method that the options name."""
-    from frictionid.api.fit import method_of
-    from frictionid.errors import InputError
-
-    if by not in (None, "shooting", "inverse_dynamics"):
-        raise InputError(f"--by {by!r} is unknown; known are shooting, inverse_dynamics")
-    if by is None and (
-        free or fixed or consistent or windows is not None or iterations is not None
-    ):
-        raise InputError(
-            "--free and --fixed need --by shooting or --by inverse_dynamics; --windows and "
-            "--iterations need --by shooting, --consistent needs --by inverse_dynamics"
-        )
-    return method_of(
-        by or "one_step",
-        recipe=recipe,
-        free=free or None,
-        fixed=fixed,
-        windows=None if windows is None else _seconds(windows),
-        iterations=iterations,
-        calibration=calibration,
-        consistent=consistent,
-    )
 
 
 def _seconds(text: str) -> list[float]:

@@ -149,11 +149,9 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
     each.
     """
     most = _SAMPLES / np.shape(dataset.recordings[0].angle.value)[1]
-    usual = float(np.median(np.concatenate([np.diff(r.angle.time) for r in dataset.recordings])))
     spans = np.array([np.ptp(r.angle.time) for r in dataset.recordings])
-    apart = max(usual, min(float(spans.sum()) / most, _COARSEST))
-    sample_time = apart if apart > 1.5 * usual else None
-    seconds = most * (sample_time or usual)
+    sample_time = time_between_samples(dataset, _SAMPLES)
+    seconds = most * (sample_time or _usual_time(dataset))
     if spans.sum() <= seconds:
         return dataset, sample_time
     count = int(np.clip(seconds / spans.mean(), min(_FEWEST, len(spans)), len(spans)))
@@ -161,6 +159,18 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
     each = max(seconds / len(chosen), _SHORTEST)
     parts = tuple(within(dataset.recordings[i], 0.0, each) for i in chosen)
     return replace(dataset, recordings=parts), sample_time
+
+
+def time_between_samples(dataset: Dataset, most: int) -> float | None:
+    """Time [s] between samples that leaves so many of all joints, or 0.01; None: all of them."""
+    usual, joints = _usual_time(dataset), np.shape(dataset.recordings[0].angle.value)[1]
+    seconds = sum(float(np.ptp(r.angle.time)) for r in dataset.recordings)
+    apart = max(usual, min(seconds * joints / most, _COARSEST))
+    return apart if apart > 1.5 * usual else None
+
+
+def _usual_time(dataset: Dataset) -> float:
+    return float(np.median(np.concatenate([np.diff(r.angle.time) for r in dataset.recordings])))
 
 
 def _compared(

@@ -16,7 +16,10 @@ MISTAKES = {
     "no law": (lambda d: fid.fit(d, 3), "is no law: give a name"),
     "method": (lambda d: fid.fit(d, "none", method="shoting"), "did you mean 'shooting'"),
     "recipe": (lambda d: fid.fit(d, "none", recipe="integrl"), "did you mean 'integral'"),
-    "free": (lambda d: fid.fit(d, "stribeck", free=["inertia"]), "only with method = 'shooting'"),
+    "free": (
+        lambda d: fid.fit(d, "stribeck", method="one_step", free=["inertia"]),
+        "free: only by shooting",
+    ),
     "block": (
         lambda d: fid.fit(d, "stribeck", method="shooting", free=["mass"]),
         "block 'mass' is unknown",
@@ -42,7 +45,7 @@ MISTAKES = {
     ),
     "plot": (lambda d: fid.fit(d, "coulomb_viscous").plot("frictoin"), "did you mean 'friction'"),
     "correlation": (
-        lambda d: fid.fit(d, "coulomb_viscous").plot("correlation"),
+        lambda d: fid.fit(d, "coulomb_viscous", method="one_step").plot("correlation"),
         "fits by shooting only",
     ),
     "no models": (lambda d: fid.compare(d, []), "name at least one model"),

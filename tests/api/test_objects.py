@@ -2,7 +2,7 @@
 
 import importlib
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -10,10 +10,13 @@ import pytest
 from fixtures.arm_frames import arm, frames
 from fixtures.paths import ROOT
 from fixtures.result_folders import leave_blank
+from fixtures.seven_joints import urdf_text
 from matplotlib.figure import Figure
 
 import frictionid as fid
 from frictionid.__main__ import main
+from frictionid.api.fit import usual_method
+from frictionid.api.models import identifier_of
 from frictionid.files import read_json
 
 TOML = """
@@ -135,15 +138,52 @@ def test_a_fit_shows_its_parameters_with_intervals(shot):
 
 
 def test_one_step_fits_have_intervals_too(data):
-    frame = fid.fit(data, "stribeck").frame
-    assert np.isfinite(frame.low_95).all() and frame.identified.all()
-    assert fid.fit(data, "stribeck").covariance is None
-    text = repr(fid.fit(data, "stribeck"))
-    assert "interval of the noise alone" in text and "95 %" not in text
+    fit = fid.fit(data, "stribeck", method="one_step")
+    assert np.isfinite(fit.frame.low_95).all() and fit.frame.identified.all()
+    assert fit.covariance is None
+    assert "interval of the noise alone" in repr(fit) and "95 %" not in repr(fit)
+    assert "takes masses, gains, delay and bias as given" in repr(fit) and fit.summary()
+
+
+USUAL = {
+    "a law": ("stribeck", {}, "shooting"),
+    "free": ("stribeck", {"free": ["inertia"]}, "shooting"),
+    "a recipe": ("stribeck", {"recipe": "study"}, "one_step"),
+    "a black box": ("sindy_dynamics", {}, "one_step"),
+}
+
+
+@pytest.mark.parametrize(("law", "settings", "method"), USUAL.values(), ids=USUAL)
+def test_the_method_is_that_which_suits_what_is_fitted(data, law, settings, method):
+    assert fid.fit(data, law, **settings).method == method
+
+
+def test_an_arm_is_fitted_to_its_torques(tmp_path):
+    (tmp_path / "arm.urdf").write_text(urdf_text())
+    t = np.arange(50) / 100.0
+    wave = np.sin(t)[:, None] * np.ones(7)
+    run = {"time": t, "angle": wave, "torque": wave}
+    arm = fid.Dataset.from_arrays({"run": run}, fid.mechanisms.urdf(tmp_path / "arm.urdf"))
+    assert usual_method(arm, identifier_of("stribeck")) == "inverse_dynamics"
+    assert usual_method(arm, identifier_of("mlp")) == "one_step"
+    assert usual_method(fid.load_dataset("acrobot_clean"), identifier_of("mlp")) == "shooting"
+
+
+def test_a_late_torque_is_no_friction(data):
+    """The friction that the recordings were made with, 6 ms late: docs/quickstart.md."""
+    late = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time + 0.006)) for r in data.recordings
+    )
+    late_data = replace(data, recordings=late)
+    by_default, fast = (fid.fit(late_data, "stribeck", method=m) for m in (None, "one_step"))
+    rows = by_default.frame.set_index("parameter")
+    for name, true in (("coulomb", 0.08), ("peak", 0.03), ("viscous", 0.010)):
+        assert rows.low_95[name] < true < rows.high_95[name]
+    assert abs(fast.frame.set_index("parameter").value["viscous"] - 0.010) > 0.001
 
 
 def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(data, bench, tmp_path):
-    fit = fid.fit(data, "stribeck")
+    fit = fid.fit(data, "stribeck", method="one_step")
     fit.save(tmp_path / "one_step.json")
     for other in (fid.load_model(tmp_path / "one_step.json"), bench["stribeck"].fit):
         for column in ("value", "low_95", "high_95"):
@@ -181,8 +221,9 @@ def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
 
 
 def test_a_fit_without_parameters_shows_no_table(data):
-    assert repr(fid.fit(data, "none")).startswith("none, one-step fit to 'arm'")
-    assert "\n" not in repr(fid.fit(data, "none")) and len(fid.fit(data, "none").frame) == 0
+    fit = fid.fit(data, "none", method="one_step")
+    assert repr(fit).startswith("none, one-step fit to 'arm'")
+    assert "\n" not in repr(fit) and len(fit.frame) == 0
 
 
 def test_inverse_dynamics_frees_friction_beside_what_is_named(data):
@@ -211,7 +252,7 @@ def test_a_comparison_has_frames_and_a_verdict(bench):
 
 
 def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data):
-    alone = fid.fit(data, "stribeck")
+    alone = fid.fit(data, "stribeck", method="one_step")
     theta = bench["stribeck"].friction.theta  # folds and all data are iterated together
     np.testing.assert_allclose(theta, alone.friction.theta, rtol=1e-5)
     assert bench["stribeck"].fit.data is data
@@ -291,7 +332,7 @@ class Own(fid.Law):
 
 def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
     fit = fid.fit(data, Own)
-    assert fit.law == "Own" and fit.frame.parameter.tolist() == ["coulomb"]
+    assert fit.law == "Own" and fit.frame.parameter[0] == "coulomb"
     fit.save(tmp_path / "own.json")
     with pytest.raises(fid.InputError, match="law 'Own' is unknown"):
         fid.load_model(tmp_path / "own.json")
@@ -302,7 +343,7 @@ def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
 
 
 def test_each_joint_may_have_a_law_of_its_own():
-    fit = fid.fit("acrobot_clean", ["stribeck", fid.CoulombViscous])
+    fit = fid.fit("acrobot_clean", ["stribeck", fid.CoulombViscous], method="one_step")
     assert fit.law == "per_joint"
     assert fit.frame.groupby("joint").size().tolist() == [4, 2]
     with pytest.raises(fid.InputError, match="did you mean|known|should be"):

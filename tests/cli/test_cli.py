@@ -91,7 +91,8 @@ def test_the_version_is_that_of_the_package(call):
 
 
 def test_what_fit_writes_is_what_evaluate_reads(place, call):
-    code, out, err = call("fit", "tiny", "--identifier", "stribeck", "--out", "models/fitted.json")
+    model = ("--by", "one_step", "--out", "models/fitted.json")
+    code, out, err = call("fit", "tiny", "--identifier", "stribeck", *model)
     assert (code, err) == (0, "")
     assert "Stribeck(" in out and "N m s/rad" in out
     assert out.endswith("written to models/fitted.json\n")

@@ -79,7 +79,7 @@ def export(
     --------
     >>> import tempfile
     >>> import frictionid as fid
-    >>> fit = fid.fit("acrobot_clean", "coulomb_viscous")
+    >>> fit = fid.fit("acrobot_clean", "coulomb_viscous", method="one_step")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     made = export(fit, "python", Path(folder) / "friction.py")
     ...     made.paths[0].name, made.lost

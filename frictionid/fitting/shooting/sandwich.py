@@ -137,8 +137,10 @@ def shown_once(H: Array, groups: Groups) -> Array:
     What scatters between the clusters says nothing of these, and they would spoil the others.
     """
     label, most = groups.cluster, SINGULAR * np.diag(H)
-    left = [np.diag(H - groups.H[label == name].sum(axis=0)) for name in np.unique(label)]
-    return np.asarray(np.min(np.reshape(left, (-1, len(H))), axis=0, initial=np.inf) <= most)
+    names = np.unique(label)
+    left = [np.diag(H - groups.H[label == name].sum(axis=0)) for name in names]
+    shape = (len(names), len(H))  # nothing may be free
+    return np.asarray(np.min(np.reshape(left, shape), axis=0, initial=np.inf) <= most)
 
 
 def expected(H: Array, groups: Groups) -> tuple[Array, Array]:

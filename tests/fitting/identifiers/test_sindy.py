@@ -220,7 +220,7 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
 def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
     write_dataset(recorded(), tmp_path / "data")
     model = tmp_path / "model.json"
-    words = ["fit", tmp_path / "data", "--identifier", "sindy", "--out", model]
+    words = ["fit", tmp_path / "data", "--identifier", "sindy", "--by", "one_step", "--out", model]
     monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
     assert main() == 0
     lines = capsys.readouterr().out.splitlines()

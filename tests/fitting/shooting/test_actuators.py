@@ -119,7 +119,7 @@ def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
     own = dict(frames(LOOSE))
     said = "targets are taken to act when they are logged"
     for late in (0.0, 0.01):
-        fit = fid.fit(dataset(own, LOOSE, delay=late), "coulomb_viscous")
+        fit = fid.fit(dataset(own, LOOSE, delay=late), "coulomb_viscous", method="one_step")
         assert any(said in s for s in fit.friction.provenance.torque) == (late == 0.0)
         assert (said in repr(fit)) == (said in fit._repr_html_()) == (late == 0.0)
 

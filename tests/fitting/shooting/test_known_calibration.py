@@ -109,7 +109,7 @@ def test_fit_takes_the_calibration_of_a_model_file(tmp_path, monkeypatch, capsys
     code, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--out", "third.json")
     assert code == 0 and "torque delay" not in out
     code, out, err = run_command(
-        monkeypatch, capsys, tmp_path, *words[:3], "coulomb_viscous", "--out", "plain.json"
+        monkeypatch, capsys, tmp_path, *words[:4], "--by", "one_step", "--out", "plain.json"
     )
     words = (*words[:5], "plain.json", "--out", "fourth.json")
     code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)

@@ -284,4 +284,4 @@ def test_the_command_line_fits_by_it(tmp_path, monkeypatch, capsys):
     code, out, _ = call("--by", "inverse_dynamics")
     assert (code, "inertia_11" in out) == (0, True)
     code, _, err = call("--replace", "--by", "inverse", "--free", "friction")
-    assert (code, "known are shooting, inverse_dynamics" in err) == (2, True)
+    assert (code, "did you mean 'inverse_dynamics'" in err) == (2, True)

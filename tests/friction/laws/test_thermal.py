@@ -75,13 +75,13 @@ def test_a_warm_up_gives_the_truth_and_the_temperatures_effect(seed, method):
     for name, true in TRUTH.items():
         assert found[name] == pytest.approx(true, rel=0.05), name
     # without the temperature, viscous friction is that of warm grease: half or less
-    without = fid.fit(data, "coulomb_viscous").frame.set_index("parameter").value
+    without = fid.fit(data, "coulomb_viscous", method="one_step").frame.set_index("parameter").value
     assert without["viscous"] < 0.75 * TRUTH["viscous"]
 
 
 def test_predictions_follow_the_temperature():
     data, unseen = dataset(frames(1)), dataset({"run": frames(9, 12.0)["run 0"]})
-    warm, plain = (fid.fit(data, law) for law in ("thermal", "coulomb_viscous"))
+    warm, plain = (fid.fit(data, law, method="one_step") for law in ("thermal", "coulomb_viscous"))
     assert median_error(warm, unseen) < median_error(plain, unseen) / 4
     tables = [fit.predict(unseen, whole=True) for fit in (warm, plain)]
     own, other = (float((table.q1 - table.measured_q1).abs().mean()) for table in tables)
@@ -114,13 +114,15 @@ def test_a_temperature_of_a_joint_goes_before_that_of_the_machine():
     for name in (f"temperature_{joint}", "temperature_1"):
         both = {"temperature": "cold", name: "T"}
         data = fid.Dataset.from_frames(tables, rig, **columns, covariates=both)
-        theta = [fid.fit(d, "thermal").friction.theta for d in (data, whole)]
+        theta = [fid.fit(d, "thermal", method="one_step").friction.theta for d in (data, whole)]
         np.testing.assert_array_equal(*theta)
 
 
 def test_a_law_without_temperature_does_not_see_it():
     with_it, without = dataset(frames(2)), dataset(frames(2), ())
-    theta = [fid.fit(data, "stribeck").friction.theta for data in (with_it, without)]
+    theta = [
+        fid.fit(data, "stribeck", method="one_step").friction.theta for data in (with_it, without)
+    ]
     np.testing.assert_array_equal(*theta)
 
 
@@ -145,7 +147,7 @@ def test_a_temperature_that_is_none_is_refused_in_one_line(data, match):
 
 def test_what_knows_no_temperature_says_so(tmp_path):
     data = dataset(frames(3))
-    fit = fid.fit(data, "thermal")
+    fit = fid.fit(data, "thermal", method="one_step")
     with pytest.raises(InputError, match="an export knows no temperature"):
         fit.export("c", tmp_path / "friction.c")
     with pytest.raises(InputError, match="knows no temperature, on which this friction depends"):
@@ -160,7 +162,7 @@ def test_what_knows_no_temperature_says_so(tmp_path):
 
 
 def test_an_export_is_that_of_the_ordinary_friction_at_its_temperature(tmp_path):
-    fit = fid.fit(dataset(frames(3)), "thermal")
+    fit = fid.fit(dataset(frames(3)), "thermal", method="one_step")
     there = fit.friction.at_temperature(40.0)
     for name, own in (("a", fit), ("b", there)):
         temperature = 40.0 if own is fit else None
@@ -173,7 +175,12 @@ def test_an_export_is_that_of_the_ordinary_friction_at_its_temperature(tmp_path)
 
 
 def test_it_is_saved_and_loaded(tmp_path):
-    fit = fid.fit(dataset(frames(3)), "thermal", settings={"law": "stribeck", "reference": 30.0})
+    fit = fid.fit(
+        dataset(frames(3)),
+        "thermal",
+        method="one_step",
+        settings={"law": "stribeck", "reference": 30.0},
+    )
     fit.save(tmp_path / "warm.json")
     again = fid.load_model(tmp_path / "warm.json").friction
     assert again.law == Thermal("stribeck", 30.0)
