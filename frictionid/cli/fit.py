@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +28,9 @@ from frictionid.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from frictionid.api.fitted import Fit
     from frictionid.friction import Friction
 
 
@@ -77,39 +81,41 @@ def fit(
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)
     chosen = identifier_of(identifier, settings(set_ or []))
-    groups = [[name.strip() for name in group.split(",")] for group in equal or []]
+    options = _options(free, fixed, windows, equal)
+    options |= {"iterations": iterations, "consistent": consistent, "calibration": calibration}
     if figure is not None:
         check_drawable(chosen)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"fitting ({loaded.name})"):
-        fitted = fit_data(
-            loaded,
-            chosen,
-            method=by,
-            recipe=recipe,
-            free=free or None,
-            fixed=fixed or (),
-            windows=None if windows is None else _seconds(windows),
-            iterations=iterations,
-            consistent=consistent,
-            calibration=calibration,
-            equal=groups,
-            sample_time=sample_time,
-            seed=seed,
-            bias=bias,
-        )
+        common = partial(fit_data, loaded, chosen, method=by, recipe=recipe, seed=seed, bias=bias)
+        fitted = common(sample_time=sample_time, **options)
     fitted.save(out)
     if figure is not None:
         write_bytes(figure, png(lambda: fit_figure(fitted.friction, loaded)))
     if json:
-        print(out.read_text(encoding="utf-8"), end="")
-        return
+        return print(out.read_text(encoding="utf-8"), end="")
+    _show(fitted, settings(set_ or []), filter(None, (out, figure)))
+
+
+def _show(fitted: Fit, chosen: Mapping[str, Any], written: Iterable[Path]) -> None:
+    """Print a fit, and where it was written."""
     fitted.show()
-    print(f"written to {out}")
-    if any(text.partition("=")[0].strip() == "width" for text in set_ or []):
+    if "width" in chosen:
         _say_if_numerical(fitted.friction)
-    if figure is not None:
-        print(f"written to {figure}")
+    for path in written:
+        print(f"written to {path}")
+
+
+def _options(
+    free: str, fixed: list[str] | None, windows: str | None, equal: list[str] | None
+) -> dict[str, Any]:
+    """Lists that stand in the options as text."""
+    return {
+        "free": free or None,
+        "fixed": fixed or (),
+        "windows": None if windows is None else _seconds(windows),
+        "equal": [[name.strip() for name in group.split(",")] for group in equal or []],
+    }
 
 
 def _say_if_numerical(friction: Friction) -> None:
