@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from frictionid.arrays import Array
 from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.compiled.machine import machine_of
 from frictionid.dynamics.state import State
@@ -17,7 +16,6 @@ from frictionid.friction import laws as known
 from frictionid.mechanics import (
     Body,
     Joint,
-    Mechanism,
     Parameter,
     Plant,
     acrobot,
@@ -29,7 +27,7 @@ from frictionid.mechanics import (
 STARTS, SAMPLES = 24, 15
 
 
-def crane() -> Mechanism:
+def crane():
     """A carriage with two pendulums: three joints."""
     a, b, c, m = sp.symbols("a b c m")
     swings = [Body(m, a + 0.3 * sp.sin(x), -0.3 * sp.cos(x), joint=k) for k, x in ((1, b), (2, c))]
@@ -66,7 +64,7 @@ CASES = [
 ]
 
 
-def starts(mechanism: Mechanism) -> tuple[State, Array, Array]:
+def starts(mechanism):
     """Starts with joints at rest and slow ones among them, torques that change sides."""
     random, n = np.random.default_rng(3), mechanism.n
     q, w = random.normal(size=(2, STARTS, n))
@@ -78,9 +76,7 @@ def starts(mechanism: Mechanism) -> tuple[State, Array, Array]:
     return State(q, w), u, np.full((SAMPLES, STARTS), 1 / 60)
 
 
-def both(
-    monkeypatch: pytest.MonkeyPatch, plant: Plant, friction: Friction
-) -> tuple[prediction.Rollout, prediction.Rollout]:
+def both(monkeypatch, plant, friction):
     state, u, dt = starts(plant.mechanism)
     assert machine_of(plant, friction) is not None
     motions = []
@@ -91,9 +87,7 @@ def both(
 
 
 @pytest.mark.parametrize(("law", "mechanism"), CASES)
-def test_the_motion_is_that_of_arrays(
-    law: str, mechanism: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_motion_is_that_of_arrays(law, mechanism, monkeypatch):
     own, numbers = LAWS[law]
     machine = MECHANISMS[mechanism]
     plant = Plant.from_parameters(machine, {})
@@ -104,7 +98,7 @@ def test_the_motion_is_that_of_arrays(
     assert np.array_equal(fast.w == 0.0, arrays.w == 0.0)  # the same joints rest at the same time
 
 
-def test_each_start_has_its_own_machine_and_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_start_has_its_own_machine_and_friction(monkeypatch):
     random, machine = np.random.default_rng(4), double_pendulum()
     masses = {"m1": random.uniform(0.5, 1.0, STARTS)}
     plant = Plant.from_parameters(machine, masses)
@@ -114,8 +108,8 @@ def test_each_start_has_its_own_machine_and_friction(monkeypatch: pytest.MonkeyP
 
 
 def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """Strong friction near rest: a joint that stops, or is freed, changes what pulls at the other.
 
     3000 starts of one step of 20 ms, on arrays and compiled, beside 50 times as many substeps.
@@ -139,7 +133,7 @@ def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(
     assert np.abs(arrays - finer).max(axis=-1).mean() < 4e-4
 
 
-def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch):
     machine = pendulum(mass=0.5, length=0.3)
     plant = Plant.from_parameters(machine, {})
     driving = Friction(known.CoulombViscous(), np.array([[0.0, -2.0]]))  # feeds the motion
@@ -149,7 +143,7 @@ def test_motions_that_diverge_are_no_numbers_from_then_on(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("law", [known.Thermal(), known.MLP((64, 64)), known.WindowMLP()])
-def test_laws_that_have_no_compiled_form_are_left_to_arrays(law: Law) -> None:
+def test_laws_that_have_no_compiled_form_are_left_to_arrays(law):
     theta = np.array(law.initial[:1])
     plant = Plant.from_parameters(pendulum(mass=0.5, length=0.3), {})
     assert machine_of(plant, Friction(law, theta)) is None

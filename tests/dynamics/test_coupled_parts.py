@@ -1,7 +1,5 @@
 """Parts that turn with several joints rub and stick as joints do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -43,9 +43,7 @@ CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_end_states_and_derivatives_are_those_of_arrays(
-    case: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_end_states_and_derivatives_are_those_of_arrays(case, monkeypatch):
     machine, law, numbers = CASES[case]
     random, n, count = np.random.default_rng(2), machine.n, len(numbers)
     m = len(machine.friction_names)
@@ -62,7 +60,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(
     free = FreeTheta(np.repeat(np.arange(m), count), np.tile(np.arange(count), m))
     model = MotionModel(plant, Friction(law, theta), free, (0, 1), reads)
 
-    def motor(rows: np.ndarray, parts: int) -> MotorTorque:
+    def motor(rows, parts):
         # the same torque however finely it is asked for
         level = np.linspace(-0.2, 0.2, COUNT)[rows, None] * machine.motors
         u = np.broadcast_to(level, (parts, *level.shape)).copy()
@@ -84,7 +82,7 @@ def test_end_states_and_derivatives_are_those_of_arrays(
         )
 
 
-def test_only_what_is_free_has_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_is_free_has_derivatives(monkeypatch):
     """Of a law's parameters one joint may free others than the next one."""
     machine, law, n = double_pendulum(), known.Stribeck(symmetric=False), 2
     theta = np.tile(np.array(STRIBECK), (n, 1))
@@ -96,7 +94,7 @@ def test_only_what_is_free_has_derivatives(monkeypatch: pytest.MonkeyPatch) -> N
     torque = MotorTorque(u, u[:, None][:, :0])
     monkeypatch.setattr(sensitivities, "COMPILED", 0)
 
-    def derivatives(joint: list[int], place: list[int]) -> np.ndarray:
+    def derivatives(joint, place):
         free = FreeTheta(np.array(joint, dtype=int), np.array(place, dtype=int))
         model = MotionModel(plant, Friction(law, theta), free, (), reads)
         dt = np.full(COUNT, 0.01)

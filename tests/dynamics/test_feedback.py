@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from frictionid.arrays import Array
 from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
@@ -18,7 +17,7 @@ from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction import laws as known
-from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
+from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
 
 COUNT, PIECES, FINE = 240, 4, 4
 COUPLED = replace(double_pendulum(), coupled=(("both", (1.0, 1.0)),))
@@ -31,7 +30,7 @@ LAWS: dict[str, tuple[Law, list[float]]] = {
 }
 
 
-def looped(mechanism: Mechanism, count: int, K: float = 4.0, B: float = 0.3) -> Plant:
+def looped(mechanism, count, K=4.0, B=0.3):
     """Machines under different gains, a few under none."""
     plant = Plant.from_parameters(mechanism, {})
     share = np.linspace(0.0, 1.0, count)[:, None, None] * mechanism.motors
@@ -40,7 +39,7 @@ def looped(mechanism: Mechanism, count: int, K: float = 4.0, B: float = 0.3) -> 
     return replace(plant, feedback=share * np.array([K, B])[:, None])
 
 
-def states(n: int) -> State:
+def states(n):
     q, w = np.random.default_rng(2).normal(size=(2, COUNT, n))
     w[::4] *= 0.05
     w[1::4] = 0.0
@@ -49,9 +48,7 @@ def states(n: int) -> State:
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("mechanism", [pendulum(mass=0.5, length=0.3), acrobot(), COUPLED])
-def test_the_compiled_motion_is_that_of_arrays(
-    law: str, mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_compiled_motion_is_that_of_arrays(law, mechanism, monkeypatch):
     own, numbers = LAWS[law]
     plant, start = looped(mechanism, COUNT), states(mechanism.n)
     friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
@@ -64,7 +61,7 @@ def test_the_compiled_motion_is_that_of_arrays(
     assert np.array_equal(motions[1].w == 0.0, motions[0].w == 0.0)
 
 
-def model_of(plant: Plant, law: Law, numbers: list[float], base: int) -> MotionModel:
+def model_of(plant, law, numbers, base):
     n, count = plant.n, len(numbers)
     theta = np.tile(np.array(numbers), (n, 1))
     x = np.random.default_rng(1).normal(size=(8, n))
@@ -73,7 +70,7 @@ def model_of(plant: Plant, law: Law, numbers: list[float], base: int) -> MotionM
     return MotionModel(plant, Friction(law, theta), free, tuple(range(base)), reads)
 
 
-def motor_torque(n: int, change: float = 0.0) -> MotorTorque:
+def motor_torque(n, change=0.0):
     """A torque that differs between pieces, and its derivative by a bias."""
     u = np.linspace(-0.3, 0.3, PIECES)[:, None, None] * np.linspace(-1, 1, COUNT)[:, None]
     u = u + change + np.zeros((PIECES, COUNT, n))
@@ -81,9 +78,7 @@ def motor_torque(n: int, change: float = 0.0) -> MotorTorque:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_compiled_derivatives_are_those_of_arrays(
-    law: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiled_derivatives_are_those_of_arrays(law, monkeypatch):
     plant = looped(double_pendulum(), COUNT)
     model, start = model_of(plant, *LAWS[law], 2), states(2)
     start = start._replace(memory=model.friction.law.start(model.friction.theta, at(start)))
@@ -97,22 +92,22 @@ def test_compiled_derivatives_are_those_of_arrays(
         np.testing.assert_allclose(*routes, rtol=1e-6, atol=1e-8, err_msg=name)
 
 
-def at(state: State) -> Inputs:
+def at(state):
     return Inputs(state.q, state.w, 0.0 * state.q, 0.0 * state.q)
 
 
 @pytest.mark.parametrize("law", ["an arctangent", "motor load"])
-def test_derivatives_are_the_slopes_of_the_ends(law: str) -> None:
+def test_derivatives_are_the_slopes_of_the_ends(law):
     own, numbers = LAWS[law]
     plant, start = looped(double_pendulum(), COUNT), states(2)
     start = start._replace(w=np.sign(start.w + 1e-9) * (2.0 + np.abs(start.w)))  # no stops
     dt = np.full(COUNT, 0.004)
 
-    def ends(q: Array, w: Array, bias: float, numbers: Array) -> sensitivities.EndStates:
+    def ends(q, w, bias, numbers):
         model = model_of(plant, own, [*numbers], 0)
         return sensitivities.end_states(model, State(q, w), motor_torque(2, bias), dt, FINE)
 
-    def slope(change: Array) -> Array:
+    def slope(change):
         """Difference quotient along a direction in q, w, bias, and theta of both joints."""
         up, down = (
             ends(
@@ -138,13 +133,13 @@ def test_derivatives_are_the_slopes_of_the_ends(law: str) -> None:
 
 
 @pytest.mark.parametrize("K, B", [(20.0, 1.5), (200.0, 0.1)])
-def test_a_stiff_joint_moves_as_an_independent_integration_says(K: float, B: float) -> None:
+def test_a_stiff_joint_moves_as_an_independent_integration_says(K, B):
     """Coulomb friction as a fine smooth step there, as stiction here."""
     machine, levels = pendulum(mass=1.0, length=0.2), (0.3, 0.05)
     plant = replace(Plant.from_parameters(machine, {}), feedback=np.array([[K], [B]]))
     (J, gravity), goal = plant.p, 0.4
 
-    def slope(_: float, x: Array) -> list[float]:
+    def slope(_, x):
         q, w = x
         friction = levels[0] * np.tanh(w / 1e-4) + levels[1] * w
         return [w, (K * (goal - q) - B * w - gravity * np.sin(q) - friction) / J]
@@ -160,7 +155,7 @@ def test_a_stiff_joint_moves_as_an_independent_integration_says(K: float, B: flo
     assert rests[-1] == (B > 1.0) and (np.abs(load[1:][rests[1:]]) < levels[0]).all()
 
 
-def test_steps_resolve_the_loop() -> None:
+def test_steps_resolve_the_loop():
     """Its damping and its stiffness; a joint without motor has no loop."""
     machine, friction = (
         pendulum(mass=1.0, length=0.1),
@@ -168,7 +163,7 @@ def test_steps_resolve_the_loop() -> None:
     )
     plant = Plant.from_parameters(machine, {})  # 0.01 kg m^2
 
-    def pieces(K: float, B: float) -> int:
+    def pieces(K, B):
         loop = replace(plant, feedback=np.array([[K], [B]]))
         return step_size_of(loop, friction, 0.01).pieces
 

@@ -1,7 +1,5 @@
 """Experiment design: predictions against measurements, limits, and laws of the optimum."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -9,14 +7,12 @@ import numpy as np
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
 
-from frictionid.arrays import Array
 from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.excitation import (
-    Design,
     Experiment,
     Information,
     Motions,
@@ -40,7 +36,7 @@ from frictionid.excitation.information import (
 from frictionid.excitation.signals import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.residual import Problem, integral_problem, mask_stiction
+from frictionid.fitting.one_step.residual import integral_problem, mask_stiction
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
@@ -54,7 +50,7 @@ COULOMB, VISCOUS = (0.165, 0.0525), (0.004, 0.0008)
 
 
 @cache
-def on_acrobot() -> Design:
+def on_acrobot():
     """A design for the acrobot with the simulated rig's level of friction, quickly searched."""
     machine = acrobot()
     limits = limits_of("torque=0.14, velocity=20, angle=3.1", machine)
@@ -66,12 +62,12 @@ def on_acrobot() -> Design:
 
 
 @cache
-def swinging() -> Design:
+def swinging():
     """The same for a pendulum, the second rig."""
     return design_signals(SignalSpace(on_pendulum()), Search(pool=96, generations=2, children=64))
 
 
-def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, Array]:
+def really(experiment, torque, start):
     """Angles and velocities (T + 1, N, n) by the independent simulator with set-valued friction."""
     theta = experiment.friction.theta
     coulomb, viscous = (tuple(map(float, column)) for column in theta.T)
@@ -86,7 +82,7 @@ def really(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, 
     return states[:, 0], states[:, 1]
 
 
-def sine(experiment: Experiment, frequency) -> tuple[Array, Array]:
+def sine(experiment, frequency):
     """The plain sine at the torque limit, from rest hanging down, in each recording."""
     wave = np.sin(2 * np.pi * frequency * experiment.commands)
     count = experiment.recordings
@@ -94,7 +90,7 @@ def sine(experiment: Experiment, frequency) -> tuple[Array, Array]:
     return torque, np.zeros((count, experiment.plant.n))
 
 
-def measured(experiment: Experiment, torque: Array, start: Array) -> tuple[Problem, Array]:
+def measured(experiment, torque, start):
     """Training problem of SEEDS noisy repetitions of the recordings, and each row's seed."""
     q = really(experiment, torque, start)[0]
     recordings = []
@@ -116,7 +112,7 @@ def measured(experiment: Experiment, torque: Array, start: Array) -> tuple[Probl
     return problem, problem.recording // q.shape[1]
 
 
-def scatter(experiment: Experiment, torque: Array, start: Array) -> tuple[Array, Array]:
+def scatter(experiment, torque, start):
     """Standard deviations of fits of friction, and of friction and base parameters, over seeds.
 
     The first are those of `frictionid fit`; the second take one Gauss-Newton step from the truth,
@@ -238,7 +234,7 @@ def test_derivatives_by_parameters_are_those_of_numeric_differences():
         e.plant.mechanism, {k: v[None] for k, v in e.plant.parameters.items()}, e.plant.p[None]
     )
 
-    def residual(theta: Array, p: Array) -> Array:
+    def residual(theta, p):
         problem = integral_problem(replace(one, p=p[None]), (recording,), (States(e.images, q, w),))
         return problem.residual(along(replace(e.friction, theta=theta), problem.nodes))
 

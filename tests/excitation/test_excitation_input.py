@@ -1,7 +1,5 @@
 """Experiment design refuses what is impossible, each mistake in one clear line."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

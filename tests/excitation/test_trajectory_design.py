@@ -1,7 +1,5 @@
 """Designed trajectories: limits, rest at both ends, and errors that a fit then has."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Steps within bounds, and minima of several fits at once: SciPy's, and each as alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear

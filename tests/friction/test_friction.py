@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-import torch
 from fixtures.memory_laws import Follower, Sampled
 
-from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, Nodes, along, at_rest, memory_along
-from frictionid.friction.law import smooth_sign
+from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
 from frictionid.friction.laws import (
     CoulombViscous,
     FilmLag,
@@ -30,102 +27,16 @@ FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 
 SAMPLED = Friction(Sampled(), np.array([[0.2], [0.1]]))
 
 
-@pytest.fixture(params=STATIC)
-def static(request):
-    return Friction(*STATIC[request.param])
-
-
 @pytest.fixture(params=[*STATIC, "film lag", "sampled"])
 def friction(request):
     remembering = {"film lag": FILM, "sampled": SAMPLED}
     return remembering.get(request.param) or Friction(*STATIC[request.param])
 
 
-def velocities():
-    """Velocities of all sizes, and zero."""
-    w = np.concatenate([[0.0], np.logspace(-5, 1.5, 60)])
-    return np.concatenate([-w[::-1], w])
-
-
 def drawn(rng, shape=(40,)):
     """Inputs of two joints at random."""
     q, w, u = (rng.normal(size=(*shape, 2)) * scale for scale in (1.0, 2.0, 0.3))
     return Inputs(q, w, u, 1.0 + rng.random((*shape, 2)))
-
-
-# ---------------------------------------------------------------- laws without memory
-
-
-def test_friction_never_drives(static):
-    assert (static.curve(velocities()) * velocities()[:, None]).min() >= 0.0
-
-
-@pytest.mark.parametrize("name", ["none", "coulomb_viscous", "arctan", "stribeck"])
-def test_symmetric_laws_turn_round_with_the_motion(name):
-    friction = Friction(*STATIC[name])
-    np.testing.assert_array_equal(friction.curve(velocities()), -friction.curve(-velocities()))
-
-
-def test_the_break_away_level_is_the_most_that_friction_reaches_without_its_viscous_part(static):
-    law, theta = static.law, static.theta.copy()
-    if theta.shape[-1]:
-        theta[:, -1] = 0.0  # viscous
-    curve = Friction(law, theta).curve(np.linspace(-100.0, 100.0, 200_001))
-    # smoothing costs a little of it: the stribeck_factor is past its top when the sign is complete
-    up, down = (law.limit(theta, at_rest(np.full(2, w)), ()) for w in (1.0, -1.0))
-    np.testing.assert_allclose(curve.max(axis=0), up, rtol=0.02)
-    np.testing.assert_allclose(-curve.min(axis=0), down, rtol=0.02)
-    assert (curve.max(axis=0) <= up).all() and (-curve.min(axis=0) <= down).all()
-
-
-def test_gradients_are_those_of_the_torque(static):
-    x = drawn(np.random.default_rng(1))
-    step = 1e-6
-    for i in range(static.theta.shape[-1]):
-        shift = np.zeros_like(static.theta)
-        shift[:, i] = step
-        up, down = (Friction(static.law, static.theta + s).torque(x) for s in (shift, -shift))
-        found = static.law.gradient(static.theta, x)[..., i]
-        np.testing.assert_allclose(found, (up - down) / (2 * step), rtol=0, atol=1e-8)
-    assert static.law.gradient(static.theta, x).shape == (40, *static.theta.shape)
-
-
-def test_richer_laws_contain_the_plainer_ones():
-    x = drawn(np.random.default_rng(2))
-    theta = STATIC["stribeck"][1]
-    level, peak, ws, viscous = theta.T
-    both = np.stack([level, level, peak, peak, ws, viscous], axis=-1)
-    stribeck = Friction(Stribeck(), theta)
-    np.testing.assert_allclose(
-        Friction(Stribeck(symmetric=False), both).torque(x), stribeck.torque(x), rtol=1e-14
-    )
-    flat = theta * [1.0, 0.0, 1.0, 1.0]
-    plain = Friction(CoulombViscous(), theta[:, [0, 3]])
-    np.testing.assert_array_equal(Friction(Stribeck(), flat).torque(x), plain.torque(x))
-
-
-def test_levels_far_above_the_smoothing_are_the_parameters():
-    at = np.array([-5.0, 5.0])  # where dips have gone
-    np.testing.assert_allclose(
-        Friction(*STATIC["coulomb_viscous"]).curve(at)[1], [0.1 + 0.02 * 5, 0.05 + 0.01 * 5]
-    )
-    down, up = Friction(*STATIC["asymmetric"]).curve(at)
-    np.testing.assert_allclose(up, [0.1 + 0.1, 0.05 + 0.05], atol=1e-5)
-    np.testing.assert_allclose(down, [-0.08 - 0.1, -0.06 - 0.05], atol=1e-5)
-
-
-def test_an_unknown_shape_of_the_sign_is_refused():
-    for law in (CoulombViscous, Stribeck):
-        with pytest.raises(InputError, match="shape = 'step' is unknown; known are tanh, arctan"):
-            law(shape="step")
-    with pytest.raises(ValueError, match="must be 'tanh' or 'arctan', got 'step'"):
-        smooth_sign(np.ones(1), 0.02, "step")
-
-
-@pytest.mark.parametrize("width", [0.0, -0.02, float("inf"), float("nan")])
-def test_a_width_that_means_nothing_is_refused(width):
-    with pytest.raises(InputError, match="width.* (positive and finite|a finite number)"):
-        Stribeck(width=width)
 
 
 # ---------------------------------------------------------------- a law and its numbers
@@ -172,15 +83,6 @@ def test_curve_is_the_torque_of_settled_motion():
     slow = Friction(Follower(), np.ones((1, 1)))  # its memory starts away from the steady state
     np.testing.assert_allclose(slow.curve(w)[:, 0], w, rtol=1e-9)
     np.testing.assert_allclose(slow.curve(w, settle=0.1)[:, 0], w * -np.expm1(-1.0), rtol=1e-9)
-
-
-def test_tensors_give_the_same_numbers(static):
-    x = drawn(np.random.default_rng(5))
-    other = Friction(static.law, torch.as_tensor(static.theta))
-    tensors = x.each(torch.as_tensor)
-    np.testing.assert_allclose(other.torque(tensors).numpy(), static.torque(x), rtol=1e-14)
-    np.testing.assert_allclose(other.curve(velocities()), static.curve(velocities()), rtol=1e-14)
-    assert str(other) == str(static)
 
 
 def test_friction_prints_its_numbers_with_units():
@@ -248,16 +150,6 @@ def test_each_recording_is_as_if_alone(friction):
         np.testing.assert_array_equal(together[part], along(friction, own))
 
 
-def test_memory_starts_anew_in_each_recording():
-    nodes = series(np.random.default_rng(8))
-    begins = nodes.first[:-1]
-    x = at(nodes.inputs, begins)
-    fresh = FILM.torque(x, FILM.law.start(FILM.theta, x))
-    np.testing.assert_array_equal(along(FILM, nodes)[begins], fresh)
-    one = nodes._replace(first=nodes.first[[0, -1]])  # as if it were one recording
-    assert np.abs(along(FILM, one) - along(FILM, nodes))[begins[1:]].max() > 1e-3
-
-
 def test_folds_along_nodes_are_each_fold_alone(friction):
     rng = np.random.default_rng(9)
     nodes = series(rng)
@@ -266,18 +158,6 @@ def test_folds_along_nodes_are_each_fold_alone(friction):
     assert together.shape == (4, 33, 2)
     for k in range(4):
         np.testing.assert_array_equal(together[k], along(many[k], nodes))
-
-
-def test_sampled_laws_advance_once_a_sample():
-    nodes = series(np.random.default_rng(10), lengths=(11,), per_sample=2)
-    memories = memory_along(SAMPLED, nodes)
-    for t in range(1, 11, 2):  # the middle of an interval remembers what its begin does
-        for now, before in zip(memories[t], memories[t - 1], strict=True):
-            np.testing.assert_array_equal(now, before)
-    seen = (nodes.inputs.w + nodes.inputs.u)[::2]
-    samples = seen[[2, 3, 4]]
-    for entry, expected in zip(memories[8], samples, strict=True):
-        np.testing.assert_array_equal(entry[0], expected)
 
 
 def test_memory_along_keeps_recordings_side_by_side():

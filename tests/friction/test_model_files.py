@@ -323,7 +323,7 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
 class Planted:
     """What pickle runs code of when it is read."""
 
-    def __init__(self, mark: Path) -> None:
+    def __init__(self, mark):
         self.mark = mark
 
     def __reduce__(self):

@@ -1,7 +1,5 @@
 """Derivatives of programs agree with differences, and machine code with the program."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -25,7 +23,7 @@ POINTS = [(0.7, 0.2), (-0.8, 1.3), (0.4, 0.9), (-0.35, -0.6)]
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 @pytest.mark.parametrize("point", POINTS)
-def test_derivatives_agree_with_differences(name: str, point: tuple[float, float]) -> None:
+def test_derivatives_agree_with_differences(name, point):
     function, step = FUNCTIONS[name], 1e-6
     program = traced(lambda v: {"z": function(v["x"], v["y"])}, {"x": 1, "y": 1})
     both = with_derivatives(program, {"x": ["x_1"], "y": ["y_1"]}, ["z"])
@@ -38,7 +36,7 @@ def test_derivatives_agree_with_differences(name: str, point: tuple[float, float
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_machine_code_computes_what_the_program_does(name: str) -> None:
+def test_machine_code_computes_what_the_program_does(name):
     program = traced(lambda v: {"z": FUNCTIONS[name](v["x"], v["y"])}, {"x": 1, "y": 1})
     places = {"x": 0, "y": 1, "z": 2}
     code = machine_code({"f": program}, places)["f"]
@@ -48,17 +46,17 @@ def test_machine_code_computes_what_the_program_does(name: str) -> None:
         assert row[2] == pytest.approx(program.run({"x_1": x, "y_1": y})["z"][0], rel=1e-14)
 
 
-def test_directions_of_several_inputs_add_up() -> None:
+def test_directions_of_several_inputs_add_up():
     program = traced(lambda v: {"z": v["x"][0] * v["x"][1]}, {"x": 2})
     made = with_derivatives(program, {"both": ["x_1", "x_2"]}, ["z"]).run({"x_1": 2.0, "x_2": 5.0})
     assert made["z by both"] == [7.0]
 
 
-def test_systems_and_products_are_those_of_arrays() -> None:
+def test_systems_and_products_are_those_of_arrays():
     M, b = np.random.default_rng(0).normal(size=(3, 3)), np.array([1.0, -2.0, 0.5])
     M = M @ M.T + np.eye(3)  # elimination without pivots is for matrices of masses
 
-    def functions(M: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+    def functions(M, b):
         solved, inverse = np.linalg.solve(M, b[:, None])[:, 0], np.linalg.inv(M)
         return {"solved": solved, "inverse": inverse, "left": b @ M, "right": M @ b}
 

@@ -1,7 +1,5 @@
 """Compiled loops are kept on disk, and compiled again when the package has changed."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path
@@ -21,9 +19,7 @@ def doubled(x):
 
 
 @pytest.mark.parametrize(("changed", "left"), [(0.0, 1), (float("inf"), 0)])
-def test_what_was_kept_before_a_change_is_forgotten(
-    changed: float, left: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_kept_before_a_change_is_forgotten(changed, left, tmp_path, monkeypatch):
     name = f"loops_of_a_test_{left}"
     (tmp_path / f"{name}.py").write_text(SOURCE)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -36,7 +32,7 @@ def test_what_was_kept_before_a_change_is_forgotten(
     assert again.doubled(1.5) == 3.0
 
 
-def test_compiled_functions_call_those_of_their_room_only() -> None:
+def test_compiled_functions_call_those_of_their_room_only():
     package = Path(compiled.__file__).parents[1]
     files = [f for f in package.rglob("*.py") if "programs.loops import" in f.read_text()]
     names = [".".join(f.relative_to(package.parent).with_suffix("").parts) for f in files]

@@ -239,6 +239,8 @@ def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
         (lambda: Film((-0.1, 0.1)), "lengths"),
         (lambda: replace(SMALL, scale=0.0), "scale"),
         (lambda: replace(SMALL, size=(0, 10)), "size"),
+        (lambda: replace(SMALL, pivot=(9e39, 100.0)), "pivot"),
+        (lambda: replace(SMALL, pivot=(100.0, -1e5)), "pivot"),
         (lambda: Look(dots=((), (0.0, 0.85))), "look.dots"),
         (lambda: Look(dots=((), (0.0, 8.5, 0.85))), "look.dots"),
         (lambda: Look(radius=-3.0), "radius"),

@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics import Mechanism, acrobot, pendulum
+from frictionid.mechanics import acrobot, pendulum
 from frictionid.simulate import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction
 from frictionid.simulate import integrate as engine
 from frictionid.simulate.integrate import TrueSystem, derivative, integrate_motion, next_modes
@@ -33,17 +33,17 @@ TRUTHS: dict[str, TrueFriction] = {
 each_truth = pytest.mark.parametrize("truth", TRUTHS.values(), ids=TRUTHS)
 
 
-def system(truth: TrueFriction, mechanism: Mechanism = ACROBOT) -> TrueSystem:
+def system(truth, mechanism=ACROBOT):
     return TrueSystem(mechanism, mechanism.base({}), truth)
 
 
-def wheel(truth: TrueFriction) -> TrueSystem:
+def wheel(truth):
     """One joint of inertia 0.25 kg m^2 without gravity."""
     mechanism = pendulum()
     return TrueSystem(mechanism, mechanism.base({"length": 0.5, "g": 0.0}), truth)
 
 
-def driven(truth: TrueFriction, substeps: int) -> Array:
+def driven(truth, substeps):
     """States of four acrobots during 0.25 s under a torque that changes 60 times a second."""
     rng = np.random.default_rng(5)
     edges = np.arange(16) / 60
@@ -57,7 +57,7 @@ def driven(truth: TrueFriction, substeps: int) -> Array:
 
 
 @each_truth
-def test_halving_the_step_divides_the_error_by_sixteen(truth: TrueFriction) -> None:
+def test_halving_the_step_divides_the_error_by_sixteen(truth):
     coarse = 64 if truth is LUGRE else 12
     states = [driven(truth, coarse * factor)[:, :2] for factor in (1, 2, 4)]
     errors = [np.sqrt(((s - states[-1]) ** 2).mean()) for s in states[:-1]]
@@ -66,7 +66,7 @@ def test_halving_the_step_divides_the_error_by_sixteen(truth: TrueFriction) -> N
     assert np.abs(states[1] - states[2]).max() < 1e-6
 
 
-def test_coulomb_friction_stops_a_wheel_when_it_should() -> None:
+def test_coulomb_friction_stops_a_wheel_when_it_should():
     truth = Stribeck(Curve((0.05,), (0.03,), (0.0,)))
     start = np.array([[2.0], [-1.0], [0.0]])
     end = integrate_motion(
@@ -78,7 +78,7 @@ def test_coulomb_friction_stops_a_wheel_when_it_should() -> None:
 
 
 @pytest.mark.parametrize("name", ["stribeck", "film_lag"])
-def test_a_joint_sticks_below_break_away_and_slips_above(name: str) -> None:
+def test_a_joint_sticks_below_break_away_and_slips_above(name):
     curve = Curve((0.5,), (0.4,), (0.001,), (0.3,), (0.2,), (1.0,))
     truth = Stribeck(curve) if name == "stribeck" else FilmLag(curve, (0.02,))
     u = np.array([[0.799], [0.82], [-0.599], [-0.62]])
@@ -90,7 +90,7 @@ def test_a_joint_sticks_below_break_away_and_slips_above(name: str) -> None:
     assert end[1, 3, 0] < -1.0
 
 
-def test_a_joint_breaks_away_when_its_load_reaches_the_level() -> None:
+def test_a_joint_breaks_away_when_its_load_reaches_the_level():
     """Until then the acrobot is one rigid pendulum, and the torque in its joint is known."""
     q, w, u, edges = np.zeros((1, 2)), np.array([[5.0, 0.0]]), np.zeros((60, 1, 2)), np.arange(61)
     loose, rigid = (
@@ -106,13 +106,13 @@ def test_a_joint_breaks_away_when_its_load_reaches_the_level() -> None:
     assert loose[first, 1, 0, 1] != 0
 
 
-def test_endless_changes_within_a_step_end_in_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_endless_changes_within_a_step_end_in_rest(monkeypatch):
     expected = driven(TRUTHS["stribeck"], 24)
     monkeypatch.setattr(engine, "_MAX_EVENTS", 1)
     assert 0.0 < np.abs(driven(TRUTHS["stribeck"], 24) - expected).max() < 0.1
 
 
-def test_modes_agree_with_the_principle_of_least_constraint() -> None:
+def test_modes_agree_with_the_principle_of_least_constraint():
     """Friction at rest is what brings the accelerations nearest to none; no combinations needed."""
     rng = np.random.default_rng(2)
     w = rng.normal(size=(300, 2)) * rng.integers(0, 2, (300, 2))  # half of the joints at rest
@@ -127,7 +127,7 @@ def test_modes_agree_with_the_principle_of_least_constraint() -> None:
             assert found[r] == pytest.approx(_least_constraint(here, y[:, r], u[r]), abs=1e-6)
 
 
-def _least_constraint(here: TrueSystem, y: Array, u: Array) -> Array:
+def _least_constraint(here, y, u):
     """Accelerations with the friction Tf in its band that minimises (f - Tf)' M^-1 (f - Tf)."""
     q, w, z = y
     M, h = here.mechanism.dynamics(here.p, q, w)
@@ -140,12 +140,12 @@ def _least_constraint(here: TrueSystem, y: Array, u: Array) -> Array:
 
 
 @each_truth
-def test_a_slip_phase_agrees_with_scipy(truth: TrueFriction) -> None:
+def test_a_slip_phase_agrees_with_scipy(truth):
     here = system(truth)
     q, w, u = np.array([[0.5, -0.3]]), np.array([[3.0, 8.0]]), np.array([[0.0, -0.1]])
     mode, z = np.sign(w), truth.start(w)
 
-    def right_hand_side(_: float, y: Array) -> Array:
+    def right_hand_side(_, y):
         return derivative(here, y.reshape(3, 1, 2), u, mode).ravel()
 
     start = np.concatenate([q, w, z]).ravel()
@@ -157,7 +157,7 @@ def test_a_slip_phase_agrees_with_scipy(truth: TrueFriction) -> None:
     assert end.ravel() == pytest.approx(expected.y[:, -1], abs=1e-9)
 
 
-def test_a_loaded_joint_slips_at_the_level_of_its_load() -> None:
+def test_a_loaded_joint_slips_at_the_level_of_its_load():
     """One joint against the formula, term by term, in all cases of its square."""
     truth = LoadFriction(
         *(Curve((0.1,), (0.1,), (0.01,), (0.05,), (0.05,), (2.0,)), (0.02,), (0.2,), (0.1,)),
@@ -179,7 +179,7 @@ def test_a_loaded_joint_slips_at_the_level_of_its_load() -> None:
     assert found == pytest.approx((u - gravity * np.sin(q) - Tf) / inertia, abs=1e-9)
 
 
-def test_a_loaded_joint_sticks_up_to_the_level_of_its_load() -> None:
+def test_a_loaded_joint_sticks_up_to_the_level_of_its_load():
     """The motor that would move a joint presses it, too: it breaks away at coulomb/(1 - motor)."""
     machine = pendulum()
     truth = LoadFriction(Curve((0.1,), (0.1,), (0.0,)), motor=(0.2,))
@@ -192,7 +192,7 @@ def test_a_loaded_joint_sticks_up_to_the_level_of_its_load() -> None:
 
 
 @each_truth
-def test_energy_falls_without_input(truth: TrueFriction) -> None:
+def test_energy_falls_without_input(truth):
     rng = np.random.default_rng(3)
     q, w = rng.uniform(-1.5, 1.5, (3, 2)), rng.normal(size=(3, 2)) * (2.0, 5.0)
     here = system(truth)
@@ -207,7 +207,7 @@ def test_energy_falls_without_input(truth: TrueFriction) -> None:
     assert speed < 0.1 if truth is LUGRE else speed == 0.0
 
 
-def test_energy_is_kept_without_friction() -> None:
+def test_energy_is_kept_without_friction():
     here = system(Stribeck(Curve((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))))
     q, w = np.array([[2.0, 1.0]]), np.array([[1.0, -4.0]])
     states = integrate_motion(here, q, w, np.zeros((60, 1, 2)), np.arange(61) / 60, 1 / 60 / 64)
@@ -216,7 +216,7 @@ def test_energy_is_kept_without_friction() -> None:
 
 
 @each_truth
-def test_the_mirrored_rig_moves_mirrored(truth: TrueFriction) -> None:
+def test_the_mirrored_rig_moves_mirrored(truth):
     there = {"coulomb_positive": CURVE.coulomb_negative, "coulomb_negative": CURVE.coulomb_positive}
     turned = Curve(
         **there,
@@ -237,7 +237,7 @@ def test_the_mirrored_rig_moves_mirrored(truth: TrueFriction) -> None:
     assert one[:, :2] == pytest.approx(-other[:, :2], abs=1e-8)
 
 
-def test_a_batch_equals_its_recordings_alone() -> None:
+def test_a_batch_equals_its_recordings_alone():
     rng = np.random.default_rng(4)
     q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(30, 4, 2)) * (0.0, 0.1)
     edges = np.arange(31) / 60
@@ -252,7 +252,7 @@ def test_a_batch_equals_its_recordings_alone() -> None:
 
 
 @pytest.mark.parametrize("name", ["film_lag", "lugre"])
-def test_memory_ends_on_the_steady_state_curve(name: str) -> None:
+def test_memory_ends_on_the_steady_state_curve(name):
     truth = TRUTHS[name]
     for speed in (-20.0, -1.0, -0.05, 0.05, 1.0, 20.0):
         w = np.full((1, 2), speed)
@@ -271,7 +271,7 @@ def test_memory_ends_on_the_steady_state_curve(name: str) -> None:
         assert truth.rate(w, truth.start(w), mode) == pytest.approx(0.0 * w, abs=1e-12)
 
 
-def test_film_lag_delays_the_curve_and_not_the_direction() -> None:
+def test_film_lag_delays_the_curve_and_not_the_direction():
     truth = FilmLag(CURVE, (0.015, 0.015))
     w, mode = np.array([[-0.01, -0.01]]), np.array([[-1.0, -1.0]])
     fast = truth.torque(w, np.array([[10.0, 10.0]]), mode)
@@ -280,7 +280,7 @@ def test_film_lag_delays_the_curve_and_not_the_direction() -> None:
     assert fast[0, 1] - slow[0, 1] == pytest.approx(0.036, rel=1e-3)  # the peak comes back late
 
 
-def test_lugre_takes_energy_in_every_cycle() -> None:
+def test_lugre_takes_energy_in_every_cycle():
     dt = 1e-4
     frequency, height = np.array([[1.0, 1.0, 5.0, 20.0], [0.02, 5.0, 0.3, 0.5]])[..., None]
     z, work, least = np.zeros((4, 2)), np.zeros((4, 2)), 0.0
@@ -297,7 +297,7 @@ def test_lugre_takes_energy_in_every_cycle() -> None:
     assert (work > 1e-4).all()
 
 
-def test_lugre_bends_before_it_slips() -> None:
+def test_lugre_bends_before_it_slips():
     truth = LuGre(Curve((0.5,), (0.5,), (0.0,)), (100.0,), (1.0,), (0.1,))
     u = np.array([[0.2], [0.6]])
     q = np.zeros((2, 1))
@@ -308,7 +308,7 @@ def test_lugre_bends_before_it_slips() -> None:
     assert end[0, 1, 0] > 1.0
 
 
-def test_too_much_bristle_damping_is_refused() -> None:
+def test_too_much_bristle_damping_is_refused():
     with pytest.raises(InputError, match=r"joint 2: LuGre is passive if .* lower bristle_damping"):
         LuGre(CURVE, (40.0, 12.0), (0.1, 5.0), (0.1, 0.1))
 
@@ -324,6 +324,6 @@ def test_too_much_bristle_damping_is_refused() -> None:
         (lambda: LuGre(CURVE, (40.0, 0.0), (0.1, 0.1), (0.1, 0.1)), "greater than 0"),
     ],
 )
-def test_impossible_friction_is_refused(build: object, reason: str) -> None:
+def test_impossible_friction_is_refused(build, reason):
     with pytest.raises(InputError, match=reason):
         build()  # type: ignore[operator]

@@ -1,7 +1,5 @@
 """Motion under a position controller: the same torques give the same motion, batch equals alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

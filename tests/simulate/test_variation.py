@@ -1,7 +1,5 @@
 """Friction that varies between the recordings of a simulated rig."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

@@ -4,8 +4,6 @@ Only what IEC 61131-3 defines is known here: a name that is neither declared in 
 function of the standard is an error, and so is an operation on a wrong type.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from blark.parse import parse_source_code
 
@@ -44,7 +42,7 @@ class StructuredText:
     Variables are arrays over cases, those of ARRAY type dicts of them by their indices from 1.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         items = parse_source_code(text).transform().items
         self.functions = {str(i.name): i for i in items if type(i).__name__ == "Function"}
         (self.block,) = (i for i in items if type(i).__name__ == "FunctionBlock")
@@ -53,14 +51,14 @@ class StructuredText:
         first = {"BOOL": lambda: False, "ARRAY": dict, "LREAL": np.float64, "REAL": np.float32}
         self.variables = {name: first[kind]() for name, kind in self.types.items()}
 
-    def call(self, **inputs) -> None:
+    def call(self, **inputs):
         """One call of the block."""
         for name, value in inputs.items():
             assert name in self.types, name
             self.variables[name] = value
         self._run(self.block.body.statements, self.variables)
 
-    def _run(self, statements, variables) -> None:
+    def _run(self, statements, variables):
         for statement in statements:
             kind = type(statement).__name__
             if kind == "IfStatement":
@@ -103,7 +101,7 @@ class StructuredText:
         own = [self._value(p.value, variables) for p in e.parameters]
         return self._called(str(e.name.name), own)
 
-    def _called(self, name: str, arguments):
+    def _called(self, name, arguments):
         if name not in self.functions:
             return STANDARD[name](*arguments)
         function = self.functions[name]
@@ -113,12 +111,12 @@ class StructuredText:
         return variables[name]
 
 
-def _index(variable) -> tuple[int, ...]:
+def _index(variable):
     (subscripts,) = variable.elements
     return tuple(int(str(s.value)) for s in subscripts.subscripts)
 
 
-def declared(item) -> dict[str, str]:
+def declared(item):
     """Types of the variables of a function or block by their names, in their order."""
     return {
         str(v.variable.name): "ARRAY"

@@ -7,7 +7,6 @@ import subprocess
 import warnings
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import casadi
@@ -18,8 +17,7 @@ from structured_text_runner import StructuredText
 from test_programs import GROUPS
 
 from frictionid.deploy.export.export import writer_of
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings
-from frictionid.friction import Inputs
+from frictionid.deploy.export.exported import ExportSettings
 
 
 class Target(NamedTuple):
@@ -30,7 +28,7 @@ class Target(NamedTuple):
     advance: Callable  # (inputs, memory, dt) -> (m, B, n)
 
 
-def written(own: ExportedFriction, to: str, folder: Path, **settings) -> dict[str, Path]:
+def written(own, to, folder, **settings):
     """Files of a format, written into a folder; their paths by their endings."""
     files = writer_of(to)(own, ExportSettings(**settings)).files
     paths = {ending: folder / f"friction{ending}" for ending in files}
@@ -39,7 +37,7 @@ def written(own: ExportedFriction, to: str, folder: Path, **settings) -> dict[st
     return paths
 
 
-def python(own, folder) -> Target:
+def python(own, folder):
     module: dict = {}
     exec(written(own, "python", folder)[".py"].read_text(), module)
     has_memory = bool(own.programs.memory)
@@ -65,7 +63,7 @@ def python(own, folder) -> Target:
     )
 
 
-def casadi_files(own, folder) -> Target:
+def casadi_files(own, folder):
     paths = written(own, "casadi", folder)
     has_memory, n = bool(own.programs.memory), len(own.joints)
     function = {end: casadi.Function.load(str(path)) for end, path in paths.items() if ".c" in end}
@@ -102,7 +100,7 @@ void advances(int count, {pointers}real dt, friction_memory *memory)
 STRICT = "-std=c99 -Wall -Wextra -pedantic -Werror -Wconversion -Wdouble-promotion".split()
 
 
-def compiled(own, folder, precision="double") -> ctypes.CDLL:
+def compiled(own, folder, precision="double"):
     """Library of the C code and of loops over cases; inputs are rows (B, n)."""
     written(own, "c", folder, precision=precision)
     n, x, has_memory = len(own.joints), own.programs.inputs, bool(own.programs.memory)
@@ -120,7 +118,7 @@ def compiled(own, folder, precision="double") -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "f.so"))
 
 
-def c(own, folder, precision="double") -> Target:
+def c(own, folder, precision="double"):
     library = compiled(own, folder, precision)
     real = np.dtype(precision if precision == "double" else "float32")
     scalar = ctypes.c_double if precision == "double" else ctypes.c_float
@@ -156,7 +154,7 @@ def c(own, folder, precision="double") -> Target:
     return Target(torque, start, advance)
 
 
-def structured_text(own, folder, precision="double") -> Target:
+def structured_text(own, folder, precision="double"):
     """The block keeps its memory itself: it is called once a sample, with its inputs then."""
     text = written(own, "st", folder, precision=precision)[".st"].read_text()
     block = StructuredText(text)
@@ -179,7 +177,7 @@ def structured_text(own, folder, precision="double") -> Target:
     )
 
 
-def onnx_graphs(own, folder) -> Target:
+def onnx_graphs(own, folder):
     """Start and step give memory and torques at once: the torque of the last of them is kept."""
     paths = written(own, "onnx", folder)
     sessions = {end: onnxruntime.InferenceSession(str(path)) for end, path in paths.items()}
@@ -197,13 +195,13 @@ def onnx_graphs(own, folder) -> Target:
     )
 
 
-def loaded(path) -> torch.jit.ScriptModule:
+def loaded(path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # TorchScript has a successor
         return torch.jit.load(str(path))
 
 
-def torchscript(own, folder) -> Target:
+def torchscript(own, folder):
     module = loaded(written(own, "torchscript", folder)[".pt"])
 
     def call(function, inputs, *others):
@@ -241,6 +239,6 @@ TARGETS = {
 }
 
 
-def used(own: ExportedFriction, x: Inputs) -> dict[str, np.ndarray]:
+def used(own, x):
     """Inputs that friction depends on, by name."""
     return {g: v for g, v in zip(GROUPS, x[:4], strict=True) if g in own.programs.inputs}

@@ -1,7 +1,5 @@
 """Parameter files of BAM: its formula, read and written back, and damaged ones."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Friction as functions of CasADi: derivatives, and an optimal-control problem."""
 
-from __future__ import annotations
-
 import casadi
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Friction as ONNX and TorchScript: what goes in, and what the files say of themselves."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """All formats alike: laws of every kind are written or refused, and packages are asked for."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np
@@ -40,10 +38,6 @@ def test_a_missing_package_is_asked_for(package, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=r"not installed: pip install 'frictionid\[export\]'"):
         writer_of(package)
-
-
-def test_formats_are_listed():
-    assert set(CODE) < set(FORMATS)
 
 
 def test_the_help_lists_the_formats_that_are_there(tmp_path, monkeypatch, capsys):

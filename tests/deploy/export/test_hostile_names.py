@@ -1,7 +1,5 @@
 """Names of joints and data sets are text: none of them becomes code."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

@@ -1,7 +1,5 @@
 """Friction as a configuration of Isaac Lab: it executes, and PhysX's friction is the held one."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Friction in MJCF: the text stays as it is, and MuJoCo has the model's torques."""
 
-from __future__ import annotations
-
 import re
 from types import ModuleType
 

@@ -1,7 +1,5 @@
 """Coulomb and viscous friction nearest to a model, and what it costs on recorded motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whatever language a friction is exported to, it computes what the model computes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from targets import TARGETS, used

@@ -1,7 +1,5 @@
 """Laws as programs of scalars: every law's program computes what the law computes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,6 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction import laws as known
 from frictionid.friction.wrapped import LinearOutside
-from frictionid.programs.program import Program
 
 LAWS = {
     "coulomb_viscous": known.CoulombViscous(),
@@ -52,7 +49,7 @@ def friction_by(law, rng):
     return Friction(law, theta)
 
 
-def inputs_of(program: Program, x: Inputs, memory, dt=0.0) -> dict[str, float]:
+def inputs_of(program, x, memory, dt=0.0):
     entries = {f"memory_{i + 1}_{j + 1}": e[j] for i, e in enumerate(memory) for j in range(N)}
     entries |= {f"{g}_{j + 1}": v[j] for g, v in zip(GROUPS, x[:4], strict=True) for j in range(N)}
     return {name: float(({"dt_1": dt} | entries)[name]) for name in program.inputs}

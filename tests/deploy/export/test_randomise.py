@@ -1,7 +1,5 @@
 """Samples of a model's parameters: the fit's covariance, within bounds, by a seed."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Real motion replayed in MuJoCo, and by BAM's files: rows of comparisons/exported.py in little."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Friction as tables and equations: YAML for feed-forward, LaTeX for papers."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -12,12 +10,11 @@ from test_programs import LAWS, friction_by
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction import laws as known
 
 
-def straight(joint: dict, w: np.ndarray) -> np.ndarray:
+def straight(joint, w):
     """The table of a joint between its velocities, and straight beyond the last two."""
     x, y = np.array(joint["velocity"]), np.array(joint["torque"])
     low, high = (np.polyfit(x[s], y[s], 1) for s in (slice(2), slice(-2, None)))
@@ -72,9 +69,3 @@ def test_every_equation_is_sound_latex(name, tmp_path):
     assert plain.count("{") == plain.count("}")
     assert text.count(r"\left") == text.count(r"\right")
     assert re.findall(r"\\begin{(.*?)}", text).count("align*") == text.count(r"\end{align*}") == 2
-
-
-def test_networks_have_no_equation():
-    own = exported(friction_by(known.MLP((3,)), np.random.default_rng(14)))
-    with pytest.raises(InputError, match="is a network: it has no equation"):
-        writer_of("latex")(own, ExportSettings())

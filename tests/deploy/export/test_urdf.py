@@ -1,7 +1,5 @@
 """Friction in a URDF: levels and slopes of joints, all else as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Friction over a temperature: lines that hold the truth, refusals, and a model at one value."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

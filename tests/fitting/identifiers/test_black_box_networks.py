@@ -1,7 +1,5 @@
 """Networks without physics: a known acceleration found again, files, seeds, refusals."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -14,13 +12,12 @@ from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import unit_inertia_plant
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import BlackBox, check_identifier
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
-from frictionid.friction import Friction, along
+from frictionid.friction import along
 from frictionid.friction.laws import StateLSTM, StateMLP, check_law, members_of
 from frictionid.friction.model_files import load_model, save_model
 
@@ -32,27 +29,27 @@ pytestmark = pytest.mark.parametrize("kind", KINDS)
 
 
 @cache
-def box(kind: str) -> Identifier:
+def box(kind):
     return identifier_named(kind, {"hidden": [16], "epochs": 60, "batch": 64})
 
 
 @cache
-def learned(kind: str) -> Friction:
+def learned(kind):
     return fitted(box(kind))
 
 
-def small(kind: str, epochs: int) -> Identifier:
+def small(kind, epochs):
     return BlackBox(StateNetwork(Network(SMALL[kind], epochs=epochs)))
 
 
-def test_the_acceleration_of_a_pendulum_is_learned(kind: str) -> None:
+def test_the_acceleration_of_a_pendulum_is_learned(kind):
     nodes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).nodes
     true = acceleration(*nodes.inputs[:3])
     error = -along(learned(kind), nodes) - true
     assert np.sqrt(np.mean(error**2)) < ERRORS[kind][0] * np.sqrt(np.mean(true**2))
 
 
-def test_it_predicts_what_was_held_out(kind: str) -> None:
+def test_it_predicts_what_was_held_out(kind):
     folds = make_folds(pendulum().recordings, Split(count=2))
     protocol = Protocol((0.25,), every=0.5)
     (result,) = compare(pendulum(), {"box": box(kind)}, folds, protocol=protocol).values()
@@ -62,18 +59,18 @@ def test_it_predicts_what_was_held_out(kind: str) -> None:
     assert np.isnan(result.curves).all()  # it is no friction curve
 
 
-def test_it_keeps_to_the_protocols(kind: str) -> None:
+def test_it_keeps_to_the_protocols(kind):
     check_law(SMALL[kind], level=False)
     check_identifier(small(kind, epochs=2))
 
 
-def test_problems_with_masked_rows_are_refused(kind: str) -> None:
+def test_problems_with_masked_rows_are_refused(kind):
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="velocity_threshold = 0"):
         box(kind).fit(problem, np.ones((1, len(problem.r))), 0)
 
 
-def test_an_ensemble_is_the_mean_of_its_members_from_a_file_too(kind: str, tmp_path) -> None:
+def test_an_ensemble_is_the_mean_of_its_members_from_a_file_too(kind, tmp_path):
     problem = synthetic_problem(1)
     ensemble = identifier_named(kind, {"members": 2, "epochs": 1})
     friction = ensemble.fit(problem, np.ones((1, len(problem.r))), 0)[0]

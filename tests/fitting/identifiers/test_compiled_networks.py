@@ -1,7 +1,5 @@
 """`compile` and `device` of networks: the same numbers, or one line before anything is computed."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Settings of identifiers by name: they are those of laws and fits, and bad ones are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

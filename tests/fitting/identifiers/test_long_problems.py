@@ -1,7 +1,5 @@
 """Long recordings: the same numbers stretch by stretch, and little more memory for more rows."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 

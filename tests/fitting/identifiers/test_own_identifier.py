@@ -1,10 +1,7 @@
 """The documentation's identifier of one's own: short, whole, and as good as ours on its own law."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +17,6 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.files import read_json
-from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, check_identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of
 from frictionid.friction import Friction, along
@@ -30,7 +26,7 @@ FILE = ROOT / "comparisons" / "own_friction.py"
 
 
 @pytest.fixture
-def own(monkeypatch: pytest.MonkeyPatch) -> Identifier:
+def own(monkeypatch):
     """The identifier as a suite in comparisons/ names it."""
     monkeypatch.setattr(sys, "path", list(sys.path))  # a suite adds its folder to it
     table = IdentifierEntry.model_validate({"kind": "own_friction:quadratic", "width": 0.01})
@@ -39,15 +35,13 @@ def own(monkeypatch: pytest.MonkeyPatch) -> Identifier:
     return identifier
 
 
-def test_the_page_shows_this_file_and_it_has_under_forty_lines() -> None:
+def test_the_page_shows_this_file_and_it_has_under_forty_lines():
     text = FILE.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 40
     assert f"```python\n{text}```" in (ROOT / "docs" / "python" / "own_law.md").read_text("utf-8")
 
 
-def test_the_identifier_of_the_documentation_keeps_to_the_protocol(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_identifier_of_the_documentation_keeps_to_the_protocol(tmp_path, monkeypatch):
     page = (ROOT / "docs" / "identifiers.md").read_text(encoding="utf-8")
     code = page.split("```python\n")[1].split("```")[0]
     (tmp_path / "viscous_of_the_docs.py").write_text(code, encoding="utf-8")
@@ -55,12 +49,12 @@ def test_the_identifier_of_the_documentation_keeps_to_the_protocol(
     check_identifier(import_module("viscous_of_the_docs").Viscous())
 
 
-def test_it_keeps_to_the_contracts(own: Identifier) -> None:
+def test_it_keeps_to_the_contracts(own):
     check_identifier(own)
     check_law(own.law)  # type: ignore[attr-defined]
 
 
-def test_it_finds_the_numbers_of_its_own_law(own: Identifier) -> None:
+def test_it_finds_the_numbers_of_its_own_law(own):
     """On real rows of the acrobot whose residuals are made of a known quadratic friction."""
     dataset = load_dataset(ROOT / "data" / "acrobot_clean")
     problem = problem_of(dataset, plant_of(dataset), INTEGRAL)
@@ -72,7 +66,7 @@ def test_it_finds_the_numbers_of_its_own_law(own: Identifier) -> None:
     np.testing.assert_allclose(fitted.theta[0], true, rtol=1e-6)
 
 
-def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own: Identifier) -> None:
+def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own):
     dataset = tiny.dataset()
     folds = make_folds(dataset.recordings, Split(count=3))
     protocol = Protocol(horizons=(0.1, 0.3))
@@ -83,9 +77,7 @@ def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own: Identifier) -
     assert far[0] < far[1] / 2
 
 
-def test_a_suite_beside_its_file_runs_it_in_worker_processes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_suite_beside_its_file_runs_it_in_worker_processes(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.delitem(sys.modules, "own_friction", raising=False)
     (tmp_path / FILE.name).write_text(FILE.read_text(encoding="utf-8"), encoding="utf-8")

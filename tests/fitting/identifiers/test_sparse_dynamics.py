@@ -1,7 +1,5 @@
 """Sparse dynamics without physics: known accelerations found again, files, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -11,7 +9,6 @@ import pytest
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
-from frictionid.data.recordings import Dataset
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
@@ -21,7 +18,7 @@ from frictionid.fitting.identifiers.check_identifier import synthetic_problem, s
 from frictionid.fitting.method import check_method
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.fitting.shooting import Shooting
-from frictionid.friction import Friction, Inputs
+from frictionid.friction import Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import Plant, unit_inertia
@@ -32,7 +29,7 @@ BOX = BlackBox(SparseDynamics(degree=2, n_standard_errors=2.0))
 
 
 @cache
-def pendulum() -> Dataset:
+def pendulum():
     """A driven pendulum with viscous friction alone: its acceleration has three terms."""
     runs = [Run(f"{i}", (0.5 + 0.2 * i,), (), (Sine(4.0, 0.6 + 0.2 * i),)) for i in range(5)]
     viscous = Stribeck(Curve((0.0,), (0.0,), (VISCOUS,)))
@@ -42,11 +39,11 @@ def pendulum() -> Dataset:
 
 
 @cache
-def found() -> Friction:
+def found():
     return fit_model(pendulum(), BOX, protocol=Protocol(history=0.0))
 
 
-def test_the_equation_of_a_pendulum_is_found_and_nothing_else() -> None:
+def test_the_equation_of_a_pendulum_is_found_and_nothing_else():
     law, theta = found().law, found().theta
     J = MASS * LENGTH**2
     wanted = {"sin1": 9.81 / LENGTH, "w1": VISCOUS / J, "u1": -1 / J}
@@ -57,7 +54,7 @@ def test_the_equation_of_a_pendulum_is_found_and_nothing_else() -> None:
         assert got[name] == pytest.approx(value, rel=0.05)
 
 
-def test_what_it_finds_predicts_as_the_truth_does() -> None:
+def test_what_it_finds_predicts_as_the_truth_does():
     box = found()
     start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
     dt = np.full(120, 1 / 120)
@@ -70,12 +67,12 @@ def test_what_it_finds_predicts_as_the_truth_does() -> None:
     assert q[-1] == pytest.approx(angle, abs=0.01)
 
 
-def test_it_keeps_to_the_contract() -> None:
+def test_it_keeps_to_the_contract():
     check_identifier(BlackBox(SparseDynamics(degree=1)))
     check_law(StateLibrary(joints=2, degree=2), level=False)
 
 
-def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
+def test_unit_mechanism_knows_nothing_of_the_machine():
     problem = synthetic_problem(2)
     friction = BOX.fit(problem, synthetic_weights(problem), 0)
     assert friction.mechanism == "unit" and not friction.parameters
@@ -83,7 +80,7 @@ def test_unit_mechanism_knows_nothing_of_the_machine() -> None:
     assert np.array_equal(M, np.eye(2)) and not h.any() and not unit_inertia(("rad", "rad")).B.any()
 
 
-def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
+def test_scores_do_not_hang_on_what_is_told_of_the_machine():
     dataset = pendulum()
     other = replace(
         dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0, "length": 0.7}}
@@ -97,7 +94,7 @@ def test_scores_do_not_hang_on_what_is_told_of_the_machine() -> None:
     assert "curve_error" not in set(scores[0].score)
 
 
-def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path) -> None:
+def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path):
     save_model(found(), tmp_path / "box.json", LAWS)
     text = (tmp_path / "box.json").read_text()
     (tmp_path / "box.json").write_text(text.replace('"mechanism": "unit"', '"mechanism": "moon"'))
@@ -105,14 +102,14 @@ def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path) -> None:
         load_model(tmp_path / "box.json", LAWS)
 
 
-def test_a_comparison_holds_it_out_like_any_other() -> None:
+def test_a_comparison_holds_it_out_like_any_other():
     folds = make_folds(pendulum().recordings, Split(count=2))
     (result,) = compare(pendulum(), {"box": BOX}, folds, protocol=Protocol((0.25,))).values()
     assert result.value("rollout_angle", "median", 0.25) < 0.01
     assert np.isnan(result.curves).all()  # it is no friction curve
 
 
-def test_monomials_are_products_of_their_variables() -> None:
+def test_monomials_are_products_of_their_variables():
     law = StateLibrary(joints=2, degree=3)
     rng = np.random.default_rng(0)
     q, w, u = rng.normal(size=(3, 7, 2))
@@ -123,18 +120,18 @@ def test_monomials_are_products_of_their_variables() -> None:
     assert len(law.units) == len(f) == len(set(f))
 
 
-def test_what_has_no_physics_is_not_refined() -> None:
+def test_what_has_no_physics_is_not_refined():
     with pytest.raises(InputError, match="shooting needs the physics"):
         check_method(Shooting(), BOX)
 
 
-def test_rows_that_are_open_at_rest_are_refused() -> None:
+def test_rows_that_are_open_at_rest_are_refused():
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="velocity_threshold = 0"):
         BOX.fit(problem, np.ones((1, len(problem.r))), 0)
 
 
-def test_more_joints_than_it_knows_change_nothing() -> None:
+def test_more_joints_than_it_knows_change_nothing():
     law, rng = StateLibrary(joints=1, degree=2), np.random.default_rng(1)
     theta = rng.normal(size=(2, len(law.names)))
     q, w, u = rng.normal(size=(3, 5, 2))
@@ -143,7 +140,7 @@ def test_more_joints_than_it_knows_change_nothing() -> None:
     assert np.allclose(two, -one @ theta.T)
 
 
-def test_the_equation_has_an_interval_behind_each_coefficient() -> None:
+def test_the_equation_has_an_interval_behind_each_coefficient():
     law = StateLibrary(joints=1, degree=1)
     theta, half = np.array([[3.0, -20.0, 0.0, -0.5, 0.0, 8.0]]), np.full((1, 6), 0.25)
     half[0, 3] = np.inf

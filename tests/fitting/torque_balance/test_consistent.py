@@ -1,7 +1,5 @@
 """Base parameters that bodies can have: always, nearest, and untouched where they already are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist

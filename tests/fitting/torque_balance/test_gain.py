@@ -1,7 +1,5 @@
 """Motor currents with an unknown constant: gains that gravity or a payload pins, and others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inverse dynamics: truth in, truth out; slopes, folds and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -3,8 +3,6 @@
 Least squares of others leaves 7.37 % on one and 10.38 % on the other, by the same measure.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

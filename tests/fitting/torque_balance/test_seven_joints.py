@@ -1,7 +1,5 @@
 """An arm of seven joints: simulated, written, read, and its friction found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures.seven_joints import TRUE, arm_rig, curve_errors

@@ -169,11 +169,6 @@ def test_truth_in_truth_out():
     assert_recovered(Sum(), theta)
 
 
-def test_a_suite_names_its_laws():
-    own = identifier_named("sum", {"laws": ["quadratic", "motor_load"]})
-    assert own == LeastSquares(Sum(("quadratic", "motor_load")))
-
-
 @pytest.mark.parametrize(
     ("laws", "words"),
     [

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
 
-from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.residual import Problem
@@ -14,12 +12,10 @@ from frictionid.friction.laws import (
     GearLoad,
     MotorLoad,
     Stribeck,
-    check_law,
 )
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)
-LAWS = [GEAR, GearLoad(0.0, shape="arctan"), MotorLoad(squared=True)]
 # a published model in its order of size
 M6 = dict(
     coulomb=0.005,
@@ -48,39 +44,6 @@ def inputs(rows=400, seed=0):
 
 def at(q=0.0, w=0.0, u=0.0):
     return Inputs(*(np.array([[float(value)]]) for value in (q, w, u, 0.0)))
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_they_keep_to_the_contract(law):
-    check_law(law)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
-    values = np.random.default_rng(0).uniform(0.05, 1.0, (5, 1, 1, len(law.names)))
-    x = inputs(30)
-    gradient = law.gradient(values, x)
-    for i in range(len(law.names)):
-        step = np.zeros(values.shape, dtype=complex)
-        step[..., i] = 1e-30j
-        slope = law.torque(values + step, x, ()).imag / 1e-30
-        np.testing.assert_allclose(gradient[..., i], slope, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_they_run_alike_on_torch(law):
-    values, x = np.random.default_rng(1).uniform(0.05, 1.0, (4, 1, 1, len(law.names))), inputs(30)
-    tensors = torch.as_tensor(values), x.each(torch.as_tensor)
-    for method in (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ())):
-        np.testing.assert_allclose(method(*tensors).numpy(), method(values, x), rtol=1e-13)
-    np.testing.assert_allclose(law.gradient(*tensors).numpy(), law.gradient(values, x), rtol=1e-13)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_they_never_drive(law):
-    values, x = np.random.default_rng(2).uniform(0.0, 1.0, (50, 1, 1, len(law.names))), inputs()
-    values[..., -1:] += 0.5  # an exponent is not smaller
-    assert np.all(law.torque(values, x, ()) * x.w >= 0)
 
 
 def test_its_external_torque_is_that_of_gravity_on_a_pendulum():
@@ -155,20 +118,3 @@ def test_a_moment_that_means_nothing_is_refused(moment):
         match="GearLoad: moment: it should be (greater than or equal to 0|a finite number)",
     ):
         GearLoad(moment)
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "law"),
-    [
-        ("gear_load", {"moment": 0.5, "width": 0.1}, GearLoad(0.5, 0.1)),
-        ("motor_load", {"squared": True}, MotorLoad(squared=True)),
-        ("motor_load", {}, MotorLoad()),
-    ],
-)
-def test_suites_name_them(kind, settings, law):
-    assert identifier_named(kind, settings) == LeastSquares(law)
-
-
-def test_a_suite_must_say_the_moment():
-    with pytest.raises(InputError, match="moment"):
-        identifier_named("gear_load", {})

@@ -12,6 +12,7 @@ from frictionid.friction.laws import (
     CoulombViscous,
     Dahl,
     FilmLag,
+    GearLoad,
     LoadDependent,
     LuGre,
     MotorLoad,
@@ -27,6 +28,7 @@ from frictionid.friction.laws import (
 LAWS = [
     NoFriction(),
     *(MotorLoad(shape=shape) for shape in ("tanh", "arctan")),
+    *(MotorLoad(squared=True), GearLoad(0.5), GearLoad(0.0, shape="arctan")),
     *(CoulombViscous(shape=shape) for shape in ("tanh", "arctan")),
     *(Stribeck(width, shape) for width in (0.005, 0.02) for shape in ("tanh", "arctan")),
     *(Stribeck(shape=shape, symmetric=False) for shape in ("tanh", "arctan")),

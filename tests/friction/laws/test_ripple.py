@@ -5,7 +5,6 @@ import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction, Inputs
@@ -114,12 +113,3 @@ def test_it_comes_back_from_its_file_with_its_settings(tmp_path):
 def test_settings_that_mean_nothing_are_refused(settings, rule):
     with pytest.raises(InputError, match=rule):
         Ripple(**settings)
-
-
-def test_its_settings_choose_the_law():
-    made = identifier_named("ripple", {"base": "stribeck", "harmonics": [1, 2], "gear": 5.0})
-    assert made == LeastSquares(Ripple("stribeck", (1, 2), 5.0))
-    assert identifier_named("ripple", {}) == LeastSquares(Ripple())
-    assert Ripple().law == CoulombViscous()
-    with pytest.raises(InputError, match="base.*'lugre'"):
-        identifier_named("ripple", {"base": "lugre"})

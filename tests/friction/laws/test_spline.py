@@ -6,9 +6,8 @@ from fixtures.exact_problems import assert_recovered, everything, explained_by
 from scipy.interpolate import BSpline
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import LeastSquares, Linear
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import Spline, Stribeck
@@ -149,11 +148,3 @@ def test_settings_that_mean_nothing_are_refused(settings, rule):
     document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
     with pytest.raises(InputError, match=rule):
         read_model(document, LAWS, "model.json")
-
-
-def test_its_settings_choose_the_law():
-    made = identifier_named("spline", {"symmetric": False, "knots": [1.0, 4.0], "degree": 1})
-    assert made == Linear(Spline((1.0, 4.0), 1, symmetric=False))
-    assert identifier_named("spline", {}) == Linear(Spline())
-    with pytest.raises(InputError, match=r"knots.*1"):
-        identifier_named("spline", {"knots": [-1.0, 4.0]})
