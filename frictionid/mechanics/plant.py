@@ -118,12 +118,16 @@ def with_midpoints(time: Array, q: Array, w: Array) -> tuple[Array, Array, Array
     [[0.0, 1.0, 2.0], [0.0, 1.0, 8.0], [0.0, 3.0, 12.0]]
     """
     dt = np.diff(time)
-    h = dt[:, None]
-    middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * h / 8
-    middle_w = 1.5 * (q[1:] - q[:-1]) / h - (w[1:] + w[:-1]) / 4
-    middle = (time[:-1] + dt / 2, middle_q, middle_w)
+    middle = (time[:-1] + dt / 2, *midpoints(q, w, dt))
     t, q, w = (interleaved(*pair) for pair in zip((time, q, w), middle, strict=True))
     return t, q, w
+
+
+def midpoints(q: Array, w: Array, dt: Array) -> tuple[Array, Array]:
+    """Q and w (..., K, n) midway between K + 1 samples, as in `with_midpoints`."""
+    h, first, second = dt[:, None], np.s_[..., :-1, :], np.s_[..., 1:, :]
+    middle_q = (q[second] + q[first]) / 2 + (w[first] - w[second]) * h / 8
+    return middle_q, 1.5 * (q[second] - q[first]) / h - (w[second] + w[first]) / 4
 
 
 def interleaved(samples: Array, middle: Array) -> Array:

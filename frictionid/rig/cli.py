@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -21,13 +20,6 @@ Append = Annotated[bool, typer.Option("--append", help="Continue an existing log
 RIG = Path("rig.toml")
 
 
-class Method(StrEnum):
-    """How dots are found."""
-
-    follow = "follow"
-    study = "study"
-
-
 def track(
     video: Annotated[str, typer.Argument(help="Video, folder of pictures, or a camera's number.")],
     rig: Annotated[
@@ -38,8 +30,9 @@ def track(
         bool, typer.Option("--setup", help="Propose dots, pivot and links; write them to --rig.")
     ] = False,
     method: Annotated[
-        Method, typer.Option(help="study: thresholds in the whole picture, for comparison.")
-    ] = Method.follow,
+        Literal["follow", "study"],
+        typer.Option(help="study: thresholds in the whole picture, for comparison."),
+    ] = "follow",
     overlay: Annotated[
         Path | None, typer.Option(help="Video with markers and angles drawn over it (.mp4).")
     ] = None,
@@ -66,7 +59,7 @@ def track(
     if source.kind == "live" and (overlay or sheet):
         raise InputError("--overlay and --sheet need a video: a live camera shows its frames once")
     with counted(source.count or 0, source.name) as count:
-        tracked = track_video(source, markers, method=method.value, done=lambda _: count(""))
+        tracked = track_video(source, markers, method=method, done=lambda _: count(""))
     tracked.save(out)
     if sheet is not None:
         tracked.save_sheet(sheet)

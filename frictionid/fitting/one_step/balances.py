@@ -18,6 +18,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.data.state_estimators import States
 from frictionid.mechanics import Mechanism
+from frictionid.mechanics.plant import midpoints
 
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
 SHAPES = (0.04, 0.15)
@@ -266,15 +267,8 @@ def _parameters(
 
 
 def _nodes(q: Array, w: Array, step: Array) -> tuple[Array, Array, int]:
-    """Motion (..., 2 L + 1, n) at L + 1 samples, then at the L midpoints; where these begin.
-
-    The midpoints of the cubic Hermite polynomial, see `mechanics.momentum_balance.with_midpoints`.
-    """
-    h = step[:, None]
-    first, second = np.s_[..., :-1, :], np.s_[..., 1:, :]
-    middle_q = (q[second] + q[first]) / 2 + (w[first] - w[second]) * h / 8
-    middle_w = 1.5 * (q[second] - q[first]) / h - (w[second] + w[first]) / 4
-    pairs = ((q, middle_q), (w, middle_w))
+    """Motion (..., 2 L + 1, n) at L + 1 samples, then at the L midpoints; where these begin."""
+    pairs = zip((q, w), midpoints(q, w, step), strict=True)
     all_q, all_w = (np.concatenate(pair, axis=-2) for pair in pairs)
     return all_q, all_w, q.shape[-2]
 

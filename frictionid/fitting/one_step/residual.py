@@ -109,9 +109,8 @@ def euler_problem(
 
     r = w0 + M0^-1 (h0 + B u) dt - w1,  G = M0^-1 dt, with u the mean torque of the interval.
     """
-    parts = [
-        _euler_rows(plant[i], *pair) for i, pair in enumerate(zip(recordings, states, strict=True))
-    ]
+    pairs = enumerate(zip(recordings, states, strict=True))
+    parts = [_euler_rows(plant[i], *pair) for i, pair in pairs]
     return _assemble(parts, (1.0,), 1, history, states)
 
 
@@ -128,10 +127,8 @@ def integral_problem(
     states must be smoothed: backward differences lag half a sample, which is worse here than in
     `euler_problem`.
     """
-    parts = [
-        _integral_rows(plant[i], *pair)
-        for i, pair in enumerate(zip(recordings, states, strict=True))
-    ]
+    pairs = enumerate(zip(recordings, states, strict=True))
+    parts = [_integral_rows(plant[i], *pair) for i, pair in pairs]
     return _assemble(parts, SIMPSON, 2, history, states)
 
 
