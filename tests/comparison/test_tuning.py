@@ -304,13 +304,9 @@ MISTAKES = {
     ),
     "no ends": ({"search": {"factor": {"low": 0}}}, {}, "factor: needs low and high, or choices"),
     "ends": ({"search": {"factor": {"low": 1, "high": 0}}}, {}, "low = 1 must be below high = 0"),
-    "text": ({"search": {"factor": {"low": "a", "high": 1}}}, {}, "low: it should be a number"),
     "log": ({"search": {"factor": {"low": 0, "high": 1, "log": True}}}, {}, "log needs a positive"),
     "both": ({"search": {"factor": {"low": 0, "choices": [1]}}}, {}, "choices stand alone"),
-    "empty": ({"search": {}}, {}, r"search: .*at least 1"),
     "step": ({"search": {"factor": {"low": 0, "high": 4, "step": 0.5}}}, {}, "whole number"),
-    "unknown tune key": ({}, {"trails": 3}, "tune: unknown key 'trails'; did you mean 'trials'"),
-    "sampler": ({}, {"samplers": ["tpf"]}, r"samplers\[0\]: .*'tpe', 'gp' or 'random', not 'tpf'"),
     "one fold": ({}, {"folds": 1}, r"tune\.folds: .*greater than or equal to 2"),
     "horizon": ({}, {"objective": {"score": "rollout_angle"}}, "needs a horizon"),
     "rms": (

@@ -9,7 +9,6 @@ from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -122,28 +121,20 @@ MISTAKES = [
     ({"format": "robot 1.0"}, 'is no model file, "format" must be "frictionid model 1"'),
     ({"format": None}, 'is no model file, "format" must be'),
     ({"law": None}, '"law" must be an object with a "kind"'),
-    ({"law": "stribeck"}, '"law" must be an object with a "kind"'),
     ({"law": {"width": 0.1}}, '"law" must be an object with a "kind"'),
     ({"law": {"kind": "stribek"}}, "law 'stribek' is unknown; did you mean 'stribeck'"),
-    ({"law": {"kind": "os.system"}}, "law 'os.system' is unknown"),
     (
         {"law": {"kind": "stribeck", "with": 1}},
         "law 'stribeck': unknown setting 'with'; did you mean 'width'",
     ),
     ({"law": {"kind": "none", "width": 1}}, "law 'none': unknown setting 'width'; it has none"),
     ({"law": {"kind": "stribeck", "width": -1.0}}, "width = -1.0 rad/s must be positive"),
-    ({"law": {"kind": "stribeck", "width": "wide"}}, "law 'stribeck': "),
     ({"law": {"kind": "stribeck", "shape": 3}}, "shape: it should be a valid string, not 3"),
     ({THETA: None, "joints": None}, 'needs "theta", or "joints"'),
     ({"joints": []}, '"joints" must list the parameters of each joint'),
-    ({"joints": {"coulomb": 1}}, '"joints" must list the parameters of each joint'),
     ({THETA: [[1.0, 2.0]], "shape": [1, 2], "joints": None}, "theta must have shape"),
-    ({THETA: [1.0, 2.0], "shape": [3], "joints": None}, "theta. must have a row of"),
-    ({THETA: [["a"]], "shape": [1, 1], "joints": None}, "theta. must have a row of"),
     ({THETA: [[1.0, None, 1.0, 0.0]], "shape": [1, 4], "joints": None}, "theta must be finite"),
-    ({THETA: [[1.0, "inf", 1.0, 0.0]], "shape": [1, 4], "joints": None}, "theta must be finite"),
     ({THETA: [[1.0, 1.0, 1.0, 1.0]] * 2}, '"joints" and "theta" disagree: remove one of them'),
-    ({THETA: [[1.0, 1.0, 1.0, 1.0]], "shape": [1, 4]}, '"joints" and "theta" disagree'),
     ({"parameters": {"m1": "heavy"}}, "could not convert string to float: 'heavy'"),
     ({"parameters": {"m1": "inf"}}, "parameter 'm1' must be finite, not inf"),
     ({"parameters": [1.0]}, "'list' object has no attribute 'items'"),
@@ -168,7 +159,6 @@ def test_the_unchanged_document_is_none_of_these():
     [
         ({"coulomb": 0.1}, "joint 1: coulomb must be written as .*N m.*, not 0.1"),
         ({"coulomb": {"unit": "N m"}}, "joint 1: coulomb must be written as"),
-        ({"coulomb": {"value": "0.1"}}, "joint 1: coulomb must be written as"),
         ({"coulomb": {"value": True}}, "joint 1: coulomb must be written as"),
         ({"viscous": {"value": 1.0, "unit": "N m s/deg"}}, "viscous must be in 'N m s/rad', not"),
         ({"mass": {"value": 1.0}}, "joint 1 must have the parameters coulomb, peak, .* mass"),
@@ -198,7 +188,6 @@ def test_reading_leaves_the_document_as_it_was():
     ("content", "complaint"),
     [
         (b"{", "is no JSON"),
-        (b"", "is no JSON"),
         (b"\xff\xfe", "is no JSON"),
         (b"[1, 2]", "must hold a JSON object, it holds a list"),
     ],
@@ -272,20 +261,6 @@ def test_loss_of_the_disk_while_writing_is_named(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="No space left on device"):
         write_text(tmp_path / "model.json", "text")
     assert not any(tmp_path.iterdir())
-
-
-@dataclass(frozen=True)
-class Plain(NoFriction):
-    """A law without settings."""
-
-    names: ClassVar[tuple[str, ...]] = ("level",)
-    units: ClassVar[tuple[str, ...]] = ("N m",)
-
-
-def test_laws_need_no_settings(tmp_path):
-    save_model(Friction(Plain(), np.ones((1, 1))), tmp_path / "m.json", {"plain": Plain})
-    assert load_model(tmp_path / "m.json", {"plain": Plain}).law == Plain()
-    assert read_json(tmp_path / "m.json")["law"] == {"kind": "plain"}
 
 
 class Killed(BaseException):
