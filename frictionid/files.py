@@ -218,7 +218,7 @@ def file_names(names: Iterable[str]) -> dict[str, str]:
     return out
 
 
-Kind = Literal["comparisons", "data"]
+Kind = Literal["comparisons", "data", "machines"]
 
 
 def shipped(kind: Kind) -> Path:
@@ -233,16 +233,15 @@ def shipped(kind: Kind) -> Path:
 
 
 def shipped_names(kind: Kind) -> list[str]:
-    """Names of the suites, or of the data sets, that come with the package.
+    """Names of the suites, the data sets or the machines that come with the package.
 
     >>> "acrobot" in shipped_names("comparisons"), "acrobot_clean" in shipped_names("data")
     (True, True)
     """
-    pattern = {"comparisons": "*.toml", "data": "*/dataset.toml"}[kind]
+    pattern = {"comparisons": "*.toml", "data": "*/dataset.toml", "machines": "*.json"}[kind]
     folder = shipped(kind)
-    return sorted(
-        p.relative_to(folder).parts[0].removesuffix(".toml") for p in folder.glob(pattern)
-    )
+    names = (p.relative_to(folder).parts[0] for p in folder.glob(pattern))
+    return sorted(name.removesuffix(pattern[1:]) for name in names)
 
 
 def is_shipped(path: Path, kind: Kind) -> bool:
@@ -270,3 +269,26 @@ def suite_path(path: Path) -> Path:
     others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
     near = get_close_matches(str(path), [*others, *shipped_names("comparisons")], n=1)
     raise InputError(f"{path}: no such suite{f'; did you mean {near[0]}?' if near else ''}")
+
+
+def model_path(path: Path) -> Path:
+    """The path of a model file; `machine:NAME` is the card of a machine that comes along.
+
+    Raises
+    ------
+    InputError
+        For a machine that there is not, with the nearest one.
+
+    Examples
+    --------
+    >>> model_path(Path("machine:xl330_m1")).name
+    'xl330_m1.json'
+    """
+    kind, colon, name = str(path).partition(":")
+    if kind != "machine" or not colon:
+        return path
+    if name not in (names := shipped_names("machines")):
+        near = get_close_matches(name, names, n=1)
+        there = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+        raise InputError(f"{path}: no such machine; {there}")
+    return shipped("machines") / f"{name}.json"

@@ -314,7 +314,7 @@ class Fit:
 
     @property
     def _table(self) -> Any:
-        alone = self.method == "one_step" and self.friction.provenance.smoothing_bias is None
+        alone = self.friction.provenance.noise_alone and self.method == "one_step"
         return estimate_table(self._estimates, bounded=self._has_intervals, noise_alone=alone)
 
     @property
@@ -328,6 +328,8 @@ class Fit:
     @property
     def _headline(self) -> str:
         method = "one-step" if self.method == "one_step" else self.method.replace("_", " ")
+        if published := self.friction.provenance.source:
+            return f"{self.law}, {published}"
         if self.data is None:
             source = self.friction.provenance.dataset
             where = f" to {source!r}, from a file" if source else ", from a file"

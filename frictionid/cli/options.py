@@ -141,9 +141,9 @@ def _suite(path: Path) -> Path:
 def present(path: Path | None) -> Path | None:
     """The path of a file or folder that a command reads; InputError where there is none."""
     from frictionid.errors import InputError
-    from frictionid.files import regular_file
+    from frictionid.files import model_path, regular_file
 
-    if path is not None and not regular_file(path).exists():
+    if path is not None and not regular_file(model_path(path)).exists():
         raise InputError(f"{path}: no such file; correct the path")
     return path
 
@@ -189,7 +189,7 @@ OtherFolder = Annotated[
     Path | None,
     typer.Argument(help="A second one, to say what changed.", callback=_other_results),
 ]
-ModelPath = Annotated[Path, typer.Argument(help="Model file.", callback=present)]
+ModelPath = Annotated[Path, typer.Argument(help="Model file, or machine:NAME.", callback=present)]
 ModelPaths = Annotated[
     list[Path], typer.Argument(help="MODEL.json MODEL.json ...", callback=_models)
 ]

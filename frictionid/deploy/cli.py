@@ -68,8 +68,9 @@ def export(
     )
     if json:
         cost = None if done.cost is None else done.cost._asdict()
-        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "written": done.paths}
-        print(json_text(document), end="")
+        back = None if done.round_trip is None else done.round_trip._asdict()
+        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "round_trip": back}
+        print(json_text(document | {"written": done.paths}), end="")
         return
     for sentence in (*done.lost, *done.notes):
         print(sentence)

@@ -20,7 +20,7 @@ import numpy as np
 from frictionid.config import imported, unknown
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError, needs
-from frictionid.files import TEMPORARY, read_json, regular_file, write_bytes, write_json
+from frictionid.files import TEMPORARY, model_path, read_json, regular_file, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
 from frictionid.friction.bam_files import is_bam, read_bam
 
@@ -209,13 +209,14 @@ def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
     """Friction of a model file; its law must be named in `laws`.
 
     A file written by hand may leave out `theta` and give `joints` only. Parameter files of BAM are
-    read, too, see `bam_files`.
+    read, too, see `bam_files`; `machine:NAME` is a card, see `frictionid.machines`.
 
     Raises
     ------
     InputError
         With the file, the rule and the value.
     """
+    path = model_path(path)
     document = read_json(path)
     if is_bam(document):
         return read_bam(document, str(path))

@@ -11,15 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from frictionid.api.machines import card_of
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.deploy.export import FORMATS
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written, exported
 from frictionid.deploy.export.nearest import Cost, cost_of, cost_sentence
+from frictionid.deploy.export.round_trip import RoundTrip, sentence
 from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
-from frictionid.files import write_bytes
+from frictionid.files import model_path, write_bytes
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
@@ -32,12 +34,14 @@ class Exported(NamedTuple):
     lost : sentences; none where the target computes the same friction
     notes : sentences on what was changed in a file, and on what else to know
     cost : of the friction that the target holds, where it is another one and there are data
+    round_trip : the files run by their engine, where there is one, and data
     """
 
     paths: tuple[Path, ...]
     lost: tuple[str, ...]
     notes: tuple[str, ...] = ()
     cost: Cost | None = None
+    round_trip: RoundTrip | None = None
 
 
 def export(
@@ -55,7 +59,7 @@ def export(
 
     Parameters
     ----------
-    model : Fit, Friction, or path of a model file
+    model : Fit, Friction, card of a machine, or path of a model file ("machine:NAME" is a card)
     to : str
         The format, such as "c", "python" or "mujoco".
     out : str or Path
@@ -89,7 +93,9 @@ def export(
     dataset = data if data is None else dataset_of(data)
     if dataset is None:
         dataset = getattr(model, "data", None)
-    named = () if dataset is None else tuple(dataset.mechanism.friction_names)
+    card = card_of(model)
+    named = card.joints if card else ()
+    named = named if dataset is None else tuple(dataset.mechanism.friction_names)
     joints = chosen.joints or named
     friction = _at(friction_of(model), temperature)
     if named and len(named) != friction.n:
@@ -98,7 +104,7 @@ def export(
             "name the one that it was fitted to"
         )
     chosen = with_fields(chosen, stem=Path(out).stem)
-    prepared = exported(friction, joints, speeds, dataset)
+    prepared = exported(friction, joints, speeds, dataset, card)
     written = write(prepared, chosen)
     if chosen.randomise:
         samples = randomised(prepared, chosen.randomise, chosen.seed, _module(to, "held"))
@@ -106,12 +112,16 @@ def export(
     # the first file goes where the user says, the others beside it
     endings = list(written.files)[1:]
     paths = (Path(out), *(Path(out).with_name(chosen.stem + ending) for ending in endings))
-    read = [Path(path) for path in (model, chosen.into) if isinstance(path, str | Path)]
+    read = [model_path(Path(p)) for p in (model, chosen.into) if isinstance(p, str | Path)]
     check_outputs(paths, read, replace=replace)
     lost, cost = _lost(prepared, written)
+    replay, notes = _module(to, "replay"), written.notes
+    back = replay(prepared, written) if replay and dataset is not None else None
+    if back is not None:
+        notes = (*notes, sentence(back, prepared.horizon))
     for path, content in zip(paths, written.files.values(), strict=True):
         write_bytes(path, content)
-    return Exported(paths, lost, written.notes, cost)
+    return Exported(paths, lost, notes, cost, back)
 
 
 def _at(friction: Friction, temperature: float | None) -> Friction:
@@ -130,8 +140,8 @@ def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], C
     if written.held is None:
         return written.lost, None
     if model.data is None:
-        sentence = "name a data set (--dataset) to see what that costs in torque and after 1 s"
-        return (*written.lost, sentence), None
+        hint = "name a data set (--dataset) to see what that costs in torque and after 1 s"
+        return (*written.lost, hint), None
     cost = cost_of(model, written.held)
     return (*written.lost, cost_sentence(model, cost)), cost
 
@@ -269,6 +279,7 @@ def writer_of(name: str) -> Writer:
 def _module(name: str, part: str) -> Any:
     """What the module of a format has of a name, None where it has nothing.
 
-    `write` writes it; `held` gives the friction that a format can hold, where it does not hold all.
+    `write` writes it; `held` gives the friction that a format can hold, where it does not hold all;
+    `replay` runs what was written by its engine.
     """
     return getattr(import_module(f"frictionid.deploy.export.formats.{name}"), part, None)

@@ -11,8 +11,11 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from frictionid.api.machines import Machine
 from frictionid.arrays import Array
 from frictionid.config import check_settings
+from frictionid.data.calibration import calibrated_dataset
+from frictionid.data.position_control import PositionControl, position_control
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
@@ -20,6 +23,7 @@ from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside
+from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Operand, Program, Value
 from frictionid.programs.trace import traced
 
@@ -55,12 +59,22 @@ class ExportedFriction:
     joints : names of the parts with friction
     speeds : greatest speed of each part in the data [rad/s or m/s]; () where they are not known
     data : data set whose motion shows what a target loses, where it is at hand
+    mechanism : with friction's joints, where it is known; drive : position control of its motors
     """
 
     friction: Friction
     joints: tuple[str, ...]
     speeds: tuple[float, ...] = ()
     data: Dataset | None = None
+    mechanism: Mechanism | None = None
+    drive: PositionControl | None = None
+
+    @property
+    def driven(self) -> Mapping[str, int]:
+        """Names of the joints that motors drive, and their places."""
+        motors = (True,) * len(self.joints) if self.mechanism is None else self.mechanism.motors
+        pairs = enumerate(zip(self.joints, motors, strict=False))
+        return {name: j for j, (name, motor) in pairs if motor}
 
     @property
     def law(self) -> Law:
@@ -145,6 +159,7 @@ def exported(
     joints: Sequence[str] = (),
     speeds: Sequence[float] = (),
     data: Dataset | None = None,
+    card: Machine | None = None,
 ) -> ExportedFriction:
     """Friction to be exported, from a model.
 
@@ -154,6 +169,7 @@ def exported(
     joints : names of the parts with friction; "joint 1", "joint 2" ... where they are missing
     speeds : where known [rad/s or m/s]; by default those of the model's provenance
     data : data set, optional
+    card : of a machine, in place of a data set
 
     Raises
     ------
@@ -190,7 +206,24 @@ def exported(
     law = LinearOutside(friction.law, reach) if measured else friction.law
     # names stand in comments of code: on one line, whatever a file said
     names = tuple(" ".join(printable(name).split()) for name in names)
-    return ExportedFriction(replace(friction, law=law), names, measured, data)
+    mechanism, drive = (
+        (card.mechanism, card.drive) if card and not data else _driven(friction, data)
+    )
+    return ExportedFriction(replace(friction, law=law), names, measured, data, mechanism, drive)
+
+
+def _driven(
+    friction: Friction, data: Dataset | None
+) -> tuple[Mechanism | None, PositionControl | None]:
+    """Mechanism of the data, and position control of its first recording as it is calibrated."""
+    if data is None:
+        return None, None
+    if friction.calibration is not None:
+        data = calibrated_dataset(data, friction.calibration)
+    servo, motor = data.recordings[0].servo, friction.parameters
+    if servo is not None and "kt" in motor:
+        servo = servo.with_motor(motor["kt"], motor["R"])
+    return data.mechanism, None if servo is None else position_control(servo, data.mechanism.n)
 
 
 def _programs(friction: Friction) -> Programs:

@@ -15,10 +15,12 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import (
     CoulombViscous,
+    Dahl,
     FilmLag,
     GearLoad,
     LoadDependent,
     LuGre,
+    Quadratic,
     Stribeck,
 )
 from frictionid.mechanics import Plant, pendulum
@@ -157,25 +159,24 @@ def test_a_sliding_joint_has_the_models_torque(robot, law):
 
 
 def test_memory_advances_with_the_engines_steps(robot):
-    """Bristles of LuGre under a given motion: the callback's torque is the law's."""
-    theta = np.array([[0.1, 0.05, 0.5, 0.01, 1e-3, 1e-4, 1.0]] * 2)
-    law = LuGre()
-    theta = theta[:, : len(law.names)]
+    """The film under a given motion: the callback's torque is the law's."""
+    law, theta = FilmLag(), np.array([[0.1, 0.05, 0.5, 0.01, 0.02]] * 2)
     made = written(law, theta, robot)
     model, module = loaded(made)
     data, passive = mujoco.MjData(model), module.Friction(model)
     own = exported(Friction(law, theta), speeds=(5.0, 5.0)).friction
-    memory = None
+    memory, sharp = None, own.law.sharpened()
     for k in range(40):
         data.time, data.qvel[:] = 0.001 * k, [np.sin(0.3 * k), 2.0 * np.cos(0.2 * k)]
         data.qfrc_passive[:] = 0.0
         passive(model, data)
         x = Inputs(0 * data.qvel, data.qvel.copy(), 0 * data.qvel, 0 * data.qvel)
         if memory is None:
-            memory = own.law.start(theta, x)
+            memory = sharp.start(theta, x)
         else:
-            memory = own.law.advance(theta, x, memory, np.array([0.001]))
-        wanted = own.law.torque(theta, x, memory) - model.dof_damping * data.qvel
+            memory = sharp.advance(theta, x, memory, np.array([0.001]))
+        held = model.dof_damping * data.qvel + model.dof_frictionloss * np.sign(data.qvel)
+        wanted = sharp.torque(theta, x, memory) - held
         slides = np.abs(data.qvel) > 1e-4
         np.testing.assert_allclose(-data.qfrc_passive[slides], wanted[slides], rtol=1e-9)
 
@@ -211,7 +212,9 @@ MOTIONS = {
     "stribeck": Friction(Stribeck(), np.array([[0.1, 0.05, 0.5, 0.02]])),
     "arctan": Friction(CoulombViscous(width=0.3, shape="arctan"), np.array([[0.1, 0.02]])),
     "film_lag": Friction(FilmLag(), np.array([[0.05, 0.03, 0.5, 0.01, 0.02]])),
-    "lugre": Friction(LuGre(), np.array([[0.05, 0.03, 0.5, 0.01, 0.002, 0.1, 0.1]])),
+    "lugre": Friction(LuGre(), np.array([[0.05, 0.03, 0.5, 0.01, 0.002, 0.0, 0.1]])),
+    "dahl": Friction(Dahl(), np.array([[0.08, 0.01, 0.002]])),
+    "quadratic": Friction(Quadratic(), np.array([[0.1, 0.02, 0.01]])),
 }
 
 
@@ -221,7 +224,7 @@ def moved(made, u, step):
     model.opt.timestep = step
     data, out = mujoco.MjData(model), []
     data.qpos[0] = 0.5
-    mujoco.set_mjcb_passive(module.Friction(model))
+    mujoco.set_mjcb_passive(module.Friction(model) if vars(module).get("Friction") else None)
     try:
         for torque in u[:, 0]:
             data.ctrl[0] = torque
@@ -233,11 +236,12 @@ def moved(made, u, step):
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_motion_with_the_callback_is_ours_to_first_order_in_the_step(name, tmp_path):
+def test_motion_is_ours_to_first_order_in_the_step(name, tmp_path):
     """A second that stops, breaks away, and turns."""
     friction, path = MOTIONS[name], tmp_path / "pendulum.xml"
     path.write_text(mjcf_of(RIG))
     made = written(friction.law, friction.theta, path, ("joint 1",), (20.0,))
+    assert ("_callback.py" in made.files) == (name in ("stribeck", "arctan", "film_lag"))
     u = 0.6 * np.sin(0.04 * np.arange(100))[:, None]
     start = State(np.array([0.5]), np.array([0.0]))
     ours = rollout(Plant.from_parameters(RIG, {}), friction, start, u, np.full(100, 0.01)).q[1:, 0]

@@ -1,8 +1,7 @@
-"""Friction in MJCF, the format of MuJoCo: frictionloss and damping of joints, or a callback.
+"""Friction in MJCF, the format of MuJoCo, by its own elements, see `native`.
 
-MuJoCo's joints hold Coulomb friction (`frictionloss`, which holds a joint at rest, too) and viscous
-friction (`damping`). Friction of other laws is a passive force: a Python module beside the MJCF has
-the function for `mujoco.set_mjcb_passive`.
+Laws that these do not hold have frictionloss and damping of the nearest Coulomb and viscous
+friction, and a Python module beside the MJCF that adds what is missing, see `callback`.
 
 MuJoCo holds joints softly: a load below the level lets them creep, and by default each change of
 direction takes 20 ms (`solreffriction`), which put predictions of real swing-ups off by 0.010 rad
@@ -12,15 +11,26 @@ after 1 s. Written files ask for the hardest that the time step allows: 0.0005 r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
+from frictionid.deploy.export.callback import callback
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.formats import python
-from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
+from frictionid.deploy.export.native import (
+    bristles,
+    delay_of,
+    delay_values,
+    drive_values,
+    element,
+    held,
+    is_native,
+    joint_values,
+    lost_bristles,
+)
+from frictionid.deploy.export.nearest import differs, lost_by
+from frictionid.deploy.export.round_trip import RoundTrip, in_mujoco
 from frictionid.deploy.export.xml_text import (
     Element,
     by_name,
@@ -31,6 +41,7 @@ from frictionid.deploy.export.xml_text import (
     with_attributes,
 )
 from frictionid.errors import InputError
+from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mjcf_text import mjcf_of
 
@@ -78,130 +89,43 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     return values(solution.x)
 
 
-_CLASS = '''
-REST = 1e-4  # [rad/s]: slower joints have frictionloss alone
-LEVELS = {levels}  # frictionloss [N m] where it is constant
-
-
-class Friction:
-    """Friction of a model's joints as a passive force.
-
-    mujoco.set_mjcb_passive(Friction(model)): frictionloss is the break-away level, which holds a
-    joint at rest; this adds what the law's torque differs by from frictionloss and damping, so that
-    a sliding joint has the law's torque. The motor torque it follows is that of the step before.
-    """
-
-    def __init__(self, model):
-        self.model, self.memory, self.time = model, None, None
-        self.joints = [model.joint(name).id for name in JOINTS]
-        self.dofs = [int(model.jnt_dofadr[j]) for j in self.joints]
-        self.places = [int(model.jnt_qposadr[j]) for j in self.joints]
-        model.dof_frictionloss[self.dofs] = LEVELS
-
-    def __call__(self, model, data):
-        x = dict(
-            q=[float(v) for v in data.qpos[self.places]],
-            w=[float(v) for v in data.qvel[self.dofs]],
-            u=[float(v) for v in data.qfrc_actuator[self.dofs] + data.qfrc_applied[self.dofs]],
-        )
-{memory}        torques = torque({arguments})
-        levels = [float(v) for v in model.dof_frictionloss[self.dofs]]
-        for j, (dof, w) in enumerate(zip(self.dofs, x["w"])):
-            if abs(w) > REST:
-                held = levels[j] * (1.0 if w > 0.0 else -1.0) + float(model.dof_damping[dof]) * w
-                data.qfrc_passive[dof] -= torques[j] - held
-{levels_now}'''
-
-_MEMORY = """        if self.time is None or data.time < self.time:
-            self.memory, self.time = start({inputs}), data.time
-        elif data.time - self.time {when}:
-            self.memory = advance({inputs}, self.memory, data.time - self.time)
-            self.time = data.time
-"""
-
-# of a law that follows q or u: the level at this place, of the direction with less
-_NOW = """        both = [dict(x, w=[side * REST] * len(self.dofs)) for side in (1.0, -1.0)]
-        ahead, back = (torque({both}) for y in both)
-        model.dof_frictionloss[self.dofs] = [max(min(a, -b), 0.0) for a, b in zip(ahead, back)]
-"""
-
-
-def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
-    """The module, b"" where there is none, and a sentence that says what it does.
-
-    Memory advances with each step of the engine, or once a sample where the law says so.
-    """
-    law = model.friction.law.sharpened()
-    sharp = replace(model, friction=replace(model.friction, law=law))
-    try:
-        inputs, has_memory = sharp.programs.inputs, bool(sharp.programs.memory)
-    except InputError as error:
-        return b"", f"no callback: {error}"
-    if "load" in inputs:
-        return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
-    time = model.law.sample_time
-    when = "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}"
-    now, both = (", ".join(f'{x}["{name}"]' for name in inputs) for x in "xy")
-    follows = not has_memory and set(inputs) - {"w"}
-    code = _CLASS.format(
-        levels=[float(v) for v in break_away(model.friction)],
-        memory=_MEMORY.format(inputs=now, when=when) if has_memory else "",
-        arguments=f"{now}, self.memory" if has_memory else now,
-        levels_now=_NOW.format(both=both) if follows else "",
-    )
-    sentence = (
-        "the callback beside the MJCF computes the model's own torque of sliding joints, with "
-        "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"
-    )
-    return python.write(sharp, settings).files[".py"] + f"\n{code}".encode(), sentence
-
-
 # tendons stand for parts that turn with several joints, such as motors on moving links
 _PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}
 _DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default classes
 _KINDS = {"rad": "hinge", "m": "slide"}  # of joints, by the unit of their position
 _STATED = ("frictionloss", "damping", "armature")
 _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless refsafe is disabled
-held = nearest
+_FINE = 0.00025  # [s]: friction in MuJoCo errs with the first power of the step
+_STEP = 0.002  # [s], MuJoCo's where a file names none
+_KEPT = ("name", "class", "group", "joint", "ctrllimited", "ctrlrange")  # of a motor made a servo
+Change = tuple[int, int, bytes]
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
-    """An MJCF whose joints have the friction, and a callback where they cannot hold it."""
-    friction = nearest(model)
-    lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
-    if settings.into is None:
-        text, where, notes = _mechanism(model)
-        listed = elements(text, where)
-    else:
-        where, notes = str(settings.into), []
-        text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
+    """An MJCF whose joints have friction and drives, and a callback where it cannot hold a law."""
+    friction, native = held(model), is_native(model)
+    lost = lost_bristles(model)
+    if not native:
+        lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
+    text, listed, where, notes = _described(model, settings)
     joints = _joints(listed, model, where)
-    values = [
-        {"frictionloss": repr(float(level)), "damping": repr(float(slope))}
-        for level, slope in friction.theta
-    ]
-    if not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed):
-        for joint, new in zip(joints, values, strict=True):
-            if _inherited(joint, "solreffriction", listed) is None:
-                new["solreffriction"] = _HARD
+    values = _joint_values(friction, joints, listed)
     if settings.into is not None:
-        if (rotor := model.rotor) is not None:
-            values[0]["armature"] = repr(rotor)
-        for joint, new in zip(joints, values, strict=True):
-            before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
-            notes += stated_before(joint.name, before, new)
-        if any(e.tag == "include" or "file" in e.attributes for e in listed):
-            notes.append(
-                "the MJCF names other files: keep it in the folder of the one that it is made from"
-            )
+        values[0] |= {} if model.rotor is None else {"armature": repr(model.rotor)}
+        notes += _noted(joints, values, listed)
     if any("solreffriction" in new for new in values):
         notes.append(f'solreffriction="{_HARD}": friction is as hard as the time step allows')
     changes = [
         (joint.start, joint.end, with_attributes(text[joint.start : joint.end], new))
         for joint, new in zip(joints, values, strict=True)
     ]
-    files = {".xml": replaced(text, changes)}
-    if differs(model, friction):
+    driven, added, said = _drives(model, text, listed)
+    added += _bristles(friction, joints)
+    if added:
+        block = b"\n    ".join([b"  <actuator>", *added]) + b"\n  </actuator>\n"
+        changes.append((listed[0].close, listed[0].close, block))
+    files, notes = {".xml": replaced(text, changes + driven)}, notes + said
+    if not native and differs(model, friction):
         code, sentence = b"", "no callback: it adds friction to joints, not to tendons"
         if all(joint.tag == "joint" for joint in joints):
             code, sentence = callback(model, settings)
@@ -210,22 +134,123 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     return Written(files, tuple(lost), friction if lost else None, tuple(notes))
 
 
+def replay(model: ExportedFriction, written: Written) -> RoundTrip | None:
+    """How far predictions of the written file are from ours, without its callback."""
+    return in_mujoco(model, written.files[".xml"].decode())
+
+
+def _described(
+    model: ExportedFriction, settings: ExportSettings
+) -> tuple[bytes, list[Element], str, list[str]]:
+    """Text of the file, or of the mechanism, its elements, what it is, and notes."""
+    if settings.into is not None:
+        text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
+        return text, listed, str(settings.into), []
+    text, where, notes = _mechanism(model)
+    return text, elements(text, where), where, notes
+
+
+def _joint_values(
+    friction: Friction, joints: list[Element], listed: list[Element]
+) -> list[dict[str, str]]:
+    """New attributes of the joints."""
+    values = [joint_values(friction, j) for j in range(friction.n)]
+    if not any(e.tag == "flag" and e.attributes.get("refsafe") == "disable" for e in listed):
+        for joint, new in zip(joints, values, strict=True):
+            if _inherited(joint, "solreffriction", listed) is None:
+                new["solreffriction"] = _HARD
+    return values
+
+
+def _noted(joints: list[Element], values: list[dict[str, str]], listed: list[Element]) -> list[str]:
+    """Sentences on what stood in a file, and on where it has to stay."""
+    notes: list[str] = []
+    for joint, new in zip(joints, values, strict=True):
+        before = {name: _inherited(joint, name, listed) for name in _STATED if name in new}
+        notes += stated_before(joint.name, before, new)
+    if any(e.tag == "include" or "file" in e.attributes for e in listed):
+        notes.append(
+            "the MJCF names other files: keep it in the folder of the one that it is made from"
+        )
+    return notes
+
+
+def _drives(
+    model: ExportedFriction, text: bytes, listed: list[Element]
+) -> tuple[list[Change], list[bytes], list[str]]:
+    """Changed and new actuators of the joints' motors, and sentences on them."""
+    there = {
+        e.attributes["joint"]: e
+        for e in listed
+        if e.parent is not None and e.parent.tag == "actuator" and "joint" in e.attributes
+    }
+    steps = [e.attributes["timestep"] for e in listed if "timestep" in e.attributes]
+    delay = delay_of(model)
+    late = delay_values(delay, float(steps[0]) if steps else _STEP)
+    changes: list[Change] = []
+    added: list[bytes] = []
+    for name, j in model.driven.items():
+        values, e = drive_values(model, j), there.get(name)
+        if e is None:
+            new = {"name": name, "joint": name, **values, **late}
+            added += [element("general", new)] if model.drive is not None else []
+            continue
+        tag = text[e.start : e.end]
+        if values:
+            kept = {k: v for k, v in e.attributes.items() if k in _KEPT}
+            tag = element("general", {**kept, **values, **late})
+            changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
+        elif late:
+            changes.append((e.start, e.end, with_attributes(tag, late)))
+    return changes, added, _said(model, delay, bool(late and (changes or added)))
+
+
+def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
+    """Sentences on what the actuators do, and on what of a calibration they do not."""
+    notes = []
+    if model.drive is not None:
+        notes.append(
+            "the actuators are position control by the identified gains: ctrl is the target"
+        )
+    if is_late:
+        notes.append(f"controls act {1e3 * delay:.3g} ms late, by their history (MuJoCo 3.5)")
+    if delay < 0:
+        notes.append(f"controls would act {-1e3 * delay:.3g} ms early: MuJoCo cannot advance them")
+    calibration = model.friction.calibration
+    if calibration is not None and np.any(calibration.offset):
+        notes.append("angles are the true ones: logged ones less the calibration's offset")
+    return notes
+
+
+def _bristles(friction: Friction, joints: list[Element]) -> list[bytes]:
+    """Passive motors that hold the bristles of the joints."""
+    added = []
+    for j, joint in enumerate(joints):
+        if values := bristles(friction, j):
+            place = "joint" if joint.tag == "joint" else "tendon"
+            name = {"name": f"friction of {joint.name}", place: joint.name}
+            added.append(element("dcmotor", {**name, **values}))
+    return added
+
+
 def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
     """MJCF of the data's mechanism."""
-    if model.data is None:
+    mechanism, notes = model.mechanism, []
+    if mechanism is None:
         raise InputError(
             "mujoco: name the MJCF whose joints are given the friction (--into robot.xml), or the "
             "data set whose mechanism is written (--dataset)"
         )
-    mechanism, notes = model.data.mechanism, []
     parameters: Mapping[str, float] = model.friction.parameters
-    if (calibration := model.friction.calibration) is not None:
-        if calibration.base is not None:
-            parameters = physical_parameters(mechanism, calibration.base)
-            notes.append("masses and inertias are such that the model's base parameters hold")
-        notes.append("gain, bias, delay and offset of the calibration are not in the MJCF")
+    calibration = model.friction.calibration
+    if model.data is not None and calibration is not None and calibration.base is not None:
+        parameters = physical_parameters(mechanism, calibration.base)
+        notes.append("masses and inertias are such that the model's base parameters hold")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
-    return mjcf_of(mechanism, used).encode(), f"MJCF of {mechanism.kind}", notes
+    text = mjcf_of(mechanism, used, timestep=_FINE)
+    if bristles(model.friction, 0):  # whose exact solution the steps of RK4 do not take
+        text = text.replace('integrator="RK4"', 'integrator="implicitfast"')
+    return text.encode(), f"MJCF of {mechanism.kind}", notes
 
 
 def _joints(listed: list[Element], model: ExportedFriction, where: str) -> list[Element]:

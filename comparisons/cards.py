@@ -1,0 +1,272 @@
+"""Cards of identified machines, in machines/: one model file each, to simulate them by.
+
+    FRICTIONID_DATA=FOLDER python comparisons/cards.py [CARD ...]
+
+Every card is made by the defaults, from public recordings:
+
+- `quick`: laws by shooting, each on the same held-out recordings (or stretches of time), and the
+  one that the rule of the verdict chooses, fitted to what was compared;
+- arms whose controller is in no log: Coulomb and viscous friction by inverse dynamics, fitted to
+  the first 70 % of the motion and judged by the torque that is left on the rest;
+- a robot that follows targets: Coulomb and viscous friction by shooting, fitted to the first two
+  thirds and judged by a free run of the last third;
+- published models: as they stand, judged on our recordings. These may have been fitted to them.
+
+Without names all cards are made that are not there. Prints the table of docs/machine_cards.md and
+draws its picture.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import arms
+import numpy as np
+
+import frictionid as fid
+from frictionid.api.machines import Machine
+from frictionid.comparison.registry import LAWS
+from frictionid.data.joint_scales import norm_of
+from frictionid.data.readers.dataset import within
+from frictionid.data.recordings import Dataset
+from frictionid.deploy.export.exported import exported
+from frictionid.deploy.export.formats.mujoco import physical_parameters
+from frictionid.errors import InputError
+from frictionid.files import shipped, shipped_names, write_json
+from frictionid.friction import Friction
+from frictionid.friction.laws import NoFriction
+from frictionid.friction.model_files import load_model, model_document
+from frictionid.quickstart.quick_report import verdict
+from frictionid.report.figures.style import COLOURS, panel_grid, png
+
+DATA = Path(__file__).parent.parent / "data"
+PICTURE = DATA.parent / "docs" / "pictures" / "machine_cards.png"
+AHEAD = 0.5  # [s]
+
+
+class Card(NamedTuple):
+    """A machine: its title, data set, and how the model comes about.
+
+    file : of a published model, beside the data set
+    """
+
+    title: str
+    dataset: str
+    how: str = "quick"
+    file: str = ""
+
+
+CARDS = {
+    "xl330": Card(
+        "Dynamixel XL330-M288, a small servo; drive at firmware gain 100, kp in proportion",
+        "bam_xl330_whole",
+    ),
+    "dfki_c1": Card("double pendulum C.1 of DFKI, two AK80-6 drives", "dfki_c1"),
+    "dfki_a0": Card("double pendulum A.0 of DFKI, two AK80-6 drives", "dfki_a0"),
+    "emps": Card("electro-mechanical positioning system, a motor on a carriage", "emps"),
+    "simple_pendulum": Card("torque-limited pendulum of DFKI, direct drive", "simple_pendulum"),
+    "tx40": Card("Staubli TX40, an arm of six joints", "tx40", "arm"),
+    "tiago": Card("PAL Robotics TIAGo, four joints of the arm", "tiago", "arm"),
+    "go2": Card("Unitree Go2, a quadruped held in the air", "go2", "targets"),
+    "xl330_m1": Card("Dynamixel XL330-M288, BAM's M1", "bam_xl330_whole", "published", "m1"),
+    "xl330_m6": Card("Dynamixel XL330-M288, BAM's M6", "bam_xl330_whole", "published", "m6"),
+}
+
+
+class Held(NamedTuple):
+    """Error on motion that the judged fit has not seen, and without friction."""
+
+    error: float
+    without: float
+    unit: str
+    what: str
+
+
+def part(dataset: Dataset, first: float, last: float) -> Dataset:
+    """All recordings, from one share of their time to another."""
+    spans = [float(np.ptp(r.angle.time)) for r in dataset.recordings]
+    pairs = zip(dataset.recordings, spans, strict=True)
+    return replace(dataset, recordings=tuple(within(r, first * s, last * s) for r, s in pairs))
+
+
+def quick(dataset: Dataset) -> tuple[Friction, Held, str]:
+    """The law of the first verdict."""
+    result = fid.quick(dataset, lambda step: print("  ", step, flush=True))
+    assert result.chosen is not None and result.friction is not None
+    (without,) = (c.error for c in result.candidates if not c.parameters)
+    units = dataset.mechanism.position_units
+    unit = norm_of(np.zeros((1, len(units))), units, dataset.scales.size)[1]
+    what = f"median of predictions after {result.horizon:g} s, {result.folds} folds"
+    held = Held(result.chosen.error, without, unit, what)
+    friction = result.friction
+    if result.refined is not None:
+        friction = friction.noted({"refined": result.refined})
+    return friction, held, " ".join(verdict(result)[:1] + verdict(result)[2:])
+
+
+def arm(dataset: Dataset) -> tuple[Friction, Held, str]:
+    """Coulomb and viscous friction by inverse dynamics."""
+    (recording,) = dataset.recordings
+    until = arms.ARMS[dataset.name].until
+    train = within(recording, 0.0, until - float(recording.angle.time[0]))
+    names = ("coulomb_viscous", "none")
+    shares = {}
+    for name in names:
+        fit = fid.fit(replace(dataset, recordings=(train,)), name, method="inverse_dynamics")
+        e, u, clock = arms.left(arms.balances(dataset.name), fit)
+        shares[name] = 100 * arms.share(e, u, clock >= until)
+    held = Held(*shares.values(), "%", "of the torque is left on the last 30 %")
+    sentence = (
+        f"Coulomb and viscous friction leave {held.error:.1f} % of the torque, none "
+        f"{held.without:.1f} %."
+    )
+    return fid.fit(dataset, names[0], method="inverse_dynamics").friction, held, sentence
+
+
+def targets(dataset: Dataset) -> tuple[Friction, Held, str]:
+    """Coulomb and viscous friction of a machine that follows targets."""
+    first, last = part(dataset, 0, 2 / 3), part(dataset, 2 / 3, 1)
+    fit = fid.fit(first, "coulomb_viscous", method="shooting", sample_time=0.01)
+    errors = [free_run(fit, last), free_run(without_friction(fit.friction), last)]
+    held = Held(errors[0], errors[1], "rad", "RMS of a free run of the last third")
+    sentence = f"Coulomb and viscous friction of each joint; {held.error:.3g} rad off in free runs."
+    return fit.friction, held, sentence
+
+
+def without_friction(friction: Friction) -> Friction:
+    """The same machine without friction."""
+    return replace(friction, law=NoFriction(), theta=np.zeros((friction.n, 0)), constraints=None)
+
+
+def free_run(model: Any, dataset: Dataset) -> float:
+    """Root mean square [rad] of free runs of whole recordings, over all joints."""
+    runs = fid.predict(model, dataset, whole=True)
+    joints = range(1, dataset.mechanism.n + 1)
+    off = [runs[f"q{j}"] - runs[f"measured_q{j}"] for j in joints]
+    return float(np.sqrt(np.nanmean(np.square(off))))
+
+
+def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:
+    """A published model, judged on our recordings."""
+    friction = load_model(file, LAWS)
+    models = {"published": friction, "none": without_friction(friction)}
+    scores = fid.evaluate(models, dataset, [AHEAD])
+    rows = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
+    rows = rows[rows.joint == "all"].set_index("identifier")
+    what = f"median of predictions after {AHEAD:g} s"
+    error, without = (float(rows.value[name]) for name in models)
+    held = Held(error, without, str(rows.unit["published"]), what)
+    return friction, held, "As published, not fitted here."
+
+
+def made(name: str) -> dict[str, Any]:
+    """The document of a card."""
+    card = CARDS[name]
+    dataset = fid.load_dataset(DATA / card.dataset)
+    if card.how == "published":
+        file = DATA / "bam_xl330" / f"{card.file}.json"
+        friction, held, sentence = published(dataset, file)
+    else:
+        friction, held, sentence = {"quick": quick, "arm": arm, "targets": targets}[card.how](
+            dataset
+        )
+    mechanism, calibration = dataset.mechanism, friction.calibration
+    described = mechanism.kind in ("urdf", "mjcf")
+    values = {k: v for k, v in friction.parameters.items() if k in mechanism.nominal()}
+    if calibration is not None and calibration.base is not None and not described:
+        try:
+            values |= physical_parameters(mechanism, calibration.base)
+        except InputError as error:
+            sentence += f" {error}"
+    drive = exported(friction, data=dataset).drive
+    machine = {
+        "title": card.title,
+        "published": card.how == "published",
+        "joints": list(mechanism.friction_names),
+        "mechanism": {} if described else mechanism.with_values(values).table,
+        "drive": None if drive is None else drive._asdict(),
+        "held_out": held._asdict(),
+        "dataset": card.dataset,
+        "recordings": [r.name for r in dataset.recordings],
+        "seconds": round(sum(float(np.ptp(r.angle.time)) for r in dataset.recordings), 2),
+        **{key: dataset.origin.get(key, "") for key in ("origin", "licence", "citation")},
+        "verdict": sentence,
+    }
+    return {**model_document(small(friction), LAWS), "machine": machine}
+
+
+def small(friction: Friction) -> Friction:
+    """The friction with bands at a tenth of the velocities."""
+    refined = friction.provenance.refined
+    if refined is None or refined.bands is None:
+        return friction
+    bands = refined.bands
+    arrays = {k: v[::10] for k, v in bands._asdict().items() if isinstance(v, np.ndarray)}
+    return friction.noted({"refined": replace(refined, bands=bands._replace(**arrays))})
+
+
+# --- Page ----------------------------------------------------------------------------------------
+
+
+def table() -> Iterator[str]:
+    """The table of docs/machine_cards.md."""
+    yield "| card | machine | law | held out | without friction | of what | licence |"
+    yield "| --- | --- | --- | ---: | ---: | --- | --- |"
+    for name in shipped_names("machines"):
+        card = fid.machine(name)
+        held = card.held_out
+        law = card.fit.law + (", published" if card.published else "")
+        sizes = (f"{x:.3g} {held.unit}" for x in (held.error, held.without))
+        columns = (f"`{name}`", card.title, law, *sizes, held.what, card.licence)
+        yield f"| {' | '.join(columns)} |"
+
+
+def picture() -> Any:
+    """Friction over velocity of all machines, joints together, with 95 % bands where known."""
+    cards = [fid.machine(name) for name in shipped_names("machines")]
+    sets = list(dict.fromkeys(card.dataset for card in cards))
+    figure, panels = panel_grid(len(sets), 3, 2.2, 0.1)
+    for axes, dataset in zip(panels, sets, strict=True):
+        alike = [card for card in cards if card.dataset == dataset]
+        for k, card in enumerate(alike):
+            for j, joint in enumerate(card.joints):
+                label = card.name if len(alike) > 1 else joint.removesuffix("_joint")
+                draw(axes, card, j, COLOURS[(j + k) % len(COLOURS)], label)
+        units = alike[0].friction.position_units or ("rad",)
+        axes.set_title(dataset, loc="left")
+        axes.set_xlabel(f"velocity [{units[0]}/s]")
+        axes.set_ylabel("friction [N m]" if units[0] == "rad" else "friction [N]")
+        if len(alike) * len(alike[0].joints) <= 7:
+            axes.legend(fontsize=6)
+    return figure
+
+
+def draw(axes: Any, card: Machine, joint: int, colour: Any, label: str) -> None:
+    """One joint's curve and band."""
+    refined = card.friction.provenance.refined
+    speed = (*card.friction.provenance.speeds, 6.0)[joint if card.friction.provenance.speeds else 0]
+    w = np.linspace(-speed, speed, 201)
+    axes.plot(w, card.friction.curve(w)[:, joint], color=colour, linewidth=1.2, label=label)
+    if refined is not None and refined.bands is not None:
+        v, middle, half = (
+            np.asarray(x)[:, joint]
+            for x in (refined.bands.velocity, refined.bands.curve, refined.bands.pointwise)
+        )
+        axes.fill_between(v, middle - half, middle + half, color=colour, alpha=0.2, linewidth=0)
+
+
+def main(names: list[str]) -> None:
+    """Make cards, those that are not there without names."""
+    for name in names or [n for n in CARDS if not (shipped("machines") / f"{n}.json").exists()]:
+        print(name, flush=True)
+        write_json(shipped("machines") / f"{name}.json", made(name))
+    print(*table(), sep="\n")
+    PICTURE.write_bytes(png(picture))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,130 @@
+"""Friction, servos and delays as MJCF's own elements hold them: no code runs beside the file.
+
+Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial).
+A `dcmotor` without a motor holds the bristles of LuGre and Dahl, by the same exact solution as
+ours. A `general` actuator holds position control within a limit, gain and bias of a torque, and a
+delay of what it is told, read between steps from its history [MuJoCo2026].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from frictionid.deploy.export.exported import ExportedFriction
+from frictionid.deploy.export.nearest import nearest
+from frictionid.friction import Friction
+from frictionid.friction.laws import Dahl, LuGre, Quadratic
+
+# a motor without constants, as `dcmotor` needs some: its back-EMF is 1e-12 N m s/rad
+_NO_MOTOR = {"input": "none", "motorconst": "1e-06 1e-06", "resistance": "1.0"}
+
+
+def is_native(model: ExportedFriction) -> bool:
+    """Whether MJCF has elements for a law that is not Coulomb and viscous friction."""
+    law = model.law
+    return (
+        isinstance(law, Quadratic)
+        or (isinstance(law, Dahl) and not law.motor_load)
+        or (isinstance(law, LuGre) and law.symmetric)
+    )
+
+
+def held(model: ExportedFriction) -> Friction:
+    """The friction that MJCF holds: the model's own, without its continuation, else the nearest."""
+    if not is_native(model):
+        return nearest(model)
+    return replace(model.friction, law=model.law.sharpened())
+
+
+def joint_values(friction: Friction, j: int) -> dict[str, str]:
+    """Attributes of a joint: level, and damping by powers of the velocity.
+
+    >>> import numpy as np
+    >>> joint_values(Friction(Quadratic(), np.array([[0.1, 0.02, 0.003]])), 0)
+    {'frictionloss': '0.1', 'damping': '0.02 0.003'}
+    """
+    law, row = friction.law, [float(x) for x in friction.theta[j]]
+    if isinstance(law, Dahl | LuGre):
+        viscous = row[law.names.index("viscous")]
+        return {"frictionloss": "0.0", "damping": repr(viscous)}
+    return {"frictionloss": repr(row[0]), "damping": " ".join(map(repr, row[1:]))}
+
+
+def bristles(friction: Friction, j: int) -> dict[str, str]:
+    """Attributes of a `dcmotor` that holds bristles; none for laws without these."""
+    law = friction.law
+    if not isinstance(law, Dahl | LuGre):
+        return {}
+    values = dict(zip(law.names, map(float, friction.theta[j]), strict=True))
+    level = values["coulomb"]
+    top = level + values.get("peak", 0.0)
+    velocity = values.get("stribeck_velocity", 1.0)
+    numbers = (top / values["presliding"], values.get("damping", 0.0), level, top, velocity)
+    return {**_NO_MOTOR, "lugre": " ".join(map(repr, numbers))} if top else {}
+
+
+def lost_bristles(model: ExportedFriction) -> list[str]:
+    """A sentence on LuGre's damping, where there is some."""
+    if not isinstance(model.law, LuGre) or not model.friction.theta[:, -2].any():
+        return []
+    return ["dcmotor's bristles have one damping, the model's fades with the speed"]
+
+
+def drive_values(model: ExportedFriction, j: int) -> dict[str, str]:
+    """Attributes of a `general` actuator for a joint's motor; none where `motor` is the same.
+
+    Its control is the target of a servo, which is delayed, else the logged torque.
+    """
+    drive, calibration = model.drive, model.friction.calibration
+    values: dict[str, str] = {}
+    if drive is not None:
+        kp, kv, limit, back_emf, bias = (
+            float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.back_emf, drive.bias)
+        )
+        values |= _affine(kp, (bias, -kp, -kv))
+        if math.isfinite(limit):
+            values["forcerange"] = f"{bias - limit!r} {bias + limit!r}"
+        if back_emf:
+            values["damping"] = repr(back_emf)
+    elif calibration is not None:
+        gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
+        values |= _affine(gain, (bias, 0.0, 0.0)) if (gain, bias) != (1.0, 0.0) else {}
+    return values
+
+
+def _affine(gain: float, bias: tuple[float, float, float]) -> dict[str, str]:
+    """Attributes of the force gain u + bias (1, q, w)."""
+    numbers = " ".join(map(repr, bias))
+    return {"gainprm": repr(gain), "biastype": "affine", "biasprm": numbers}
+
+
+def delay_of(model: ExportedFriction) -> float:
+    """Delay [s] of what actuators are told: of a servo's targets, else of the torque."""
+    calibration = model.friction.calibration
+    if model.drive is not None:
+        return float(model.drive.delay)
+    return 0.0 if calibration is None else float(calibration.delay)
+
+
+def delay_values(delay: float, timestep: float) -> dict[str, str]:
+    """Attributes of an actuator whose control acts later, at steps of `timestep` [s] or more.
+
+    >>> delay_values(0.0031, 0.001)
+    {'delay': '0.0031', 'nsample': '5', 'interp': 'linear'}
+    """
+    if delay <= 0:
+        return {}
+    samples = math.ceil(delay / timestep - 1e-9) + 1
+    return {"delay": repr(delay), "nsample": str(samples), "interp": "linear"}
+
+
+def element(tag: str, values: Mapping[str, str]) -> bytes:
+    """An empty element with attributes."""
+    from xml.sax.saxutils import quoteattr
+
+    text = "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
+    return f"<{tag}{text}/>".encode()

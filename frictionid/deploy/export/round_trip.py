@@ -1,0 +1,166 @@
+"""Written files run by their engine, beside our own predictions of the recorded motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.joint_scales import joint_sizes, norm_of
+from frictionid.data.recordings import Recording
+from frictionid.data.signals import Signal, holds, sample
+from frictionid.deploy.export.exported import ExportedFriction
+from frictionid.deploy.export.nearest import at_horizon, reaching
+from frictionid.evaluation.initial_states import InitialStates
+from frictionid.evaluation.predicted_motion import predict
+
+_MOST = 48  # predictions
+
+
+class RoundTrip(NamedTuple):
+    """An engine's predictions beside ours.
+
+    apart, median : distance at the horizon, in `unit`: mean, which a joint that just misses
+        upright rules, and median; error, ours : median errors of both
+    predictions : their number; engine : its name and version
+    """
+
+    apart: float
+    median: float
+    error: float
+    ours: float
+    unit: str
+    predictions: int
+    engine: str
+
+
+def in_mujoco(model: ExportedFriction, xml: str) -> RoundTrip | None:
+    """An MJCF replayed from the states that a filter estimates, under what was logged.
+
+    Actuators get the logged targets of servos, else the logged torques; gain, bias and delay are
+    the file's. None without data, without MuJoCo, and where the file has no such joints.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        return None
+    data = model.prepared
+    if data is None or model.data is None:
+        return None
+    initial = _alike(model, reaching(data.initial_states))
+    if not len(initial.q):
+        return None
+    copies = np.zeros(len(initial.q), dtype=int)
+    plant = data.plant[initial.recording]
+    ours = at_horizon(predict(plant, model.friction[None][copies], initial).q, initial)
+    engine = replayed(mujoco.MjModel.from_xml_string(xml), model, initial)
+    measured = at_horizon(initial.measured, initial)
+    units = data.position_units
+    sizes = joint_sizes(units, data.initial_states.measured)
+    pairs = ((engine, ours), (engine, measured), (ours, measured))
+    norms = [norm_of(a - b, units, sizes) for a, b in pairs]
+    # a motion that has diverged is far away, no number that is left out
+    apart, *errors = (np.nan_to_num(norm, nan=np.inf) for norm, _ in norms)
+    median, error, error_of_ours = (float(np.median(x)) for x in (apart, *errors))
+    engine_name = f"MuJoCo {mujoco.__version__}"
+    return RoundTrip(
+        float(apart.mean()), median, error, error_of_ours, norms[0][1], len(ours), engine_name
+    )
+
+
+def sentence(back: RoundTrip, horizon: float) -> str:
+    """The comparison in words.
+
+    >>> sentence(RoundTrip(0.0009, 0.0002, 0.073, 0.072, "rad", 48, "MuJoCo 4.0.0"), 1.0)
+    'run as it is in MuJoCo 4.0.0, it is 0.0009 rad from our predictions after 1 s (mean of 48; \
+median 0.0002), and errs by 0.073 where ours err by 0.072'
+    """
+    return (
+        f"run as it is in {back.engine}, it is {back.apart:.2g} {back.unit} from our predictions "
+        f"after {horizon:g} s (mean of {back.predictions}; median {back.median:.2g}), and errs by "
+        f"{back.error:.3g} where ours err by {back.ours:.3g}"
+    )
+
+
+def _alike(model: ExportedFriction, initial: InitialStates) -> InitialStates:
+    """Starts whose machine is that of the file: servos connected, with the first one's gains."""
+    assert model.data is not None
+    first, rows = model.data.recordings[0], []
+    for s, r in enumerate(initial.recording):
+        recording = model.data.recordings[r]
+        clock = _clock(initial, s)
+        alike = recording.parameters == first.parameters
+        if recording.servo is not None and first.servo is not None:
+            alike &= bool(np.all(recording.servo.gain == first.servo.gain))
+            alike &= bool(recording.servo.connected(clock).all())
+        rows += [s] if alike else []
+    most = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(int))
+    return initial.take(np.array(rows, dtype=int)[most] if rows else np.array([], dtype=int))
+
+
+def _clock(initial: InitialStates, s: int) -> Array:
+    """Times [s] of a prediction's samples, by the recording's clock."""
+    assert initial.time is not None
+    steps = initial.dt[: initial.last[-1, s], s]
+    return np.asarray(initial.time[s] + np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def replayed(engine: Any, model: ExportedFriction, initial: InitialStates) -> Array:
+    """Angles (S, n) at the horizon, by the engine's steps, shortened to end there."""
+    import mujoco
+
+    assert model.data is not None
+    joints = [engine.joint(name) for name in model.joints[: initial.q.shape[1]]]
+    places, dofs = ([int(getattr(j, x)[0]) for j in joints] for x in ("qposadr", "dofadr"))
+    place = {joint.id: k for k, joint in enumerate(joints)}
+    told = np.flatnonzero(engine.actuator_ctrlnum == 1)
+    pairs = [(int(a), place[j]) for a in told if (j := int(engine.actuator_trnid[a, 0])) in place]
+    step, out, state = float(engine.opt.timestep), np.empty_like(initial.q), mujoco.MjData(engine)
+    for s in range(len(initial.q)):
+        recording = model.data.recordings[initial.recording[s]]
+        clock = _clock(initial, s)
+        count = int(np.ceil((clock[-1] - clock[0]) / step - 1e-9))
+        engine.opt.timestep = (clock[-1] - clock[0]) / count
+        mujoco.mj_resetData(engine, state)
+        state.qpos[places], state.qvel[dofs] = initial.q[s], initial.w[s]
+        _run(engine, state, pairs, logged(model, recording), clock[0], count)
+        out[s] = state.qpos[places]
+    return out
+
+
+def _run(
+    engine: Any,
+    state: Any,
+    pairs: Sequence[tuple[int, int]],
+    control: Signal,
+    begin: float,
+    count: int,
+) -> None:
+    """So many steps under a logged control; its history is what was logged before."""
+    import mujoco
+
+    dt = engine.opt.timestep
+    for actuator, j in pairs:
+        length = int(engine.actuator_history[actuator, 0])
+        if length:
+            before = dt * np.arange(-length, 0)
+            values = sample(control, begin + before)[:, j : j + 1]
+            mujoco.mj_initCtrlHistory(engine, state, actuator, before, np.ascontiguousarray(values))
+    late = any(engine.actuator_history[actuator, 0] for actuator, _ in pairs)
+    middle = 0.0 if late or holds(control) else 0.5
+    values = sample(control, begin + dt * (np.arange(count) + middle))
+    for row in values:
+        for actuator, j in pairs:
+            state.ctrl[engine.actuator_ctrladr[actuator]] = row[j]
+        mujoco.mj_step(engine, state)
+
+
+def logged(model: ExportedFriction, recording: Recording) -> Signal:
+    """What the actuators are told: logged targets in the calibration's angles, else torques."""
+    servo, calibration = recording.servo, model.friction.calibration
+    if model.drive is None or servo is None:
+        return recording.torque
+    offset = 0.0 if calibration is None else calibration.offset
+    return servo.goal._replace(value=servo.goal.value - offset)
