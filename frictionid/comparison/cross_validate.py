@@ -35,6 +35,7 @@ from frictionid.evaluation import (
     score_model,
     score_value,
     speeds,
+    torque_example,
     trajectory_folds,
     with_speeds,
 )
@@ -89,7 +90,8 @@ class Result(NamedTuple):
     velocities (V, n) of `grid`; `refined` is the result of shooting for all data. `loops` are of
     the folds and of all data. `members` (N, V, n) are curves of the N members of an ensemble of all
     data, none where it is no ensemble. `beyond` is what the friction of the folds and, last, of all
-    data says where no motion was recorded; None of black boxes.
+    data says where no motion was recorded; None of black boxes. `torque` is measured and modelled
+    torque over time, of all data; None where none was measured.
     """
 
     scores: pd.DataFrame
@@ -105,6 +107,7 @@ class Result(NamedTuple):
     members: Array | None = None
     beyond: Beyond | None = None
     errors: HorizonErrors | None = None
+    torque: Mapping[str, Any] | None = None
 
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
@@ -238,6 +241,7 @@ def score(
         loops=_loops(friction, prepared, benchmark.protocol),
         members=members,
         errors=errors,
+        torque=torque_example(overall, shared.prepared),
         beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
     )
 

@@ -273,6 +273,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop.document() for loop in result.loops],
         "errors": result.errors and _rounded(result.errors),
+        "torque": result.torque,
     }
 
 

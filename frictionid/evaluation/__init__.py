@@ -48,6 +48,7 @@ from frictionid.evaluation.scoring import (
     one_step_scores,
     score_folds,
     score_model,
+    torque_example,
     torque_left,
 )
 from frictionid.evaluation.torque_left import torque_frame

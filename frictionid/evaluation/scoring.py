@@ -43,7 +43,13 @@ from frictionid.evaluation.prepared import (
     with_calibration,
 )
 from frictionid.evaluation.score_frame import Score, score_frame, summarise
-from frictionid.evaluation.torque_left import NOMINAL, has_torque, row_torques, torque_scores
+from frictionid.evaluation.torque_left import (
+    NOMINAL,
+    has_torque,
+    row_torques,
+    torque_parts,
+    torque_scores,
+)
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own
@@ -219,13 +225,30 @@ def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
     """
     if friction.mechanism or not has_torque(prepared.dataset):
         return
-    data = with_calibration(prepared_for(prepared, friction), friction.calibration)
-    problem, n = data.integral, data.plant.n
-    residual = problem.residual(along(friction, problem.nodes))[:, :n]
+    problem, residual = _balance(friction, prepared)
     every = np.zeros(len(residual), dtype=int)
     torque = row_torques(problem, residual, every == 0)
-    yield from torque_scores(torque, problem, every, data.plant.mechanism)
+    yield from torque_scores(torque, problem, every, prepared.plant.mechanism)
     yield from nominal_torque_scores(prepared)
+
+
+def torque_example(friction: Friction, prepared: Prepared) -> dict[str, Any] | None:
+    """Torque over time, measured and by one friction (n, P); None where none was measured.
+
+    Parameters as in `torque_left`.
+    """
+    if friction.mechanism or not has_torque(prepared.dataset):
+        return None
+    problem, residual = _balance(friction, prepared)
+    name = prepared.dataset.recordings[0].name
+    return {"recording": name, **torque_parts(problem, residual)}
+
+
+def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
+    """The momentum balance of data corrected for a friction (n, P), and what it leaves (K, n)."""
+    data = with_calibration(prepared_for(prepared, friction), friction.calibration)
+    problem = data.integral
+    return problem, problem.residual(along(friction, problem.nodes))[:, : data.plant.n]
 
 
 def _held_out_rows(problem: Problem, folds: Folds) -> Array:

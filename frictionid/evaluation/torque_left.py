@@ -26,6 +26,7 @@ from frictionid.mechanics import Mechanism
 
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
 _WINDOW = 0.05  # [s]
+_SHOWN, _SPANS = 8.0, 240  # [s] about the middle of a recording, and spans in it
 _COMPLETE = 0.5  # of the usual length: shorter windows, at gaps and ends of folds, do not count
 
 
@@ -68,6 +69,31 @@ def torque_scores(
         value = _together((mean[:, rows] ** 2).sum(axis=1), mixed)
         if np.isfinite(value):
             yield Score(label, name, "share", value=value)
+
+
+def torque_parts(problem: Problem, residual: Array) -> dict[str, Array]:
+    """Torques (T, n) [N m] at times (T,) [s] of the first recording, means over equal spans.
+
+    time, measured; model : by rigid bodies and friction, rigid : by rigid bodies alone
+
+    residual : (K, n) of the momentum balance
+    """
+    rows = problem.recording == 0
+    n, time, dt = residual.shape[-1], problem.time[rows], problem.dt[rows]
+    left, measured = row_torques(problem, residual[rows], rows)
+    friction_and_left, _ = row_torques(problem, problem.r[rows, :n], rows)
+    middle, half = float(np.mean(time[[0, -1]])), _SHOWN / 2
+    span = np.floor((time - middle + half) / (_SHOWN / _SPANS)).astype(int)
+    inside = (span >= 0) & (span < _SPANS)
+    span, weight = span[inside], dt[inside]
+    length = np.bincount(span, weight, _SPANS)
+    some = length > 0
+    parts = {"measured": measured, "model": measured - left, "rigid": measured - friction_and_left}
+    out = {"time": np.bincount(span, weight * time[inside], _SPANS)[some] / length[some]}
+    for name, values in parts.items():
+        sums = [np.bincount(span, weight * v, _SPANS)[some] for v in values[inside].T]
+        out[name] = np.stack(sums, axis=-1) / length[some, None]
+    return out
 
 
 def _together(squares: Array, mixed: bool) -> float:

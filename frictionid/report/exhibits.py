@@ -10,7 +10,11 @@ import pandas as pd
 from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
-from frictionid.report.figures.first_screen import errors_of_models, friction_of_the_choice
+from frictionid.report.figures.first_screen import (
+    errors_of_models,
+    friction_of_the_choice,
+    torque_over_time,
+)
 from frictionid.report.figures.fits import correlation, correlation_caption
 from frictionid.report.figures.motion import example_motions, motions, speed_table, velocity_scatter
 from frictionid.report.figures.scores import (
@@ -203,6 +207,11 @@ FITTED: Mapping[str, tuple[Draw, str]] = {
         "One-step losses on {dataset} over the folds: median, quartiles, range, mean (diamond).",
     ),
     "rollouts": (rollout_errors, "Rollout errors over the horizon, fitted on {dataset}."),
+    "torque": (
+        torque_over_time,
+        "Torque of {dataset} over time: measured, by {chosen} fitted to all data, and without its "
+        "friction.",
+    ),
     "tradeoff": (
         loss_against,
         "Errors of prediction and of the friction curve over the one-step loss, {dataset}, held "

@@ -124,6 +124,7 @@ class Model:
     motions, examples : predictions from the same starts as others', and from its own best, median
         and worst start
     errors : of held-out predictions, see `frictionid.evaluation.HorizonErrors`
+    torque : over time, measured and modelled, see `frictionid.evaluation.torque_left.torque_parts`
     """
 
     task: int
@@ -145,6 +146,7 @@ class Model:
     beyond: Mapping[str, Any] = field(default_factory=dict)
     examples: Sequence[Mapping[str, Any]] = ()
     errors: Mapping[str, Any] = field(default_factory=dict)
+    torque: Mapping[str, Any] = field(default_factory=dict)
 
     def start_errors(self, horizon: float) -> StartErrors:
         """Errors of held-out predictions after a horizon [s]; none where they are not on record."""
@@ -334,6 +336,7 @@ def _model(
         motions=[motion for motion in task["motions"] if "place" not in motion],
         examples=[motion for motion in task["motions"] if "place" in motion],
         errors=task.get("errors") or {},
+        torque=task.get("torque") or {},
         theta=theta,
         document=task["model"],
         settings=task["settings"],

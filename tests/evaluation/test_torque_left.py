@@ -7,7 +7,14 @@ from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
-from frictionid.evaluation import EstimatedStates, Prepared, Protocol, torque_frame, torque_left
+from frictionid.evaluation import (
+    EstimatedStates,
+    Prepared,
+    Protocol,
+    torque_example,
+    torque_frame,
+    torque_left,
+)
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction
@@ -54,6 +61,20 @@ def test_what_is_missing_in_one_joint_is_left_there(data):
     assert (frame["left"][["1", "3"]] < NOISE).all()
     squares = (frame["left_rms"][:3] ** 2).sum() / (frame["measured_rms"][:3] ** 2).sum()
     assert frame["left"]["all"] ** 2 == pytest.approx(squares, rel=0.1)  # joints slide at all times
+
+
+def test_the_shown_torque_is_measured_and_friction_fills_the_rest(data):
+    """With the true friction the model is the measured torque, with that friction in it."""
+    prepared = Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
+    shown = torque_example(Friction(CoulombViscous(), TRUTH), prepared)
+    measured, model, rigid = (shown[name] for name in ("measured", "model", "rigid"))
+    usual = np.sqrt((measured**2).mean(axis=0))
+    assert (np.median(np.abs(measured - model), axis=0) < NOISE * usual).all()
+    w = EstimatedStates(data).by(INTEGRAL.states)[0]
+    at = np.stack([np.interp(shown["time"], w.time, column) for column in w.w.T], axis=1)
+    v = at @ data.mechanism.friction_map.T
+    friction = (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ data.mechanism.friction_map
+    assert (np.median(np.abs(model - rigid - friction), axis=0) < 0.05 * usual).all()
 
 
 def test_fit_evaluation_and_comparison_say_the_same(data):

@@ -12,7 +12,11 @@ from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loop
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
 from frictionid.report.figures.curves import curve_and_band, friction_curves
-from frictionid.report.figures.first_screen import errors_of_models, friction_of_the_choice
+from frictionid.report.figures.first_screen import (
+    errors_of_models,
+    friction_of_the_choice,
+    torque_over_time,
+)
 from frictionid.report.figures.scores import loss_against
 from frictionid.report.figures.style import drawing, styles
 from frictionid.report.memory import loop_pictures
@@ -114,3 +118,15 @@ def test_no_band_is_clipped(tmp_path):
     _, curve, half = curve_and_band(own.models[0], own.description, 0)
     assert np.nanmax(half) > np.abs(curve).max()
     assert low <= np.nanmin(curve - half) and np.nanmax(curve + half) <= high
+
+
+def test_torque_is_drawn_as_measured_as_modelled_and_without_friction(tmp_path):
+    time = np.linspace(0.0, 1.0, 11)
+    rigid = np.sin(6.0 * time)[:, None]
+    torque = {"recording": "run", "time": time, "measured": rigid + 0.3, "model": rigid + 0.2}
+    own = section(tmp_path, ("one", "integral"), torque=torque | {"rigid": rigid})
+    (axis,) = torque_over_time(own, styles(own.models)).axes
+    drawn = [line.get_ydata() for line in axis.get_lines()]
+    np.testing.assert_allclose(drawn, [rigid[:, 0] + up for up in (0.3, 0.2, 0.0)])
+    none = section(tmp_path / "none", ("one", "integral"))
+    assert torque_over_time(none, styles(none.models)) is None

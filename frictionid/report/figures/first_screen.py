@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.report.figures.curves import curve_and_band
+from frictionid.report.figures.motion import MEASURED
 from frictionid.report.figures.style import (
     DARK,
     DASHED,
@@ -172,3 +173,32 @@ def _scale(axis: Any, shown: Sequence[Candidate]) -> None:
     axis.grid(axis="x", **GRID)
     axis.set_axisbelow(True)
     axis.tick_params(axis="y", length=0)
+
+
+def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Measured torque of each joint over time, and that of the model that the verdict names.
+
+    What lies between rigid bodies alone and the whole model is friction. None without torques.
+    """
+    chosen, data = chosen_of(section, verdict_of(section)), section.description
+    if chosen is None or not chosen.torque:
+        return None
+    time, *parts = (np.asarray(chosen.torque[k]) for k in ("time", "measured", "model", "rigid"))
+    joints, colour = parts[0].shape[1], styles[chosen.label].colour
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"color": MEASURED, "linewidth": 3.5},
+        "rigid bodies and friction": {"color": colour, "linewidth": 1.1},
+        "rigid bodies alone": {"color": DARK, "linewidth": 0.8, "linestyle": DASHED},
+    }
+    picture = figure(0.7 + 0.75 * joints, WIDTH)
+    axes = picture.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
+    for joint, axis in enumerate(axes):
+        for values, look in zip(parts, looks.values(), strict=True):
+            axis.plot(time, values[:, joint], **look)
+        axis.set_ylabel(f"{plain(data.joints[joint])}\n[{data.torque_units[joint]}]")
+        axis.margins(x=0)
+        axis.grid(**GRID)
+    picture.align_ylabels(axes)
+    key_above(picture, {name: line(**look) for name, look in looks.items()})
+    picture.supxlabel(f"time [s], {plain(chosen.torque['recording'])}", fontsize=8)
+    return picture
