@@ -44,11 +44,13 @@ from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_
 from frictionid.evaluation.scoring import (
     Evaluation,
     held_out_residual,
-    nominal_torque_scores,
     one_step_scores,
     score_folds,
     score_model,
+)
+from frictionid.evaluation.torque_left import (
+    nominal_torque_scores,
     torque_example,
+    torque_frame,
     torque_left,
 )
-from frictionid.evaluation.torque_left import torque_frame

@@ -39,17 +39,9 @@ from frictionid.evaluation.prepared import (
     CalibratedView,
     Prepared,
     calibrated_views,
-    prepared_for,
-    with_calibration,
 )
 from frictionid.evaluation.score_frame import Score, score_frame, summarise
-from frictionid.evaluation.torque_left import (
-    NOMINAL,
-    has_torque,
-    row_torques,
-    torque_parts,
-    torque_scores,
-)
+from frictionid.evaluation.torque_left import has_torque, row_torques, torque_scores
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own
@@ -202,53 +194,6 @@ def score_model(friction: Friction, prepared: Prepared) -> Evaluation:
     rows, motions, errors = _scored(model, friction, prepared, everything)
     pooled = [row for row in rows if row.fold == "all"]
     return Evaluation(score_frame(pooled), [{**m, "friction_of": "all"} for m in motions], errors)
-
-
-def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Iterator[Score]:
-    """Torque that the mechanism leaves without friction, see `frictionid.evaluation.torque_left`.
-
-    prepared : the uncorrected data; folds : on the rows that they hold out, on all by default
-    """
-    problem, mechanism = prepared.integral, prepared.plant.mechanism
-    if has_torque(prepared.dataset):
-        held = np.zeros(len(problem.r), dtype=int)
-        held = held if folds is None else _held_out_rows(problem, folds)
-        torque = row_torques(problem, problem.r[:, : mechanism.n], held >= -1)
-        scores = torque_scores(torque, problem, held, mechanism, NOMINAL)
-        yield from (score for score in scores if score.score == NOMINAL and score.fold == "all")
-
-
-def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
-    """Torque that one friction (n, P) leaves of data, and that of the mechanism without friction.
-
-    Parameters as in `score_model`; `prepared` is the uncorrected data.
-    """
-    if friction.mechanism or not has_torque(prepared.dataset):
-        return
-    problem, residual = _balance(friction, prepared)
-    every = np.zeros(len(residual), dtype=int)
-    torque = row_torques(problem, residual, every == 0)
-    yield from torque_scores(torque, problem, every, prepared.plant.mechanism)
-    yield from nominal_torque_scores(prepared)
-
-
-def torque_example(friction: Friction, prepared: Prepared) -> dict[str, Any] | None:
-    """Torque over time, measured and by one friction (n, P); None where none was measured.
-
-    Parameters as in `torque_left`.
-    """
-    if friction.mechanism or not has_torque(prepared.dataset):
-        return None
-    problem, residual = _balance(friction, prepared)
-    name = prepared.dataset.recordings[0].name
-    return {"recording": name, **torque_parts(problem, residual)}
-
-
-def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
-    """The momentum balance of data corrected for a friction (n, P), and what it leaves (K, n)."""
-    data = with_calibration(prepared_for(prepared, friction), friction.calibration)
-    problem = data.integral
-    return problem, problem.residual(along(friction, problem.nodes))[:, : data.plant.n]
 
 
 def _held_out_rows(problem: Problem, folds: Folds) -> Array:

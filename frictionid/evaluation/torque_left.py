@@ -20,8 +20,11 @@ import pandas as pd
 from frictionid.arrays import Array, solve
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
+from frictionid.evaluation.folds import Folds
+from frictionid.evaluation.prepared import Prepared, prepared_for, with_calibration
 from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.one_step.residual import Problem, stiction_mask
+from frictionid.friction import Friction, along
 from frictionid.mechanics import Mechanism
 
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
@@ -87,12 +90,12 @@ def torque_parts(problem: Problem, residual: Array) -> dict[str, Array]:
     inside = (span >= 0) & (span < _SPANS)
     span, weight = span[inside], dt[inside]
     length = np.bincount(span, weight, _SPANS)
-    some = length > 0
+    filled = length > 0
     parts = {"measured": measured, "model": measured - left, "rigid": measured - friction_and_left}
-    out = {"time": np.bincount(span, weight * time[inside], _SPANS)[some] / length[some]}
+    out = {"time": np.bincount(span, weight * time[inside], _SPANS)[filled] / length[filled]}
     for name, values in parts.items():
-        sums = [np.bincount(span, weight * v, _SPANS)[some] for v in values[inside].T]
-        out[name] = np.stack(sums, axis=-1) / length[some, None]
+        sums = [np.bincount(span, weight * v, _SPANS)[filled] for v in values[inside].T]
+        out[name] = np.stack(sums, axis=-1) / length[filled, None]
     return out
 
 
@@ -123,6 +126,53 @@ def _windows(
     np.logical_and.at(counts, place, ~rests[rows])
     counts &= (length >= _COMPLETE * np.median(length))[:, None]
     return sums / length[:, None], counts, windows[:, 0]
+
+
+def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Iterator[Score]:
+    """Torque that the mechanism leaves without friction, see `frictionid.evaluation.torque_left`.
+
+    prepared : the uncorrected data; folds : on the rows that they hold out, on all by default
+    """
+    problem, mechanism = prepared.integral, prepared.plant.mechanism
+    if has_torque(prepared.dataset):
+        held = np.zeros(len(problem.r), dtype=int)
+        held = held if folds is None else folds.held_out(problem.recording, problem.time)
+        torque = row_torques(problem, problem.r[:, : mechanism.n], held >= -1)
+        scores = torque_scores(torque, problem, held, mechanism, NOMINAL)
+        yield from (score for score in scores if score.score == NOMINAL and score.fold == "all")
+
+
+def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
+    """Torque that one friction (n, P) leaves of data, and that of the mechanism without friction.
+
+    Parameters as in `score_model`; `prepared` is the uncorrected data.
+    """
+    if friction.mechanism or not has_torque(prepared.dataset):
+        return
+    problem, residual = _balance(friction, prepared)
+    every = np.zeros(len(residual), dtype=int)
+    torque = row_torques(problem, residual, every == 0)
+    yield from torque_scores(torque, problem, every, prepared.plant.mechanism)
+    yield from nominal_torque_scores(prepared)
+
+
+def torque_example(friction: Friction, prepared: Prepared) -> dict[str, Any] | None:
+    """Torque over time, measured and by one friction (n, P); None where none was measured.
+
+    Parameters as in `torque_left`.
+    """
+    if friction.mechanism or not has_torque(prepared.dataset):
+        return None
+    problem, residual = _balance(friction, prepared)
+    name = prepared.dataset.recordings[0].name
+    return {"recording": name, **torque_parts(problem, residual)}
+
+
+def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
+    """The momentum balance of data corrected for a friction (n, P), and what it leaves (K, n)."""
+    data = with_calibration(prepared_for(prepared, friction), friction.calibration)
+    problem = data.integral
+    return problem, problem.residual(along(friction, problem.nodes))[:, : data.plant.n]
 
 
 _FRAME = (
