@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 533_160, 389, 586, 72
-TEST_TOKENS, WORDS = 428_860, 33_240
+TOKENS, FILES, CLASSES, NAMES = 533_970, 389, 586, 72
+TEST_TOKENS, WORDS = 429_280, 33_240
 
 
 def tokens(path):

@@ -296,9 +296,10 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
         *("curve_error", "n_parameters", "effective_parameters", "dissipated_energy"),
         *("torque_left", "torque_left_nominal", "torque_measured"),
     }
-    assert set(table["statistic"]) == {"mean", "rms", "median", "q90", "diverged", "count", "ratio"}
+    statistics = "mean rms median q90 diverged count ratio share"
+    assert set(table["statistic"]) == set(statistics.split())
     assert set(table["horizon_s"].dropna()) == {0.05, 0.1}
-    assert set(table["unit"]) == {"rad/s", "rad", "1"}
+    assert set(table["unit"]) == {"rad/s", "rad", "N m", "1"}
     assert table["value"].notna().all()
     # the same numbers as in the tasks' files, to nine digits
     full = load_results(place / "whole").scores
