@@ -30,9 +30,11 @@ from frictionid.data.readers.column_toml import Gears
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
 from frictionid.fitting.one_step.balances import Rows, balances_of
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
+_FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
 # Two maps whose scores are closer than this cannot be distinguished (mirror images).
 ALIKE = 0.02
@@ -51,7 +53,8 @@ GEAR, SHOWN = 0.4, 40
 class Convention(NamedTuple):
     """A hypothesis: its kind, words for it, and the maps (n, n) that would correct the data.
 
-    zero : (n,) [rad], angles that the map of the angles leaves as they are
+    zero : (n,) [rad], angles that the map of the angles leaves as they are; shift : (n,) [rad] to
+    add to the angles then
     """
 
     kind: str
@@ -59,6 +62,14 @@ class Convention(NamedTuple):
     angle: Array
     torque: Array
     zero: Array | float = 0.0
+    shift: Array | float = 0.0
+
+    @property
+    def offset(self) -> Array:
+        """What the map of the angles adds (n,) [rad]: q becomes A q + offset."""
+        n = len(self.angle)
+        zero = np.broadcast_to(np.asarray(self.zero, dtype=float), n)
+        return np.asarray(zero - self.angle @ zero + self.shift)
 
 
 class Scored(NamedTuple):
@@ -81,7 +92,7 @@ class Scored(NamedTuple):
 
     def advantage(self, other: Scored) -> float:
         """By how much it fits better than the data as given; beyond MARGIN these are wrong."""
-        if not self.convention.kind.startswith("flipped"):
+        if not self.convention.kind.startswith(_FEW):
             # what explains nothing counts as nothing
             ours, theirs = (np.where(s.matters, s.each, 0.0) for s in (self, other))
             return float((theirs - ours).mean())
@@ -163,29 +174,78 @@ def scores(measured: Measured) -> list[Scored]:
     candidates = list(
         hypotheses(mechanism.n, acting, mechanism.position_units, measured.dataset.gears)
     )
-    maps = {_key(c): (c.angle, c.zero) for c in candidates}
-    rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
-    torque = next(iter(rows.values())).means(measured.torque)
-    first, *others = (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
+    first, *others = _all_scored(measured, candidates)
     # to turn a joint that nothing else depends on is no fault
     same = [np.allclose(s.each, first.each, rtol=0.0, atol=1e-6) for s in others]
-    return [first, *(s for s, same in zip(others, same, strict=True) if not (s.of_gears and same))]
+    kept = [s for s, same in zip(others, same, strict=True) if not (s.of_gears and same)]
+    return [first, *kept, *shifted(measured, first, kept)]
+
+
+def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterator[Scored]:
+    """Conventions with their scores; those of one map of the angles share its rows."""
+    maps = {_key(c): c for c in candidates}
+    rows = dict(zip(maps, _rows(measured, list(maps.values())), strict=True))
+    torque = next(iter(rows.values())).means(measured.torque)
+    yield from (scored(c, rows[_key(c)], torque @ c.torque.T) for c in candidates)
+
+
+def shifted(measured: Measured, first: Scored, others: Sequence[Scored]) -> Iterator[Scored]:
+    """Wrong zeros of the angles, by quarter turns, as given and beside the best other sign.
+
+    For robots that a file describes, whose zeros are those of the file: an encoder has another one.
+    One joint is shifted after the other, as long as that leaves less.
+    """
+    if not isinstance(measured.mechanism, RigidBodyTree):
+        return
+    signs = [s for s in others if s.of_gears]
+    best = [min(signs, key=lambda s: s.score)] if signs else []
+    for start in (first, *best):
+        end = _quarter_turns(measured, start)
+        if end is not start:
+            yield end
+
+
+def _quarter_turns(measured: Measured, start: Scored) -> Scored:
+    """The convention with those quarter turns of zeros that leave least, one joint at a time."""
+    turns = np.flatnonzero([unit == "rad" for unit in measured.mechanism.position_units])
+    best = start
+    for _ in turns:
+        tried = [
+            _shifted(start.convention, best.convention.shift + quarter * np.pi / 2 * axis)
+            for axis in np.eye(measured.mechanism.n)[turns]
+            for quarter in (-1, 1, 2)
+        ]
+        leaves = min(_all_scored(measured, tried), key=lambda s: float(s.each.sum()))
+        if not float((best.each - leaves.each).sum()) > ALIKE:
+            return best
+        best = leaves
+    return best
+
+
+def _shifted(convention: Convention, shift: Array) -> Convention:
+    """A convention whose angles are shifted as well."""
+    degrees = np.round(np.degrees((np.asarray(shift) + np.pi) % (2 * np.pi) - np.pi))
+    degrees = np.where(degrees == -180, 180, degrees).astype(int)
+    off = [f"{d:+d} degrees to angle {j + 1}" for j, d in enumerate(degrees.tolist()) if d]
+    also = "" if convention.kind == "as_given" else f"{convention.words}, and "
+    words = f"{also}the angles have another zero than the file: add {', '.join(off)}"
+    return convention._replace(kind="shifted_angle", words=words, shift=np.radians(degrees))
 
 
 def scored(convention: Convention, rows: Rows, torque: Array) -> Scored:
     """A convention with its score; rows (K windows) and torque (K, n) [N m] as it corrects them."""
     each, matters = _shares(rows, torque)
-    counts = convention.kind.startswith(("as_given", "flipped")) | matters
+    counts = convention.kind.startswith(("as_given", *_FEW)) | matters
     score = float(np.where(counts, each, 0.0).mean())
     return Scored(convention, score, each, matters, rows.moving.sum(0))
 
 
 def _key(convention: Convention) -> tuple[bytes, bytes]:
     """Key of a convention's map of the angles."""
-    return convention.angle.tobytes(), np.asarray(convention.zero).tobytes()
+    return convention.angle.tobytes(), convention.offset.tobytes()
 
 
-def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> Iterator[Rows]:
+def _rows(measured: Measured, maps: Sequence[Convention]) -> Iterator[Rows]:
     """Rows at the nominal parameters under each map, as many maps at once as memory allows."""
     mechanism, acts = measured.mechanism, measured.mechanism.friction_map
     whole = measured.balances.samples
@@ -194,10 +254,9 @@ def _rows(measured: Measured, maps: Sequence[tuple[Array, Array | float]]) -> It
     count = max(_SAMPLES // len(whole.time), 1)
     for first in range(0, len(maps), count):
         part = maps[first : first + count]
-        angle = np.array([map_ for map_, _ in part])
-        zero = np.array([zero + np.zeros(mechanism.n) for _, zero in part])
-        turn = np.swapaxes(angle, 1, 2)
-        q, w = (whole.q - zero[:, None]) @ turn + zero[:, None], whole.w @ turn
+        turn = np.swapaxes(np.array([c.angle for c in part]), 1, 2)
+        offset = np.array([c.offset for c in part])
+        q, w = whole.q @ turn + offset[:, None], whole.w @ turn
         scatter = np.sqrt(noise**2 @ turn**2 @ acts.T**2)
         speeds = characteristic_speeds(w @ acts.T, scatter)
         samples = whole._replace(q=q, w=w)
@@ -271,11 +330,13 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     also = f" (or, equivalently: {'; '.join(names)})" if names else ""
     # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
     weak = first.score - best.score < MARGIN and best.of_gears
+    shift = np.asarray(best.convention.shift)
+    zeros = ", ".join(f"{radians:.4f}" for radians in np.atleast_1d(shift))
     also += ", or its ratio or coupling is wrong" if weak else ""
     yield finding(
-        "convention",
+        "zero" if shift.any() else "convention",
         {"score": best.score, "given": first.score},
-        {"convention": best.convention.words, "also": also},
+        {"convention": best.convention.words, "also": also, "zeros": zeros},
         level="doubtful" if weak else "",
         kind=best.convention.kind,
     )

@@ -207,7 +207,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     corrected, rows = measured, tests.rows
     if fitting:
         best = fitting[0].convention
-        corrected = measured.mapped(best.angle, best.torque, best.zero)
+        corrected = measured.mapped(best.angle, best.torque, best.offset)
         rows = untested(corrected).rows
         delay = delay_of(rows, corrected.torque, measured.nominal)
     longer = _longer_rows(corrected, rows)

@@ -143,12 +143,12 @@ def unit_balances(mechanism: Mechanism, motions: Sequence[Motion]) -> Balances:
     return balances_of(mechanism, samples, None, *sliding_speeds(mechanism, motions))
 
 
-def mapped_motion(motion: Motion, map_: Array, zero: Array | float = 0.0) -> Motion:
-    """Motion after a linear map (m, n) of velocities, and of angles about some that stay."""
+def mapped_motion(motion: Motion, map_: Array, offset: Array | float = 0.0) -> Motion:
+    """Motion after a linear map (m, n) of velocities and angles, to which an offset is added."""
     s = motion.states
     angle, velocity = (np.sqrt(map_**2 @ v**2) for v in (motion.angle_noise, motion.velocity_noise))
     blur = ((map_ != 0) * motion.blur).max(1)
-    return Motion(s._replace(q=(s.q - zero) @ map_.T + zero, w=s.w @ map_.T), angle, velocity, blur)
+    return Motion(s._replace(q=s.q @ map_.T + offset, w=s.w @ map_.T), angle, velocity, blur)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +217,9 @@ class Measured:
         motions = tuple(self.motions[i] for i in kept)
         return replace(self, plant=self.plant[kept], motions=motions).with_torques_of(part)
 
-    def mapped(self, angle: Array, torque: Array, zero: Array | float = 0.0) -> Measured:
-        """The data after linear maps (n, n) of angles, about `zero`, and of torques."""
-        motions = tuple(mapped_motion(motion, angle, zero) for motion in self.motions)
+    def mapped(self, angle: Array, torque: Array, offset: Array | float = 0.0) -> Measured:
+        """The data after linear maps (n, n) of angles, with an offset, and of torques."""
+        motions = tuple(mapped_motion(motion, angle, offset) for motion in self.motions)
         return replace(self, motions=motions, torque=self.torque.mapped(torque))
 
 

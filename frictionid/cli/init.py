@@ -13,6 +13,7 @@ from frictionid.cli.options import Json, present
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
 
+EACH = "one, or one per joint with commas"
 NAMES = "with commas, one per joint; guessed where none is given"
 
 
@@ -25,13 +26,18 @@ def init(
         list[Path],
         typer.Argument(help="Tables of recordings, or their folder.", callback=_all_present),
     ],
-    mechanism: Annotated[str, typer.Option(help="Kind, see: frictionid mechanisms.")] = "",
+    mechanism: Annotated[
+        str, typer.Option(help="Kind, see: frictionid mechanisms; or a URDF, MJCF, or its folder.")
+    ] = "",
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", help="A parameter or option of it, e.g. mass=0.3; repeatable."),
     ] = None,
-    kt: Annotated[float | None, typer.Option(help="Torque constant of motors [N m/A].")] = None,
-    gear: Annotated[float | None, typer.Option(help="Turns of the motor per joint's.")] = None,
+    kt: Annotated[str, typer.Option(help=f"Torque constant of the motors [N m/A], {EACH}.")] = "",
+    gear: Annotated[str, typer.Option(help=f"Turns of the motor per joint's, {EACH}.")] = "",
+    gains: Annotated[
+        str, typer.Option(help="P,D of a controller that follows targets [N m/rad, N m s/rad].")
+    ] = "",
     time: Annotated[str, typer.Option(help="Column of the time.")] = "",
     angle: Annotated[str, typer.Option(help=f"Columns of the angles, {NAMES}.")] = "",
     torque: Annotated[str, typer.Option(help=f"Columns of torques or currents, {NAMES}.")] = "",
@@ -41,6 +47,7 @@ def init(
 
     What is not given is asked for in a terminal. Files that are there are never overwritten.
     """
+    from frictionid.cli.options import setting
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
@@ -48,13 +55,18 @@ def init(
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
     _check_free([dataset_file])
     check_outputs([dataset_file])
-    machine = _mechanism(mechanism, set_ or [])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
-    guesses = _motor(
-        source, machine, Known(columns, kt, 1.0 if gear is None else gear), gear is None
-    )
-    described = describe_tables(source, machine, guesses)
+    facts = Known(columns, _numbers("--kt", kt), _numbers("--gear", gear), _pair(gains))
+    robot = Path(mechanism)
+    if mechanism and robot.exists():
+        from frictionid.quickstart.describe_robot import describe_robot
+        from frictionid.quickstart.robot_columns import robot_file
+
+        described = describe_robot(source, robot_file(robot), dict(map(setting, set_ or [])), facts)
+    else:
+        machine = _mechanism(mechanism, set_ or [])
+        described = describe_tables(source, machine, _motor(source, machine, facts))
     _check_free([suite_file], left=described.suite_toml.encode())
     _write(source, described, json)
 
@@ -92,7 +104,10 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
         return
     print(described.dataset_toml)
     print(f"written to {tables.folder / 'dataset.toml'} and {tables.folder / 'suite.toml'}")
-    print(f"next: frictionid quick {tables.folder}")
+    for text in described.missing:
+        print(f"missing: {text}")
+    command = "check" if described.draft.machine.kind in ("urdf", "mjcf") else "quick"
+    print(f"next: frictionid {command} {tables.folder}")
 
 
 # --- What is not given ------------------------------------------------------------------------
@@ -124,7 +139,7 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     return {**table, "parameters": parameters}
 
 
-def _motor(tables: Tables, machine: dict[str, Any], guesses: Known, ask_gear: bool) -> Known:
+def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
     """The constants of motors whose currents are in the tables, asked for where not given."""
     from dataclasses import replace
 
@@ -135,8 +150,35 @@ def _motor(tables: Tables, machine: dict[str, Any], guesses: Known, ask_gear: bo
     if not guess_tables(tables, machine, guesses).is_current:
         return guesses
     kt = _number("kt, torque constant of the motor [N m/A]")
-    gear = _number("gear, turns of the motor for one of the joint") if ask_gear else guesses.gear
+    asked = guesses.gear is None
+    gear = _number("gear, turns of the motor for one of the joint") if asked else guesses.gear
     return replace(guesses, kt=kt, gear=gear)
+
+
+def _numbers(option: str, text: str) -> float | list[float] | None:
+    """Number of an option, or numbers with commas; None where it is not given."""
+    from frictionid.errors import InputError
+
+    if not text:
+        return None
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(
+            f"{option} {text!r} must be a number, or one per joint with commas"
+        ) from None
+    return values[0] if len(values) == 1 else values
+
+
+def _pair(text: str) -> tuple[float, float] | None:
+    from frictionid.errors import InputError
+
+    values = _numbers("--gains", text)
+    if values is None:
+        return None
+    if not isinstance(values, list) or len(values) != 2:
+        raise InputError(f"--gains {text!r} must be P and D with a comma, e.g. --gains 20,1.5")
+    return values[0], values[1]
 
 
 def _is_asked() -> bool:

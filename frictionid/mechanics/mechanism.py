@@ -23,6 +23,7 @@ from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.errors import InputError
 
+_ROUNDING = 1e-14  # of the largest inertia: less is none
 _LARGEST = 1e9  # of a parameter, in SI units
 _TORQUE = {"rad": "N m", "m": "N"}
 
@@ -356,15 +357,24 @@ class Mechanism(ABC):
             )
 
     def _check_positive(self, values: Mapping[str, float]) -> None:
-        """Refuse an M that is not positive definite."""
+        """Refuse an M that is not positive definite, with the joints that have no inertia."""
         q = np.linspace(0.0, np.pi, 7)[:, None] * np.arange(self.n)
-        least = np.linalg.eigvalsh(self.inertia(self.base(values), q)).min()
-        if not least > 0:
-            raise InputError(
-                f"[mechanism] {self.kind}: these parameters give no inertia to a direction of "
-                f"motion (smallest eigenvalue of M: {least:.3g}); correct masses, lengths and "
-                "inertias"
-            )
+        each, vectors = np.linalg.eigh(self.inertia(self.base(values), q))
+        at = int(np.argmin(each[:, 0]))
+        least, share = float(each[at, 0]), np.abs(vectors[at, :, 0])
+        if least > _ROUNDING * float(each.max()):
+            return
+        joints = [self.joints[j] for j in np.flatnonzero(share > 0.5 * share.max())]
+        rotors = [f"rotor_{name}" for name in joints]
+        known = all(name in self.defaults for name in rotors)
+        way = (
+            f"give {' and '.join(rotors)} [kg m^2] in [mechanism.parameters], or " if known else ""
+        )
+        raise InputError(
+            f"[mechanism] {self.kind}: these parameters give no inertia to a direction of motion, "
+            f"that of {' and '.join(joints)} (smallest eigenvalue of M: {least:.3g}); {way}correct "
+            "masses, lengths and inertias"
+        )
 
 
 _MOST = 2  # joints of which a grid is made

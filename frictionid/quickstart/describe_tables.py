@@ -23,12 +23,14 @@ from frictionid.data.readers.table import Table, numeric_table
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
-from frictionid.mechanics import mechanism_of
+from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.quickstart.column_guesses import ColumnGuesses, guess_columns
 
+Constants = float | Sequence[float]  # one, or one per joint
 _HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]
 _BEFORE = 0.5  # [s] of a recording that predictions need beside their horizon
 _COMMENT = 40  # column of the comments
+_LONG, _WIDE = 96, 130  # of a line, and of one with its comment
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,16 @@ class Tables:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the tables: columns by quantity, and kt [N m/A] and gear of the motors."""
+    """What is known of the tables: columns by quantity, and constants of the motors.
+
+    kt : [N m/A]; gear : turns of the motor for one of the joint; one, or one per joint
+    gains : P [N m/rad] and D [N m s/rad] of a controller that follows targets
+    """
 
     columns: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    kt: float | None = None
-    gear: float = 1.0
+    kt: Constants | None = None
+    gear: Constants | None = None
+    gains: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -54,26 +61,36 @@ class Draft:
     """All that a first dataset.toml says.
 
     files : tables of the recordings; mechanism : the [mechanism] table
-    motor : [motor], where the columns of torque hold currents
+    motor : [motor], where columns are of motors, or hold currents; actuator : [actuator]
     evidence : what speaks for signs and units, from the physics
+    machine : the mechanism; comments : comments of keys of [mechanism], and below it as ""
+    velocity : columns of velocities
     """
 
     name: str
     files: tuple[str, ...]
     mechanism: Mapping[str, Any]
     guesses: ColumnGuesses
-    motor: Mapping[str, float] = field(default_factory=dict)
+    machine: Mechanism
+    motor: Mapping[str, Any] = field(default_factory=dict)
     evidence: tuple[str, ...] = ()
+    comments: Mapping[str, str] = field(default_factory=dict)
+    actuator: Mapping[str, Any] = field(default_factory=dict)
+    velocity: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Described:
-    """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses."""
+    """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses.
+
+    missing : what was not given and no guess replaces, and what happens without it
+    """
 
     dataset_toml: str
     suite_toml: str
     dataset: Dataset
     draft: Draft
+    missing: tuple[str, ...] = ()
 
 
 def tables_at(paths: Sequence[Path]) -> Tables:
@@ -147,15 +164,33 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
             f"{names} holds currents [{guesses.torque.unit}]: give the motor's torque constant "
             "with --kt [N m/A] and its gear ratio with --gear, or name a torque with --torque"
         )
-    motor = {"kt": facts.kt, "gear": facts.gear} if guesses.is_current and facts.kt else {}
-    draft = Draft(tables.folder.resolve().name, tables.files, mechanism, guesses, motor)
+    current = guesses.is_current and facts.kt is not None
+    motor = {"kt": facts.kt, "gear": 1.0 if facts.gear is None else facts.gear} if current else {}
+    name, machine = tables.folder.resolve().name, mechanism_of(mechanism)
+    draft = Draft(name, tables.files, mechanism, guesses, machine, motor)
+    return described_draft(draft, tables, _HORIZONS)
+
+
+def described_draft(
+    draft: Draft,
+    tables: Tables,
+    horizons: Sequence[float],
+    missing: tuple[str, ...] = (),
+    *,
+    blind: bool = False,
+) -> Described:
+    """Texts of a draft, its signs and units corrected where the motion contradicts them.
+
+    horizons : of the suite, of which those stay that the recordings hold
+    missing : what is not known; blind : whether that is so much that nothing can be corrected
+    """
     dataset = _loaded(draft, tables.folder)
-    corrected = _corrected(draft, dataset)
+    corrected = draft if blind else _corrected(draft, dataset)
     if corrected is not draft:
         draft, dataset = corrected, _loaded(corrected, tables.folder)
     longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
-    horizons = [h for h in _HORIZONS if h + _BEFORE <= longest] or [_HORIZONS[0]]
-    return Described(dataset_text(draft), suite_text(draft, horizons), dataset, draft)
+    fitting = [h for h in horizons if h + _BEFORE <= longest] or [horizons[0]]
+    return Described(dataset_text(draft), suite_text(draft, fitting), dataset, draft, missing)
 
 
 def _loaded(draft: Draft, folder: Path) -> Dataset:
@@ -176,11 +211,28 @@ def _corrected(draft: Draft, dataset: Dataset) -> Draft:
     if not fitting:
         return draft
     best = min(fitting, key=lambda s: s.score).convention
-    guesses = _with_convention(draft.guesses, best)
+    guesses, motor = _with_convention(draft.guesses, best), _with_gears(draft, best)
     text = kinds[best.kind].text
-    if guesses is None:
+    if guesses is None and motor is None:
         return replace(draft, evidence=(*draft.evidence, f"frictionid check: {text}"))
-    return replace(draft, guesses=guesses, evidence=(*draft.evidence, f"corrected: {text}"))
+    evidence = (*draft.evidence, f"corrected: {text}")
+    return replace(
+        draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
+    )
+
+
+def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
+    """The [motor] table with another zero or gear; None where that is not what is wrong."""
+    motor, n = dict(draft.motor), len(best.angle)
+    gear = np.broadcast_to(np.asarray(motor.get("gear", 1.0), dtype=float), n)
+    flips = np.diag(best.angle)
+    if best.kind == "flipped_gear" and np.array_equal(best.angle, np.diag(flips)):
+        return {**motor, "gear": (gear * flips).tolist()}
+    if best.kind != "shifted_angle" or not np.array_equal(best.angle, np.eye(n)):
+        return None
+    zero = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n) + best.shift
+    offset = [round(float(radians), 6) for radians in zero]
+    return {"gear": gear.tolist(), **motor, "angle": "motor", "offset": offset}
 
 
 def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses | None:
@@ -197,7 +249,7 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
 
 def dataset_text(draft: Draft) -> str:
     """Text of the dataset.toml of a draft."""
-    parts = (_head, _mechanism, _columns, _units, _motor, _signs, _hold, _recordings)
+    parts = (_head, _mechanism, _columns, _units, _motor, _actuator, _signs, _hold, _recordings)
     return "\n".join(line for part in parts for line in part(draft)) + "\n"
 
 
@@ -215,17 +267,20 @@ def _head(draft: Draft) -> Iterator[str]:
 
 
 def _mechanism(draft: Draft) -> Iterator[str]:
-    kind, values = draft.mechanism["kind"], draft.mechanism.get("parameters", {})
+    values = draft.mechanism.get("parameters", {})
     yield "\n[mechanism]"
-    yield _line("kind", kind, f"all of it: frictionid mechanisms {kind}")
     for key, value in draft.mechanism.items():
-        if key not in ("kind", "parameters"):
-            yield _line(key, value)
+        said = f"all of it: frictionid mechanisms {value}" if key == "kind" else ""
+        if key != "parameters":
+            yield _line(key, value, draft.comments.get(key, said))
+    for text in draft.comments.get("", "").splitlines():
+        yield f"# {text}"
     yield "\n[mechanism.parameters]"
-    for p in mechanism_of(draft.mechanism).parameters:
+    for p in draft.machine.parameters:
         comment, value = f"{p.meaning} [{p.unit}]", values.get(p.name, p.default)
         usual = p.name not in values
-        text = _line(p.name, value, comment + "; usual value" * usual)
+        said = draft.comments.get(p.name, "; usual value" * usual)
+        text = _line(p.name, value, comment + said)
         yield "# " * usual + text
 
 
@@ -234,7 +289,10 @@ def _columns(draft: Draft) -> Iterator[str]:
     yield "\n[columns]"
     yield _line("time", g.time.columns[0], g.time.evidence)
     yield _line("angle", _one_or_all(g.angle.columns), g.angle.evidence)
-    yield _line("torque", _one_or_all(g.torque.columns), g.torque.evidence)
+    if any(g.torque.columns):
+        yield _line("torque", _one_or_all(g.torque.columns), g.torque.evidence)
+    if draft.velocity:
+        yield _line("velocity", _one_or_all(draft.velocity), "kept, and tested by check")
     if g.missing:
         yield _line("missing", "drop", f"{g.missing} rows have no angle: they are gaps")
     if g.unused:
@@ -246,14 +304,38 @@ def _units(draft: Draft) -> Iterator[str]:
     yield "\n[units]"
     yield _line("time", g.time.unit)
     yield _line("angle", g.angle.unit)
-    yield _line("torque", g.torque.unit, "a current, see [motor]" if draft.motor else "")
+    if any(g.torque.columns):
+        yield _line("torque", g.torque.unit, "a current, see [motor]" if g.is_current else "")
+
+
+_MOTOR = {
+    "kt": "torque constant at the motor's shaft [N m/A]",
+    "gear": "torque at the joint = kt gear current",
+    "angle": "the columns are of the motors: joint angle = motor angle / gear + offset",
+    "torque": "the columns are of the motors: torque at the joint = gear motor torque",
+    "offset": "joint angles at which the motors' are zero [rad]",
+}
+_ACTUATOR = {
+    "target": "targets that the joints follow: no torque was measured",
+    "output": "P (target - angle) - D velocity is a torque at the joint",
+    "P": "[N m/rad]",
+    "D": "[N m s/rad]",
+    "limit": "largest torques, of the file [N m]",
+}
 
 
 def _motor(draft: Draft) -> Iterator[str]:
     if draft.motor:
         yield "\n[motor]"
-        yield _line("kt", draft.motor["kt"], "torque constant at the motor's shaft [N m/A]")
-        yield _line("gear", draft.motor["gear"], "torque at the joint = kt gear current")
+    for key, value in draft.motor.items():
+        yield _line(key, value, draft.comments.get(f"motor.{key}", _MOTOR[key]))
+
+
+def _actuator(draft: Draft) -> Iterator[str]:
+    if draft.actuator:
+        yield "\n[actuator]"
+    for key, value in draft.actuator.items():
+        yield _line(key, value, draft.comments.get(f"actuator.{key}", _ACTUATOR[key]))
 
 
 def _signs(draft: Draft) -> Iterator[str]:
@@ -269,8 +351,9 @@ def _hold(draft: Draft) -> Iterator[str]:
         "previous": "held until the next value; a sensor's samples: linear",
         "linear": "a sensor's samples, which change all the time",
     }
-    yield "\n[hold]"
-    yield _line("torque", draft.guesses.hold, said[draft.guesses.hold])
+    if any(draft.guesses.torque.columns):
+        yield "\n[hold]"
+        yield _line("torque", draft.guesses.hold, said[draft.guesses.hold])
 
 
 def _recordings(draft: Draft) -> Iterator[str]:
@@ -291,6 +374,9 @@ def _suite(draft: Draft, horizons: Sequence[float]) -> Iterator[str]:
     )
     yield "\n[[datasets]]"
     yield _line("path", ".")
+    if draft.machine.kind in ("urdf", "mjcf"):
+        yield from _robot_suite(draft)
+        return
     yield "\n[[recipes]]"
     yield _line("name", "integral", "momentum balance of smoothed states: seconds")
     yield "\n[[recipes]]"
@@ -307,10 +393,47 @@ def _suite(draft: Draft, horizons: Sequence[float]) -> Iterator[str]:
         yield _line("kind", kind, said)
 
 
+def _robot_suite(draft: Draft) -> Iterator[str]:
+    """Recipe and laws for arms: torques where they are measured, else one step."""
+    yield "\n[[recipes]]"
+    if draft.actuator:
+        yield _line("name", "integral", "no torque was measured: momentum balance, one step")
+    else:
+        yield _line("name", "inverse_dynamics", "friction, inertia, delay, bias by the torques")
+    for kind, said in (
+        ("none", "the baseline"),
+        ("coulomb_viscous", "all kinds: frictionid identifiers"),
+        ("stribeck", ""),
+        *(
+            (("load_dependent", "friction that grows with the load of the gear"),)
+            * (not draft.actuator)
+        ),
+    ):
+        yield "\n[[identifiers]]"
+        yield _line("kind", kind, said)
+
+
 def _one_or_all(values: Sequence[Any]) -> Any:
     return values[0] if len(values) == 1 else list(values)
 
 
 def _line(key: str, value: Any, comment: str = "") -> str:
-    line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
-    return f"{line:<{_COMMENT}}# {comment}" if comment else line
+    """A key with its value, and a comment: behind it, or above where the line would be long.
+
+    >>> print(_line("locked", {"arm_5": 0.1}, "no motor"))
+    locked = { arm_5 = 0.1 }                # no motor
+    """
+    text = json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        text = ", ".join(f"{json.dumps(k) if '.' in k else k} = {v}" for k, v in value.items())
+        text = f"{{ {text} }}"
+    line = f"{key} = {text}"
+    if len(line) > _LONG and isinstance(value, list):
+        entries = textwrap.wrap(text[1:-1], _LONG, initial_indent="    ", subsequent_indent="    ")
+        line = "\n".join([f"{key} = [", *entries, "]"])
+    if not comment:
+        return line
+    if len(max(line.splitlines(), key=len)) + len(comment) > _WIDE or "\n" in line:
+        above = textwrap.wrap(comment, _LONG, initial_indent="# ", subsequent_indent="# ")
+        return "\n".join([*above, line])
+    return f"{line:<{_COMMENT - 1}} # {comment}"

@@ -72,6 +72,15 @@ MOVING = ("revolute", "continuous", "prismatic")
 _STANDARD_GRAVITY = 9.81
 
 
+class Limits(NamedTuple):
+    """Lowest and highest position, velocity and torque of a joint's motor; infinite if not said."""
+
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    effort: float = np.inf
+
+
 class Joint(NamedTuple):
     """A joint between two links; turn and shift place its frame, the child's, in the parent's."""
 
@@ -84,6 +93,7 @@ class Joint(NamedTuple):
     axis: Array
     mimic: str | None = None
     rotor: float = 0.0
+    limits: Limits = Limits()
 
 
 class Robot(NamedTuple):

@@ -13,15 +13,26 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.files import regular_file
-from frictionid.mechanics.rigid_body.robot import Joint, Robot, moved, rotation
+from frictionid.mechanics.rigid_body.robot import Joint, Limits, Robot, moved, rotation
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+_XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")  # of its elements
 _LARGEST_FILE = 20_000_000  # bytes
 _LARGEST = 1e9  # of any number, in SI units
 
 
+def robot_format(path: Path) -> str:
+    """Format of a file that describes a robot, "urdf" or "mjcf", by its root; "" of others."""
+    try:
+        with path.open("rb") as file:
+            root = next((tag for _, tag in ET.iterparse(file, events=("start",))), None)
+    except (ET.ParseError, ValueError, OSError):
+        return "urdf" if path.suffix == ".urdf" else ""
+    return "" if root is None else {"robot": "urdf", "mujoco": "mjcf"}.get(root.tag, "")
+
+
 def read_urdf(path: Path) -> Robot:
-    """Robot of a URDF file: links, joints and inertias; shapes, limits and friction are left out.
+    """Robot of a URDF file: links, joints, inertias and limits; shapes and friction are left out.
 
     Raises
     ------
@@ -58,14 +69,18 @@ def _root(path: Path) -> ET.Element:
         raise InputError(f"{path}: is no text in UTF-8; name a URDF file") from None
     if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
         raise InputError(f"{path}: declares XML entities, which a URDF does not need; remove them")
-    if "http://www.ros.org/wiki/xacro" in text or "<xacro:" in text:
-        raise InputError(
-            f"{path}: is a xacro file; make a URDF of it first: xacro {path.name} > arm.urdf"
-        )
+    xacro = InputError(
+        f"{path}: is a xacro file; make a URDF of it first: xacro {path.name} > arm.urdf"
+    )
     try:
-        return ET.fromstring(text)
+        root = ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:
+        if "<xacro:" in text:
+            raise xacro from None
         raise InputError(f"{path}: is no XML ({error}); name a URDF file") from None
+    if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
+        raise xacro  # its output declares the name, and has no such element left
+    return root
 
 
 def _name(element: ET.Element, others: Iterable[str], place: str) -> str:
@@ -98,7 +113,29 @@ def _joint(element: ET.Element, name: str, where: str) -> Joint:
         shift,
         _axis(element, where),
         None if mimic is None else mimic.get("joint", ""),
+        limits=_limits(element, kind),
     )
+
+
+def _limits(element: ET.Element, kind: str) -> Limits:
+    """Limits of a joint; what is no number is none, nor is zero, which stands for none known.
+
+    >>> limit = '<j><limit lower="-1" upper="2" effort="43" velocity="0"/></j>'
+    >>> _limits(ET.fromstring(limit), "revolute")
+    Limits(lower=-1.0, upper=2.0, velocity=inf, effort=43.0)
+    """
+    entry = element.find("limit")
+    values: dict[str, float] = {}
+    for name, text in ({} if entry is None else entry.attrib).items():
+        try:
+            values[name] = float(text)
+        except ValueError:
+            continue
+    values = {name: x for name, x in values.items() if math.isfinite(x) and name in Limits._fields}
+    span = values.get("upper", 0.0) - values.get("lower", 0.0)
+    ends = ("lower", "upper") * (kind != "continuous" and span > 0)
+    kept = [*ends, *(name for name in ("velocity", "effort") if values.get(name, 0.0) > 0)]
+    return Limits(**{name: values[name] for name in kept if name in values})
 
 
 def _axis(element: ET.Element, where: str) -> Array:
@@ -165,7 +202,7 @@ _KINDS = ("floating", "ball", "prismatic", "revolute")  # in the order of mjtJoi
 
 
 def read_mjcf(path: Path) -> Robot:
-    """Robot of an MJCF file: bodies, hinges, slides, armatures, gravity; actuators are left out.
+    """Robot of an MJCF file: bodies, hinges, slides, armatures, limits, gravity.
 
     Files of meshes, height fields, textures and skins need not be there where inertias are stated.
 
@@ -241,9 +278,23 @@ def _joints_of(
         elif kind == "revolute":
             turn = turn @ rotation(axis, -float(joint.qpos0[0]))
         rotor = float(model.dof_armature[model.jnt_dofadr[j]])
-        out.append(Joint(name, kind, parent, child, turn, shift, axis, mimics.get(j), rotor))
+        joints = (name, kind, parent, child, turn, shift, axis, mimics.get(j), rotor)
+        out.append(Joint(*joints, _limits_in_mujoco(model, j)))
         parent, turn, shift = child, np.eye(3), np.zeros(3)
     return out, place
+
+
+def _limits_in_mujoco(model: Any, j: int) -> Limits:
+    """Range of a joint, and the largest torque of a motor at it."""
+    low, high = model.jnt_range[j] if model.jnt_limited[j] else (-np.inf, np.inf)
+    effort = np.inf
+    for k in np.flatnonzero((model.actuator_trnid[:, 0] == j) & (model.actuator_trntype == 0)):
+        if model.actuator_forcelimited[k]:
+            effort = abs(model.actuator_forcerange[k, 1] * model.actuator_gear[k, 0])
+        elif model.actuator_ctrllimited[k] and not model.actuator_biastype[k]:
+            gain = model.actuator_gainprm[k, 0] * model.actuator_gear[k, 0]
+            effort = abs(gain * model.actuator_ctrlrange[k, 1])
+    return Limits(float(low), float(high), effort=float(effort))
 
 
 def _body_inertia(model: Any, b: int, anchor: Array) -> Array:

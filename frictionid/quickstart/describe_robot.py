@@ -1,0 +1,194 @@
+"""From tables and a URDF or MJCF to a dataset.toml: joints, columns, sides, and what is missing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from frictionid.mechanics import Mechanism, mechanism_of
+from frictionid.mechanics.mechanism_table import mechanism_options
+from frictionid.mechanics.rigid_body.described import FORMATS
+from frictionid.mechanics.rigid_body.robot import Joint
+from frictionid.quickstart.column_guesses import ColumnGuesses, guess_columns, words
+from frictionid.quickstart.describe_tables import (
+    Described,
+    Draft,
+    Known,
+    Tables,
+    described_draft,
+)
+from frictionid.quickstart.robot_columns import RobotColumns, RobotFile, robot_columns
+
+_NOTHING = 1e-9  # of the usual inertia of a joint
+_QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own
+_HORIZONS = (0.05, 0.1, 0.2)  # [s]: an arm drifts off without its controller
+_MISSING = "MISSING, see below; taken as 1"
+_GEAR = (
+    "gear ratios (--gear, turns of each motor for one of its joint, negative where these turn "
+    "against each other): without them nothing below holds"
+)
+_KT = (
+    "torque constants and gears (--kt [N m/A], --gear; their product counts, negative where a "
+    "current counts the other way round): without them friction is in A; frictionid fit --by "
+    "inverse_dynamics --free friction,gain finds them where gravity shows"
+)
+_ROTOR = (
+    "rotor inertias (rotor_... in [mechanism.parameters], gear^2 times those of the motors): "
+    "without them check finds inertia missing; fits find it, as inertia is free there"
+)
+_OFFSET = (
+    "joint angles where the motors' are zero (offset in [motor]): without them they are zero, or "
+    "the quarter turns that the motion asks for"
+)
+_GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
+
+
+def describe_robot(
+    tables: Tables, file: RobotFile, options: Mapping[str, Any], facts: Known
+) -> Described:
+    """A dataset.toml and a first suite for tables of a robot.
+
+    options : of the [mechanism] table, such as joints, and parameters, such as rotors
+    facts : what is known of columns and motors
+
+    Raises
+    ------
+    InputError
+        Where no column fits the joints, or the tables are damaged.
+    """
+    gear = None if facts.gear is None else np.atleast_1d(np.asarray(facts.gear, dtype=float))
+    columns = robot_columns(file.robot, tables.first, gear, facts.columns, options.get("joints"))
+    names = mechanism_options(FORMATS[file.format])
+    values = {k: v for k, v in options.items() if k not in names}
+    settings = {k: v for k, v in options.items() if k in names}
+    table = _mechanism_table(tables, file, columns, settings)
+    machine = mechanism_of({**table, file.format: str(file.path), "parameters": values})
+    stand_in = _stand_in(machine, columns.joints)
+    table["parameters"] = {**values, **stand_in}
+    machine = machine.with_values(table["parameters"])
+    guesses = _guesses(tables, machine, columns, facts)
+    motor, actuator = _motor(columns, guesses, facts), _actuator(columns, facts)
+    missing = tuple(_missing(machine, motor, actuator, facts))
+    comments = {
+        file.format: "meshes are not looked at",
+        "joints": "those with columns, in their order; others are locked",
+        "base": "the file lets it go: it is held",
+        "locked": columns.silent or "no column, or no motor that is measured",
+        "driven": "no torques, no targets",
+        "": "\n".join(_limits(columns.joints)),
+        **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
+        **dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia"),
+        "motor.gear": "turns of the motor for one of its joint",
+        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
+        **({} if facts.gains else {f"actuator.{key}": _MISSING for key in ("P", "D")}),
+    }
+    name = tables.folder.resolve().name
+    draft = Draft(
+        *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
+        *(comments, actuator, columns.velocity),
+    )
+    blind = not {_GEAR, _KT, _GAINS}.isdisjoint(missing)
+    return described_draft(draft, tables, _HORIZONS, missing, blind=blind)
+
+
+def _stand_in(machine: Mechanism, joints: Sequence[Joint]) -> dict[str, float]:
+    """Rotor inertias [kg m^2] of joints that the file gives no inertia, so that they can move."""
+    q = np.linspace(0.0, 1.0, 5)[:, None] * np.ones(machine.n)
+    M = machine.inertia(machine.base(machine.defaults), q)
+    diagonal = np.diagonal(M, axis1=1, axis2=2).max(axis=0)
+    out = {}
+    for joint, inertia in zip(joints, diagonal, strict=True):
+        if inertia < _NOTHING * np.median(diagonal):
+            effort = joint.limits.effort if np.isfinite(joint.limits.effort) else 10.0
+            out[f"rotor_{joint.name}"] = round(effort / _QUICK, 6)
+    return out
+
+
+def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
+    """What is missing, as comments."""
+    return tuple(f"MISSING: {text}" for text in missing)
+
+
+def _mechanism_table(
+    tables: Tables, file: RobotFile, columns: RobotColumns, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    place = os.path.relpath(file.path, tables.folder)
+    out: dict[str, Any] = {file.format: place.replace(os.sep, "/")}
+    if columns.base:
+        out["base"] = columns.base
+    out["joints"] = [joint.name for joint in columns.joints]
+    if columns.locked:
+        out["locked"] = dict(columns.locked)
+    if not (columns.torque or columns.target):
+        out["driven"] = False
+    return {**out, **options}
+
+
+def _guesses(
+    tables: Tables, machine: Mechanism, columns: RobotColumns, facts: Known
+) -> ColumnGuesses:
+    """Guesses of the columns, with the unit of the angles that the file's limits ask for."""
+    named = {**facts.columns, "angle": columns.angle}
+    if columns.torque:
+        named["torque"] = columns.torque
+    driven = [bool(columns.torque)] * machine.n
+    guesses = guess_columns(tables.first, driven, machine.position_units, named)
+    units = tuple("m" if unit == "m" else columns.unit for unit in machine.position_units)
+    unit = units[0] if len(set(units)) == 1 else units
+    angle = guesses.angle._replace(unit=unit, evidence=columns.evidence)
+    used = {*columns.velocity, *columns.target}
+    return replace(guesses, angle=angle, unused=tuple(n for n in guesses.unused if n not in used))
+
+
+def _motor(columns: RobotColumns, guesses: ColumnGuesses, facts: Known) -> dict[str, Any]:
+    """The [motor] table, where columns are of motors or hold currents."""
+    shaft = any("motor" in words(name) for name in columns.torque) and not guesses.is_current
+    if not (guesses.is_current or shaft or columns.side == "motor"):
+        return {}
+    out: dict[str, Any] = {}
+    if guesses.is_current:
+        out["kt"] = 1.0 if facts.kt is None else facts.kt
+    out["gear"] = 1.0 if facts.gear is None else facts.gear
+    if columns.side == "motor":
+        out |= {"angle": "motor", "offset": [0.0] * len(columns.joints)}
+    return {**out, **({"torque": "motor"} if shaft else {})}
+
+
+def _actuator(columns: RobotColumns, facts: Known) -> dict[str, Any]:
+    """The [actuator] table, where joints follow targets and no torque was measured."""
+    if not columns.target:
+        return {}
+    P, D = facts.gains or (1.0, 1.0)
+    efforts = [joint.limits.effort for joint in columns.joints]
+    limit = {"limit": efforts} if np.isfinite(efforts).all() else {}
+    return {"target": list(columns.target), "output": "torque", "P": P, "D": D, **limit}
+
+
+def _missing(
+    machine: Mechanism, motor: Mapping[str, Any], actuator: Mapping[str, Any], facts: Known
+) -> Iterator[str]:
+    """What nobody has said, and what happens without it."""
+    if facts.gear is None and (motor.get("angle") or motor.get("torque")):
+        yield _GEAR
+    if "kt" in motor and facts.kt is None:
+        yield _KT
+    if "offset" in motor:
+        yield _OFFSET
+    if actuator and facts.gains is None:
+        yield _GAINS
+    if not any(machine.defaults[p.name] > 0 for p in machine.parameters if p.rotor):
+        yield _ROTOR
+
+
+def _limits(joints: Sequence[Joint]) -> Iterator[str]:
+    """Limits of the file, as comments."""
+    if any(np.isfinite(joint.limits).any() for joint in joints):
+        yield "limits of the file: position, velocity, torque, in SI units"
+    for joint in joints:
+        low, high, velocity, effort = joint.limits
+        if np.isfinite(joint.limits).any():
+            yield f"  {joint.name}: {low:g} to {high:g}, {velocity:g}, {effort:g}"

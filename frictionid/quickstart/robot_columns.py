@@ -1,0 +1,229 @@
+"""Which joints of a URDF or MJCF a table is of, and which of its columns are theirs.
+
+Columns are assigned by what their names share with the joints' names, or by their order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.readers.table import Table
+from frictionid.errors import InputError
+from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
+from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
+from frictionid.quickstart.column_guesses import UNMEASURED, WORDS, is_measured, quantity_of, words
+
+_READ = {"urdf": read_urdf, "mjcf": read_mjcf}
+_SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured
+_BEYOND = 1.05  # times the travel that the file allows: further, and angles are not the joint's
+_DEGREES = 4 * np.pi  # of an angle without limits: joints rarely turn further
+_PLAIN = {
+    *("joint", "link", "motor", "filtered", "raw"),
+    *UNMEASURED,
+    *frozenset().union(*WORDS.values()),
+}
+
+
+class RobotFile(NamedTuple):
+    """A file that describes a robot, its format, and what it says."""
+
+    path: Path
+    format: str
+    robot: Robot
+
+
+def robot_file(path: Path) -> RobotFile:
+    """The robot of a URDF or MJCF, or of the only one in a folder; meshes are not looked at.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or several, or it cannot be read.
+    """
+    files = [path]
+    if path.is_dir():
+        robots = [f for end in ("urdf", "xml") for f in sorted(path.rglob(f"*.{end}"))]
+        files = [f for f in robots if robot_format(f)]
+        if len(files) != 1:
+            names = ", ".join(str(f) for f in files[:5]) or "none that ends with .urdf or .xml"
+            raise InputError(f"{path}: holds {len(files)} robots ({names}); name one file")
+    kind = robot_format(files[0])
+    if not kind:
+        raise InputError(f"{files[0]}: is no URDF (<robot>) and no MJCF (<mujoco>); name one")
+    return RobotFile(files[0], kind, _READ[kind](files[0]))
+
+
+@dataclass(frozen=True)
+class RobotColumns:
+    """Joints that move, in the order of the robot, and a column of each quantity for each.
+
+    base : link that is held where the file lets it go, or ""
+    torque, velocity, target : columns, or none
+    locked : means of joints whose torque is not measured, and why, in words
+    side : "motor" where the angles cannot be those of the joints
+    unit : "rad" or "deg" of the angles; evidence : what speaks for these
+    """
+
+    joints: tuple[Joint, ...]
+    base: str
+    angle: tuple[str, ...]
+    torque: tuple[str, ...] = ()
+    velocity: tuple[str, ...] = ()
+    target: tuple[str, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
+    silent: str = ""
+    side: str = "joint"
+    unit: str = "rad"
+    evidence: str = ""
+
+
+def robot_columns(
+    robot: Robot,
+    table: Table,
+    gear: Sequence[float] | Array | None = None,
+    named: Mapping[str, Sequence[str]] | None = None,
+    only: Sequence[str] | None = None,
+) -> RobotColumns:
+    """Joints and columns of a table.
+
+    gear : turns of the motors for one of the joints, where these are known
+    named : columns of "angle" or "torque" that are known; only : names of the joints that move
+
+    Raises
+    ------
+    InputError
+        Where no angles can be assigned.
+    """
+    base, movable = _movable(robot)
+    movable = [j for j in movable if only is None or j.name in only]
+    named = dict(named or {})
+    by = {
+        kind: _assigned(movable, named.get(kind) or [n for n in table.columns if _is(n, kind)])
+        for kind in ("angle", "torque", "current", "velocity", "target")
+    }
+    if not by["angle"]:
+        angles = [n for n in table.columns if _is(n, "angle")]
+        raise InputError(
+            f"{table.file}: columns {', '.join(angles) or 'none'} look like angles, and the robot "
+            f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
+            "that moves with --angle, and the joints with --set 'joints=[...]'"
+        )
+    pushes = by["torque"] or by["current"]
+    joints = [j for j in movable if j.name in by["angle"]]
+    driven = [j for j in joints if j.name in pushes] if pushes else joints
+    silent = _silent(table, [j for j in driven if pushes], pushes)
+    kept = tuple(j for j in driven if j.name not in silent)
+    still = [j for j in joints if j not in kept]
+    angle = tuple(by["angle"][j.name] for j in kept)
+    side, unit, evidence = _side(table, kept, angle, gear)
+    return RobotColumns(
+        kept,
+        base,
+        angle,
+        tuple(pushes[j.name] for j in kept if pushes),
+        _of_all(kept, by["velocity"]),
+        () if pushes else _of_all(kept, by["target"]),
+        {j.name: round(float(np.nanmean(table.columns[by["angle"][j.name]])), 4) for j in still},
+        _words_of(silent, pushes),
+        side,
+        unit,
+        evidence,
+    )
+
+
+def _of_all(joints: Sequence[Joint], columns: Mapping[str, str]) -> tuple[str, ...]:
+    """Columns of all joints, or none."""
+    each = tuple(columns[j.name] for j in joints if j.name in columns)
+    return each if len(each) == len(joints) else ()
+
+
+def _movable(robot: Robot) -> tuple[str, list[Joint]]:
+    """The link that is held where a free joint lets it go, and the joints that can be named."""
+    free = [j for j in robot.joints if j.kind == "floating"]
+    tied = {j.name for j in robot.joints if j.mimic is not None} | {j.mimic for j in robot.joints}
+    movable = [j for j in robot.joints if j.kind in MOVING and j.name not in tied]
+    return (free[0].child if free else ""), movable
+
+
+def _is(name: str, kind: str) -> bool:
+    """Whether a column's name speaks of a measured quantity, or of a target."""
+    if kind == "target":
+        return not is_measured(name) and quantity_of(name) in ("", "angle")
+    return quantity_of(name) == kind and is_measured(name)
+
+
+def tokens(name: str) -> frozenset[str]:
+    """What tells a joint from others in a name: words and numbers that say no quantity.
+
+    >>> sorted(tokens("position_arm_1")), sorted(tokens("FL_hip_joint")), sorted(tokens("q2"))
+    (['1', 'arm'], ['fl', 'hip'], ['2'])
+    """
+    numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
+    return frozenset(({*words(name)} - _PLAIN) | numbers)
+
+
+def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+    """Columns by the names of the joints: by what the names share, else in their order."""
+    out: dict[str, str] = {}
+    for name in columns:
+        said = tokens(name)
+        like = [j.name for j in joints if said and said <= tokens(j.name)]
+        exact = [j for j in like if tokens(j) == said]
+        chosen = exact if len(exact) == 1 else like
+        if len(chosen) == 1 and chosen[0] not in out:
+            out[chosen[0]] = name
+    if len(out) == len(columns):
+        return out
+    in_order = zip((j.name for j in joints), columns, strict=False)
+    return dict(in_order) if len(columns) == len(joints) else out
+
+
+def _silent(table: Table, joints: Sequence[Joint], pushes: Mapping[str, str]) -> list[str]:
+    """Joints whose torque column stays near zero, beside those of the others."""
+    top = {j.name: float(np.nanmax(np.abs(table.columns[pushes[j.name]]))) for j in joints}
+    usual = float(np.median(list(top.values()))) if top else 0.0
+    silent = [name for name, value in top.items() if value < _SILENT * usual]
+    return silent if len(silent) < len(top) else []
+
+
+def _words_of(silent: Sequence[str], pushes: Mapping[str, str]) -> str:
+    if not silent:
+        return ""
+    columns = ", ".join(pushes[name] for name in silent)
+    return f"{columns} stay near zero: nothing drives these joints, which are locked at their mean"
+
+
+def _side(
+    table: Table,
+    joints: Sequence[Joint],
+    columns: Sequence[str],
+    gear: Sequence[float] | Array | None,
+) -> tuple[str, str, str]:
+    """Side and unit of the angles, by their names and by how far the file lets the joints turn."""
+    travel = np.array([float(np.ptp(_finite(table.columns[name]))) for name in columns])
+    room = np.array([j.limits.upper - j.limits.lower for j in joints])
+    turns = np.isfinite(room)
+    room = np.where(turns, room, _DEGREES)
+    named = any("motor" in words(name) for name in columns)
+    span = f"travel of up to {travel.max():.3g}, where the file allows {room[travel.argmax()]:.3g}"
+    if named or (gear is not None and (travel > _BEYOND * room).any()):
+        ratio = np.abs(np.asarray(gear if gear is not None else 1.0, dtype=float))
+        fits = (travel / ratio <= _BEYOND * room).all()
+        unit = "rad" if gear is None or fits else "deg"
+        return "motor", unit, f"{'named like motors' if named else span}; taken as {unit}"
+    if (travel <= _BEYOND * room).all():
+        return "joint", "rad", f"{span} rad"
+    if (np.radians(travel) <= _BEYOND * room).all():
+        return "joint", "deg", f"{span} rad: degrees"
+    return "motor", "rad", f"{span} rad: angles of the motors, before a gear"
+
+
+def _finite(column: Array) -> Array:
+    return column[np.isfinite(column)]

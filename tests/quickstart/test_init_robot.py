@@ -1,0 +1,187 @@
+"""frictionid init with a URDF or MJCF: joints, columns, units and sides are what was meant."""
+
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures import driven_wrist as wrist
+from fixtures.command_line import run_command
+
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.readers.table import Table
+from frictionid.errors import InputError
+from frictionid.mechanics import mjcf, urdf
+from frictionid.quickstart.robot_columns import robot_columns, robot_file, tokens
+
+LIMITS = '<limit lower="-2" upper="2" velocity="3" effort="60"/></joint>'
+GEARS = np.diag([50.0, 60.0, -40.0])
+LEGGED = """
+<mujoco><compiler angle="radian"/><asset><mesh file="trunk.obj"/></asset>
+<worldbody><body name="trunk"><freejoint/><inertial pos="0 0 0" mass="5" diaginertia=".1 .1 .1"/>
+<geom type="mesh" mesh="trunk" contype="0" conaffinity="0"/>
+<body name="thigh" pos="0 0 -.1"><inertial pos="0 0 -.1" mass="1" diaginertia=".01 .01 .01"/>
+<joint name="hip_joint" axis="0 1 0" range="-2 2" armature="0.01"/>
+<body name="calf" pos="0 0 -.2"><inertial pos="0 0 -.1" mass=".3" diaginertia=".002 .002 .002"/>
+<joint name="knee_joint" axis="0 1 0" range="-2.7 2.7" armature="0.01"/></body></body></body>
+</worldbody><actuator><motor joint="hip_joint" ctrlrange="-20 20"/>
+<motor joint="knee_joint" ctrlrange="-40 40"/></actuator></mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Folder with a URDF as xacro writes it, a mesh, and the arm of it."""
+    folder = tmp_path_factory.mktemp("arm")
+    text = wrist.URDF.replace("</joint>", LIMITS).replace(
+        '<robot name="wrist">', '<robot name="wrist" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    )
+    (folder / "meshes").mkdir()
+    (folder / "meshes" / "link.stl").write_bytes(b"solid")
+    (folder / "wrist.urdf").write_text(text)
+    return urdf(folder / "wrist.urdf").with_values(
+        {"rotor_one": 0.4, "rotor_two": 0.3, "rotor_three": 0.05}
+    )
+
+
+@pytest.fixture(scope="module")
+def exact(arm):
+    """Angles and torques of the joints: those of motors with unit gears, without their zero."""
+    frame = wrist.frame(arm, 8.0)
+    angles = frame[wrist.COLUMNS[0]].to_numpy() @ np.linalg.inv(wrist.GEARS.T) + wrist.ZERO
+    torques = frame[wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
+    return frame["t"].to_numpy(), angles, torques
+
+
+@pytest.fixture
+def call(arm, exact, tmp_path, monkeypatch, capsys):
+    """Call init in a folder with a table of these columns, and read what it wrote."""
+    rotors = (("one", 0.4), ("two", 0.3), ("three", 0.05))
+
+    def run(columns, *arguments, robot=arm.options["urdf"], known=rotors):
+        frame = pd.DataFrame({"t": exact[0], **columns})
+        (tmp_path / "log").mkdir(exist_ok=True)
+        frame.to_csv(tmp_path / "log" / "run.csv", index=False)
+        for name in ("dataset.toml", "suite.toml"):
+            (tmp_path / "log" / name).unlink(missing_ok=True)
+        sets = [x for name, value in known for x in ("--set", f"rotor_{name}={value}")]
+        given = ("init", "log", "--mechanism", robot, *arguments)
+        code, out, err = run_command(monkeypatch, capsys, tmp_path, *given, *sets)
+        assert (code, err) == (0, ""), err
+        return tomllib.loads((tmp_path / "log" / "dataset.toml").read_text()), out
+
+    run.folder = tmp_path / "log"
+    return run
+
+
+def named(pattern, values):
+    return {pattern.format(n): v for n, v in zip(("one", "two", "three"), values.T, strict=True)}
+
+
+def same(folder, exact):
+    (recording,) = load_dataset(folder).recordings
+    np.testing.assert_allclose(recording.angle.value, exact[1], atol=1e-6)
+    np.testing.assert_allclose(recording.torque.value, exact[2], atol=1e-6)
+
+
+def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
+    _, q, u = exact
+    table = {**named("pos_{}", np.degrees(q)), **named("vel_{}", q), **named("effort_{}", u)}
+    document, out = call(dict(reversed(table.items())))
+    assert document["mechanism"]["joints"] == ["one", "two", "three"]
+    assert document["units"]["angle"] == "deg" and "motor" not in document
+    assert document["columns"]["velocity"] == ["vel_one", "vel_two", "vel_three"]
+    assert "limits of the file" in out and "one: -2 to 2, 3, 60" in out
+    same(call.folder, exact)
+
+
+def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, arm):
+    _, q, u = exact
+    folder = str(arm.options["urdf"]).removesuffix("/wrist.urdf")
+    document, _ = call({**named("q_{}", q), **named("tau_{}", u)}, robot=folder)
+    assert document["mechanism"]["urdf"].endswith("wrist.urdf")
+    same(call.folder, exact)
+
+
+def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
+    _, q, u = exact
+    motors = {
+        **{f"motor_angle_{j + 1}": x for j, x in enumerate(((q - wrist.ZERO) @ GEARS).T)},
+        **{f"motor_torque_{j + 1}": x for j, x in enumerate((u @ np.linalg.inv(GEARS)).T)},
+    }
+    document, out = call(motors)
+    assert document["motor"]["gear"] == 1.0 and "missing: gear ratios (--gear" in out
+    # with the gears, the motion itself says where the angles have their zero
+    document, out = call(motors, "--gear", "50,60,-40")
+    assert "gear ratios" not in out
+    np.testing.assert_allclose(document["motor"]["offset"], wrist.ZERO, atol=1e-6)
+    same(call.folder, exact)
+
+
+def test_currents_without_constants_count_as_torques_and_say_so(call, exact):
+    _, q, u = exact
+    currents = {**named("q_{}", q), **named("current_{} [A]", u / 3.0)}
+    document, out = call(currents)
+    assert document["motor"]["kt"] == 1.0 and "missing: torque constants" in out
+    assert "--free friction,gain" in out
+    document, out = call(currents, "--kt", "0.05", "--gear", "60")
+    assert document["motor"] == {"kt": 0.05, "gear": 60.0} and "missing: torque" not in out
+    same(call.folder, exact)
+
+
+def test_joints_without_a_torque_are_locked_where_they_are(call, exact):
+    _, q, u = exact
+    u = u * [1.0, 1.0, 1e-4]
+    document, out = call({**named("q_{}", q), **named("tau_{}", u)}, known=(("one", 0.4),))
+    assert document["mechanism"]["joints"] == ["one", "two"]
+    assert document["mechanism"]["locked"]["three"] == pytest.approx(q[:, 2].mean(), abs=1e-3)
+    assert "tau_three stay near zero" in out
+
+
+def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path, monkeypatch):
+    pytest.importorskip("mujoco")
+    _, q, _ = exact
+    (tmp_path / "legged.xml").write_text(LEGGED)
+    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "goal_hip": q[:, 0], "goal_knee": q[:, 1]}
+    monkeypatch.chdir(tmp_path)
+    document, out = call(columns, "--gains", "20,1.5", robot="legged.xml", known=())
+    assert document["mechanism"]["base"] == "trunk" and "it is held" in out
+    actuator = document["actuator"]
+    assert actuator["target"] == ["goal_hip", "goal_knee"] and actuator["limit"] == [20.0, 40.0]
+    assert (actuator["P"], actuator["D"]) == (20.0, 1.5) and "missing" not in out
+    assert load_dataset(call.folder).mechanism.joints == ("hip_joint", "knee_joint")
+    assert mjcf(tmp_path / "legged.xml", base="trunk").defaults["rotor_hip_joint"] == 0.01
+
+
+def test_what_was_written_can_be_checked_and_fitted(call, exact, monkeypatch, capsys):
+    _, q, u = exact
+    call({**named("q_{}", q), **named("tau_{}", u)})
+    for command in (
+        ("check", "log"),
+        ("fit", "log", "--identifier", "coulomb_viscous", "--by", "inverse_dynamics")
+        + ("--out", "model.json"),
+        ("evaluate", "model.json", "log", "--horizons", "0.1"),
+    ):
+        code, out, _ = run_command(monkeypatch, capsys, call.folder.parent, *command)
+        assert code == 0, out
+
+
+def test_columns_are_matched_by_what_names_share():
+    assert tokens("current_arm_3") == tokens("arm_3_joint") == {"arm", "3"}
+    assert tokens("FR_calf_joint") == tokens("q_FR_calf") == {"fr", "calf"}
+
+
+def test_a_folder_of_several_robots_asks_for_one(tmp_path):
+    for name in ("a.urdf", "b.urdf", "c.txt"):
+        (tmp_path / name).write_text(wrist.URDF if name.endswith("urdf") else "x")
+    with pytest.raises(InputError, match="holds 2 robots .*name one file"):
+        robot_file(tmp_path)
+    with pytest.raises(InputError, match="no URDF .* and no MJCF"):
+        robot_file(tmp_path / "c.txt")
+
+
+def test_columns_that_fit_no_joint_are_one_line(tmp_path):
+    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+    table = Table("a.csv", np.arange(3), {"t": np.arange(3.0), "q9": np.arange(3.0)})
+    with pytest.raises(InputError, match=r"q9 look like angles.* joints one, two, three: name"):
+        robot_columns(robot_file(tmp_path).robot, table)
