@@ -366,9 +366,11 @@ class Mechanism(ABC):
             return
         joints = [self.joints[j] for j in np.flatnonzero(share > 0.5 * share.max())]
         rotors = [f"rotor_{name}" for name in joints]
-        known = all(name in self.defaults for name in rotors)
+        has_rotors = all(name in self.defaults for name in rotors)
         way = (
-            f"give {' and '.join(rotors)} [kg m^2] in [mechanism.parameters], or " if known else ""
+            f"give {' and '.join(rotors)} [kg m^2] in [mechanism.parameters], or "
+            if has_rotors
+            else ""
         )
         raise InputError(
             f"[mechanism] {self.kind}: these parameters give no inertia to a direction of motion, "
