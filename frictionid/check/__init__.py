@@ -6,7 +6,7 @@ regression                least squares of base parameters and friction; somebod
 partial_regression        one suspected error at a time, beside unknown friction
 facts                     clock, joints, noise and steps of signals
 sensors, log_faults       faults of the readings and of the log
-conventions               signs, joints, frames and units, each a map of the data
+conventions, time_unit    signs, joints, zeros, frames and units, each a map of the data
 hypothesis_tests          conventions, delay, model_errors: errors against the nominal mechanism
 passive                   energy without input, loads at rest, torques that equal gravity
 torque_source, servos     where the torque comes from

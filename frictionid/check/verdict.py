@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.check.conventions import Scored, in_seconds
+from frictionid.check.conventions import Scored
 from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
 from frictionid.check.findings import LEVELS, Finding
 from frictionid.check.hypothesis_tests import (
@@ -52,6 +52,7 @@ from frictionid.check.sensors import (
     without_outliers,
 )
 from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
+from frictionid.check.time_unit import in_seconds
 from frictionid.check.torque_source import (
     TorqueSource,
     place_findings,

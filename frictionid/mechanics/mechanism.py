@@ -365,13 +365,8 @@ class Mechanism(ABC):
         if least > _ROUNDING * float(each.max()):
             return
         joints = [self.joints[j] for j in np.flatnonzero(share > 0.5 * share.max())]
-        rotors = [f"rotor_{name}" for name in joints]
-        has_rotors = all(name in self.defaults for name in rotors)
-        way = (
-            f"give {' and '.join(rotors)} [kg m^2] in [mechanism.parameters], or "
-            if has_rotors
-            else ""
-        )
+        rotors = " and ".join(f"rotor_{j}" for j in joints if f"rotor_{j}" in self.defaults)
+        way = f"give {rotors} [kg m^2] in [mechanism.parameters], or " if rotors else ""
         raise InputError(
             f"[mechanism] {self.kind}: these parameters give no inertia to a direction of motion, "
             f"that of {' and '.join(joints)} (smallest eigenvalue of M: {least:.3g}); {way}correct "

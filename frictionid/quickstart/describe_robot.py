@@ -14,13 +14,8 @@ from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 from frictionid.quickstart.column_guesses import ColumnGuesses, guess_columns, words
-from frictionid.quickstart.describe_tables import (
-    Described,
-    Draft,
-    Known,
-    Tables,
-    described_draft,
-)
+from frictionid.quickstart.describe_tables import Described, Known, Tables, described_draft
+from frictionid.quickstart.draft_text import Draft
 from frictionid.quickstart.robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint

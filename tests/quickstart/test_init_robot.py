@@ -1,5 +1,6 @@
 """frictionid init with a URDF or MJCF: joints, columns, units and sides are what was meant."""
 
+import re
 import tomllib
 
 import numpy as np
@@ -151,6 +152,18 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     assert (actuator["P"], actuator["D"]) == (20.0, 1.5) and "missing" not in out
     assert load_dataset(call.folder).mechanism.joints == ("hip_joint", "knee_joint")
     assert mjcf(tmp_path / "legged.xml", base="trunk").defaults["rotor_hip_joint"] == 0.01
+
+
+def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, exact, tmp_path):
+    _, q, u = exact
+    bare = re.sub('<link name="c">.*?</link>', '<link name="c"/>', wrist.URDF)
+    (tmp_path / "bare.urdf").write_text(bare)
+    with pytest.raises(InputError, match=r"no inertia .* that of three .*give rotor_three \[kg m"):
+        urdf(tmp_path / "bare.urdf").nominal()
+    columns = {**named("q_{}", q), **named("tau_{}", u)}
+    document, out = call(columns, robot=str(tmp_path / "bare.urdf"), known=())
+    assert document["mechanism"]["parameters"]["rotor_three"] > 0 and "MISSING, a guess" in out
+    load_dataset(call.folder).mechanism.nominal()
 
 
 def test_what_was_written_can_be_checked_and_fitted(call, exact, monkeypatch, capsys):
