@@ -163,15 +163,18 @@ def read_json(path: Path) -> dict[str, Any]:
         Where the file is missing or holds something else.
     """
     regular_file(path)
+    text = " "
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        document = json.loads(text)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     # ValueError: no JSON, no UTF-8, or a name that no file can have
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no JSON ({error})") from None
+        reason = f"is no JSON but a file of another program ({error})" if text else "is empty"
+        raise InputError(f"{path}: {reason}") from None
     if not isinstance(document, dict):
         raise InputError(f"{path}: must hold a JSON object, it holds a {type(document).__name__}")
     return document

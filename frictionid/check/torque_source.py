@@ -204,8 +204,11 @@ def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | Non
     name = min(shares, key=lambda key: shares[key], default="")
     if not name or shares[name] > MODELLED:
         return None
-    exactly = "exactly" if shares[name] < 1e-6 else f"to {percent(shares[name])}"
-    return Evidence("modelled", f"it is computed from {name!r} and the velocity, {exactly}")
+    covariate = sample(recording.covariates[name], time)[acts]
+    alone = _left(np.column_stack([covariate, columns[:, -1:]]), value)
+    share, motion = (alone, " alone") if alone <= MODELLED else (shares[name], " and the velocity")
+    exactly = "exactly" if share < 1e-6 else f"to {percent(share)}"
+    return Evidence("modelled", f"it is computed from {name!r}{motion}, {exactly}")
 
 
 def _left(columns: Array, value: Array) -> float:

@@ -46,6 +46,7 @@ class FrameColumns:
     missing: str = "refuse"
     torque_at: str = "motor"
     actuator: Mapping[str, Any] | None = None
+    split: str | None = None
 
     @property
     def gears(self) -> Gears | None:
@@ -61,13 +62,19 @@ class FrameColumns:
             As `read`, and where an actuator names recordings that are none of these.
         """
         recordings = frames if isinstance(frames, Mapping) else {"recording": frames}
-        actuator = _toml(self)[0].actuator
-        if actuator is not None:
-            actuator.check_recordings([str(key) for key in recordings], "")
-        return {str(key): self.read(frame, str(key)) for key, frame in recordings.items()}
+        toml = _toml(self)[0]
+        names = list(dict.fromkeys([*toml.asked.names(), *filter(None, [self.split])]))
+        tables = {
+            f"{key}{part}": table
+            for key, frame in recordings.items()
+            for part, table in toml.runs(_table(frame, names, f"frame {str(key)!r}")).items()
+        }
+        if toml.actuator is not None:
+            toml.actuator.check_recordings(list(tables), "")
+        return {name: self.read(table, name) for name, table in tables.items()}
 
-    def read(self, frame: Any, name: str) -> tuple[Recorded, str]:
-        """Signals of a frame in SI units, and the SHA-256 of its columns.
+    def read(self, table: Table, name: str) -> tuple[Recorded, str]:
+        """Signals of a table in SI units, and the SHA-256 of its columns.
 
         Raises
         ------
@@ -75,8 +82,6 @@ class FrameColumns:
             Where a column is missing, is no number, or its time does not increase.
         """
         toml, scales = _toml(self)
-        assert toml.columns is not None
-        table = _table(frame, toml.asked.names(), f"frame {name!r}")
         digest = hashlib.sha256()
         for column, values in table.columns.items():
             digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
@@ -100,7 +105,7 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
     document: dict[str, Any] = {
         "name": "frames",
         "mechanism": {"kind": "given"},
-        "recordings": {"patterns": ["*"]},
+        "recordings": {"patterns": ["*"], "split": columns.split},
         "columns": {
             "time": dict(columns.time)
             if isinstance(columns.time, Mapping)

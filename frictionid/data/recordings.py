@@ -234,6 +234,7 @@ class Dataset:
         parameters: Mapping[str, Mapping[str, float]] | None = None,
         covariates: Mapping[str, str] | None = None,
         missing: str = "refuse",
+        split: str | None = None,
         name: str = "data",
     ) -> Dataset:
         """Data set of pandas DataFrames, one for each recording; the frames stay as they are.
@@ -273,6 +274,8 @@ class Dataset:
             Columns of other quantities, such as a temperature, by their names.
         missing : "refuse" or "drop"
             What happens with rows without angles.
+        split : str, optional
+            Column at whose changes another recording begins; of the time, where it starts again.
         name : str
             Name of the data set.
 
@@ -303,6 +306,7 @@ class Dataset:
             missing,
             torque_at,
             actuator,
+            split,
         )
         data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
         return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
@@ -339,11 +343,11 @@ class Dataset:
         >>> Dataset.from_arrays({"decay": {"time": time, "angle": np.cos(5.0 * time)}}, rig)
         Dataset('data': 1 recording, 1 joint, 1 s)
         """
-        reads = {}
+        reads: dict[str, Any] = {}
         for key, parts in arrays.items():
             frame, columns = columns_of_arrays(parts, str(key))
             columns = replace(columns, units=units, hold=hold, sigma=sigma)
-            reads[str(key)] = columns.read(frame, str(key))
+            reads |= columns.read_all({key: frame})
         return replace(_of_reads(name, mechanism, reads, parameters or {}), torque_at=torque_at)
 
     def with_frames(self, frames: Any, name: str | None = None) -> Dataset:

@@ -260,7 +260,10 @@ def _check_format(stated: Any, where: str) -> None:
             f'{where}: is of another version of frictionid, "format" is {stated!r} and this one '
             f"reads {FORMAT!r}: install the version that wrote it, or a newer one"
         )
-    raise InputError(f'{where}: is no model file, "format" must be "{FORMAT}", not {stated!r}')
+    other = "; it is of another program" if stated is None else ""
+    raise InputError(
+        f'{where}: is no model file, "format" must be "{FORMAT}", not {stated!r}{other}'
+    )
 
 
 def _calibration(table: Any, where: str) -> Calibration | None:

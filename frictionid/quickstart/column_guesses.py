@@ -29,6 +29,8 @@ WORDS: Mapping[str, frozenset[str]] = {
 UNMEASURED = frozenset(
     "cmd command commanded des desired ref reference target setpoint goal soll true truth".split()
 )
+# Said to tell runs in one table apart.
+RUNS = frozenset("run trial episode experiment test repetition rep session versuch".split())
 # Said to be a sensor's.
 SENSED = frozenset("meas measured act actual sensor sensed ist".split())
 
@@ -84,6 +86,7 @@ def is_sensed(name: str) -> bool:
     return bool(sensed) and is_measured(name)
 
 
+_RUN = 20  # rows of a run at least, on average
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
 _LENGTHS = ("m", "mm")
@@ -108,6 +111,7 @@ class ColumnGuesses:
     signs : 1 or -1 per joint, by quantity; hold : what the torque does between two samples
     unused : names of the columns with numbers that are left over
     missing : rows without all angles
+    split : column that tells runs apart, with what speaks for it; None where there is one run
     """
 
     time: Guess
@@ -116,6 +120,7 @@ class ColumnGuesses:
     hold: str
     unused: tuple[str, ...]
     missing: int = 0
+    split: Guess | None = None
     signs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     @property
@@ -170,14 +175,16 @@ def guess_columns(
                 )
     time = _time(table, named.get("time"))
     angle = _angle(table, kinds, time, named.get("angle"))
-    free = [name for name in table.columns if name not in (*time.columns, *angle.columns)]
+    split = _split(table, time.columns[0])
+    taken = (*time.columns, *angle.columns, *(split.columns if split else ()))
+    free = [name for name in table.columns if name not in taken]
     torque = _torque(table, driven, kinds, free, named.get("torque"))
     pushes = [name for name in torque.columns if name]
     hold = "linear" if pushes and all(_varies(table, name) for name in pushes) else TORQUE_HOLD
     unused = tuple(name for name in free if name not in pushes)
     cells = np.stack([table.columns[name] for name in angle.columns])
     missing = int(np.isnan(cells).any(axis=0).sum())
-    return ColumnGuesses(time, angle, torque, hold, unused, missing)
+    return ColumnGuesses(time, angle, torque, hold, unused, missing, split)
 
 
 def _unknown(table: Table, quantity: str, fault: str) -> InputError:
@@ -191,20 +198,40 @@ def _unknown(table: Table, quantity: str, fault: str) -> InputError:
 
 
 def _time(table: Table, named: Sequence[str] | None) -> Guess:
-    increasing = [name for name, c in table.columns.items() if _increases(c)]
+    increasing = [name for name, c in table.columns.items() if _runs(c) == 1]
     called = [name for name in increasing if quantity_of(name) == "time"]
-    candidates = list(named or called or increasing)
+    again = [n for n, c in table.columns.items() if quantity_of(n) == "time" and _runs(c)]
+    candidates = list(named or called or again or increasing)
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
     step = float(np.nanmedian(np.diff(table.columns[name])))
     unit = unit_of(name, "time") or _time_unit(step)
     rate = 1.0 / (step * UNITS["time"][unit])
-    return Guess((name,), unit, f"increases in every row, at {rate:.4g} Hz")
+    runs = _runs(table.columns[name])
+    where = "every row" if runs == 1 else "every row of each run"
+    return Guess((name,), unit, f"increases in {where}, at {rate:.4g} Hz")
 
 
-def _increases(column: Array) -> bool:
-    return bool(len(column) > 1 and np.isfinite(column).all() and (np.diff(column) > 0).all())
+def _runs(column: Array) -> int:
+    """Number of runs in which a column increases from row to row; 0 where it does not."""
+    step = np.diff(column)
+    runs = 1 + int((step < 0).sum())
+    increases = len(step) and np.isfinite(column).all() and (step != 0).all()
+    return runs if increases and (runs == 1 or len(column) >= _RUN * runs) else 0
+
+
+def _split(table: Table, clock: str) -> Guess | None:
+    """Column that tells runs apart: one called so, or the time where it starts again."""
+    again = np.diff(table.columns[clock]) < 0
+    for name, column in table.columns.items():
+        changes = np.abs(np.diff(column)) > 0
+        if RUNS & set(words(name)) and 0 < changes.sum() < len(column) / _RUN:
+            if not (again & ~changes).any():
+                return Guess((name,), "", f"tells {1 + changes.sum()} runs apart")
+    if not again.any() or not _runs(table.columns[clock]):
+        return None
+    return Guess((clock,), "", f"the time starts again: {1 + again.sum()} runs")
 
 
 def _time_unit(step: float) -> str:

@@ -79,7 +79,9 @@ def tables_at(paths: Sequence[Path]) -> Tables:
     for file in files:
         if not is_table(file):
             end = ", ".join(TABLES)
-            raise InputError(f"{file}: no table that ends with {end}; name one, or its folder")
+            raise InputError(
+                f"{file}: no table that ends with {end}; name one, or its folder; save others so"
+            )
     folders = {file.parent for file in files}
     if len(folders) > 1:
         raise InputError(
@@ -164,7 +166,8 @@ def described_draft(
         draft, dataset = corrected, _loaded(corrected, tables.folder)
     longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
     fitting = [h for h in horizons if h + _BEFORE <= longest] or [horizons[0]]
-    return Described(dataset_text(draft), suite_text(draft, fitting), dataset, draft, missing)
+    suite = suite_text(draft, fitting, len(dataset.recordings))
+    return Described(dataset_text(draft), suite, dataset, draft, missing)
 
 
 def _loaded(draft: Draft, folder: Path) -> Dataset:

@@ -44,9 +44,9 @@ def dataset_text(draft: Draft) -> str:
     return "\n".join(line for part in parts for line in part(draft)) + "\n"
 
 
-def suite_text(draft: Draft, horizons: Sequence[float]) -> str:
+def suite_text(draft: Draft, horizons: Sequence[float], recordings: int) -> str:
     """Text of a first suite: no friction, Coulomb and viscous, Stribeck, by two recipes."""
-    return "\n".join(_suite(draft, horizons)) + "\n"
+    return "\n".join(_suite(draft, horizons, recordings)) + "\n"
 
 
 def _head(draft: Draft) -> Iterator[str]:
@@ -150,10 +150,12 @@ def _hold(draft: Draft) -> Iterator[str]:
 def _recordings(draft: Draft) -> Iterator[str]:
     yield "\n[recordings]"
     yield _line("patterns", list(draft.files))
+    if split := draft.guesses.split:
+        yield _line("split", split.columns[0], f"{split.evidence}, each a recording")
 
 
-def _suite(draft: Draft, horizons: Sequence[float]) -> Iterator[str]:
-    single = len(draft.files) == 1
+def _suite(draft: Draft, horizons: Sequence[float], recordings: int) -> Iterator[str]:
+    single = recordings == 1
     yield "# A first suite: frictionid compare suite.toml"
     yield _line("name", f"{draft.name}-first")
     yield _line("horizons", list(horizons), "predictions so far ahead are scored [s]")

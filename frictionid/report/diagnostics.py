@@ -57,10 +57,11 @@ def _headline(verdict: Verdict, console: Any) -> None:
     rates = f"{clock.slowest:.4g} to {clock.fastest:.4g}"
     if clock.fastest < 1.2 * clock.slowest:
         rates = f"{clock.rate:.4g}"
+    gaps = "gap" if clock.gaps == 1 else "gaps"
     longest = f" (longest {clock.longest_gap:.2g} s)" if clock.gaps else ""
     facts = (
         f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {rates} Hz, jitter "
-        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} gaps{longest}"
+        f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} {gaps}{longest}"
         f", {verdict.passive:.0f} s of free decay"
     )
     level = (verdict.level, f"bold {COLOURS[verdict.level]}")

@@ -176,7 +176,7 @@ MODELS = {
     "joint_value.json": "joint 1",
     "joint_none.json": '"joints"',
     "list.json": "must hold a JSON object, it holds a list",
-    "empty.json": "is no JSON",
+    "empty.json": "is empty",
     "half.json": "is no JSON",
     "deep.json": "is no JSON",
     "binary.json": "is no JSON",

@@ -188,6 +188,7 @@ def test_reading_leaves_the_document_as_it_was():
     ("content", "complaint"),
     [
         (b"{", "is no JSON"),
+        (b"", "model.json: is empty"),
         (b"\xff\xfe", "is no JSON"),
         (b"[1, 2]", "must hold a JSON object, it holds a list"),
     ],

@@ -269,3 +269,24 @@ def test_an_interrupted_call_can_be_made_again(call, tmp_path):
     code, _, err = call(*command)
     assert code == 2 and "suite.toml is there already" in err
     assert not (tmp_path / "arm" / "dataset.toml").exists()
+
+
+# --- Several runs in one table --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("columns", "split"),
+    [
+        ({"t": np.tile(TIME, 2)}, "t"),
+        ({"t": np.arange(400) / 100.0, "trial": np.repeat([3.0, 5.0], 200)}, "trial"),
+        ({"t": np.tile(TIME, 2), "run": np.repeat([1.0, 2.0], 200)}, "run"),
+        ({"t": np.tile(TIME, 2), "run": np.repeat([1.0, 2.0, 1.0, 2.0], 100)}, "run"),
+        ({"t": np.tile(TIME, 2), "run": np.repeat([1.0, 2.0, 2.0, 3.0], 100)}, "t"),
+        ({"t": np.arange(400) / 100.0}, None),
+    ],
+)
+def test_runs_are_told_apart(columns, split):
+    table = Table("a.csv", np.arange(400), columns | {"q": np.tile(Q, 2), "tau": np.tile(U, 2)})
+    guesses = guess_columns(table, [True], ["rad"])
+    assert guesses.split is None if split is None else guesses.split.columns == (split,)
+    assert guesses.time.columns == ("t",) and guesses.angle.columns == ("q",)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from frictionid.config import nearest
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 
@@ -136,7 +137,7 @@ def _number(cell: str, row: int, name: str, file: str) -> float:
     except ValueError:
         raise InputError(
             f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
-            "write a number, or leave the cell empty"
+            'write a number; of angles it may be empty, with missing = "drop" in [columns]'
         ) from None
 
 
@@ -149,7 +150,9 @@ def check_header(file: str, header: Sequence[str], columns: Sequence[str]) -> No
     count = Counter(header)
     for name in columns:
         if count[name] == 0:
-            raise InputError(f"{file} has no column {name!r}; it has {named}")
+            close = nearest(name, header)
+            meant = f"{close} It has" if close.startswith("did") else "it has"
+            raise InputError(f"{file} has no column {name!r}; {meant} {named}")
         if count[name] > 1:
             raise InputError(
                 f"{file} has {count[name]} columns called {name!r}; rename them, or "

@@ -255,7 +255,9 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     """Recording of each table in a file, named as the file and the part that the table is."""
     file, asked = str(folder / name), toml.asked
     if toml.reader is None:
-        tables = {"": read_table(content, file, asked.names())}
+        split = toml.recordings.split
+        names = asked.names() if split is None else list(dict.fromkeys([*asked.names(), split]))
+        tables = toml.runs(read_table(content, file, names))
     else:
         read_tables = part_of(toml.reader.kind, "tables")
         tables = read_tables(content, file, toml.reader.settings, asked)

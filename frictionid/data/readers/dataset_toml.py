@@ -32,6 +32,7 @@ from frictionid.data.readers.column_toml import (
     unit_named,
 )
 from frictionid.data.readers.formats import part_of
+from frictionid.data.readers.table import Table
 
 Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
 Deviations = Annotated[
@@ -87,9 +88,13 @@ class Sigma(Strict):
 
 
 class Recordings(Strict):
-    """Files of the recordings, the span of each [s] that is used, and parameters that differ."""
+    """Files of the recordings, the span of each [s] that is used, and parameters that differ.
+
+    split : column at whose changes new recordings begin; of a time, where it starts again
+    """
 
     patterns: Names
+    split: str | None = None
     start: Annotated[float, Field(ge=0)] = 0.0
     stop: float = math.inf
     parameters: dict[str, dict[str, float]] = {}
@@ -187,6 +192,15 @@ class DatasetToml(Strict):
             targets=names,
             target_clock=self.actuator.time or self.columns.time.angle,
         )
+
+    def runs(self, table: Table) -> dict[str, Table]:
+        """The runs in a table, by what their names add to that of the file."""
+        split = self.recordings.split
+        if split is None or self.columns is None:
+            return {"": table}
+        clocks = (self.columns.time.angle, self.columns.time.torque)
+        parts = table.split(split, split if split in clocks else clocks[0])
+        return {f"-{i}" if len(parts) > 1 else "": part for i, part in enumerate(parts, 1)}
 
     @field_validator("columns")
     @classmethod

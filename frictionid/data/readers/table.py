@@ -1,7 +1,9 @@
 """Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
 
+import csv
 import io
 import re
+import zipfile
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -10,11 +12,11 @@ from numpy.typing import NDArray
 
 from frictionid.data.readers.csv_table import check_header, csv_columns
 from frictionid.data.readers.mat import mat_column, read_mat
-from frictionid.data.readers.unpacking import check_cells, unzip
+from frictionid.data.readers.unpacking import check_cells, most_bytes, unzip
 from frictionid.data.signals import Array, Signal, first_fault
 from frictionid.errors import InputError, needs
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
+SUFFIXES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
 # Formats that only readers of their own understand.
 OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
 
@@ -40,6 +42,15 @@ class Table(NamedTuple):
         """The rows of a mask (R,)."""
         columns = {name: column[keep] for name, column in self.columns.items()}
         return Table(self.file, self.rows[keep], columns)
+
+    def split(self, name: str, clock: str) -> "list[Table]":
+        """Tables of the runs: a new one begins where a column changes, or a clock falls back.
+
+        name : of the column; clock : that of the time
+        """
+        step = np.diff(self.columns[name])
+        begins = np.flatnonzero(step < 0 if name == clock else np.abs(step) > 0) + 1
+        return [self.taken(part) for part in np.split(np.arange(len(self.rows)), begins)]
 
 
 def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
@@ -67,8 +78,8 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
         table = _parquet(content, file, columns)
     elif lower.endswith(".mat"):
         table = _mat(content, file, columns)
-    elif lower.endswith((".csv", ".csv.gz")):
-        table = Table(file, *csv_columns(unzip(content, file), file, columns))
+    elif lower.endswith((".csv", ".csv.gz", ".xlsx")):
+        table = Table(file, *csv_columns(_csv(content, file), file, columns))
     else:
         raise InputError(f"{file}: tables end with {', '.join(SUFFIXES)}; narrow the patterns")
     if not len(table.rows):
@@ -92,10 +103,36 @@ def numeric_table(content: bytes, file: str) -> Table:
     if file.lower().endswith(".parquet"):
         table = _parquet(content, file, None)
     else:
-        table = Table(file, *csv_columns(unzip(content, file), file, None))
+        table = Table(file, *csv_columns(_csv(content, file), file, None))
     if not len(table.rows) or not table.columns:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
     return table
+
+
+def _csv(content: bytes, file: str) -> bytes:
+    """CSV text of a file, unzipped, or of the first sheet of an Excel file."""
+    if not file.lower().endswith(".xlsx"):
+        return unzip(content, file)
+    with needs("excel"):
+        import openpyxl
+    if not content:
+        raise InputError(f"{file} is empty; record again or leave it out")
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as parts:
+            size = sum(part.file_size for part in parts.infolist())
+        if size > most_bytes(len(content)):
+            raise InputError(f"{file} unpacks to {size / 1e6:.0f} MB: save it as CSV")
+        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
+        lines = list(book.worksheets[0].iter_rows(values_only=True))
+    except InputError:
+        raise
+    except Exception as error:  # of zip, XML, or openpyxl's own
+        raise InputError(f"{file} is no whole Excel file ({_first_line(error)})") from None
+    text = io.StringIO()
+    # a row without a cell is a blank line, which counts where rows are named
+    full = (line if any(cell is not None for cell in line) else () for line in lines)
+    csv.writer(text, lineterminator="\n").writerows(full)
+    return text.getvalue().encode()
 
 
 def table_name(file: str) -> str:
@@ -208,7 +245,11 @@ def signal_of(
         raise InputError(f"{table.file}: the column {clock!r} is empty; name the column of a clock")
     fault = first_fault(time, value, (clock, *names))
     if fault:
-        raise InputError(f"{table.file}, row {rows[fault[0]]}: {fault[1]}; repair or delete it")
+        at, reason = fault
+        way = "repair or delete it"
+        if at and time[at] < time[at - 1]:
+            way += f"; where another run begins there, say split = {clock!r}"
+        raise InputError(f"{table.file}, row {rows[at]}: {reason}; {way}")
     # A number too large for its unit becomes infinite, which the recording refuses.
     with np.errstate(over="ignore"):
         deviation = None if sigma is None else sigma * np.abs(unit)

@@ -1,9 +1,13 @@
 """Tables as labs write them: amperes, degrees, semicolons, decimal commas, single names."""
 
+import io
+
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures.dataset_files import csv_bytes, described, load, motion
 
+import frictionid as fid
 from frictionid.data.readers.column_toml import SPELLINGS, UNITS, unit_named
 
 TIME = np.arange(12) / 50.0
@@ -96,3 +100,51 @@ def test_every_spelling_of_a_unit_names_a_known_one(quantity):
     for spelled, unit in SPELLINGS[quantity].items():
         assert unit_named(quantity, spelled) == unit in UNITS[quantity]
         assert spelled not in UNITS[quantity]
+
+
+# --- Spreadsheets, and several runs in one table --------------------------------------------------
+
+
+def excel(frame):
+    content = io.BytesIO()
+    frame.to_excel(content, index=False)
+    return content.getvalue()
+
+
+def test_a_spreadsheet_holds_the_numbers_of_a_text(tmp_path):
+    frame = pd.DataFrame({"time": TIME, "q": ANGLE, "i": CURRENT})
+    document = one_joint(recordings={"patterns": ["*.xlsx", "*.csv"]})
+    (tmp_path / "a.xlsx").write_bytes(excel(frame))
+    sheet, plain = load(tmp_path, document, b_csv=text()).recordings
+    np.testing.assert_allclose(sheet.angle.value, plain.angle.value, rtol=1e-14)
+    (tmp_path / "a.xlsx").write_bytes(excel(frame)[:400])
+    with pytest.raises(fid.InputError, match="is no whole Excel file"):
+        load(tmp_path, document, b_csv=text())
+    (tmp_path / "a.xlsx").write_bytes(excel(frame.assign(q=["x", *ANGLE[1:]])))
+    with pytest.raises(fid.InputError, match="xlsx, row 2: column 'q' holds 'x', which is no numb"):
+        load(tmp_path, document, b_csv=text())
+
+
+RUNS = pd.DataFrame({"time": np.tile(TIME, 3), "q": np.tile(ANGLE, 3), "i": np.tile(CURRENT, 3)})
+RUNS["run"] = np.repeat([1, 4, 2], len(TIME))
+
+
+@pytest.mark.parametrize("column", ["time", "run"])
+def test_runs_in_one_table_are_recordings(tmp_path, column):
+    document = one_joint(recordings={"patterns": "*.csv", "split": column})
+    content = RUNS.to_csv(index=False).encode()
+    recordings = load(tmp_path, document, a_csv=content).recordings
+    rig = fid.mechanisms.pendulum(mass=1.0, length=0.3)
+    frame = fid.Dataset.from_frames(RUNS, rig, time="time", angle="q", torque="i", split=column)
+    assert [r.name for r in recordings] == ["a-1", "a-2", "a-3"]
+    for one, other in zip(recordings, frame.recordings, strict=True):
+        np.testing.assert_array_equal(one.angle.time, TIME)
+        np.testing.assert_array_equal(one.angle.value, other.angle.value)
+
+
+def test_a_time_that_starts_again_says_how_to_split(tmp_path):
+    with pytest.raises(fid.InputError, match="row 14: time must increase.* say split = 'time'"):
+        load(tmp_path, one_joint(), a_csv=RUNS.to_csv(index=False).encode())
+    with pytest.raises(fid.InputError, match="has no column 'rum'; did you mean 'run'?"):
+        document = one_joint(recordings={"patterns": "*.csv", "split": "rum"})
+        load(tmp_path, document, a_csv=RUNS.to_csv(index=False).encode())
