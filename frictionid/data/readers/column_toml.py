@@ -108,6 +108,7 @@ class ColumnNames(Strict):
     sigma : columns of the standard deviations of the angles, in their unit
     missing : rows without angles, such as frames with a hidden dot: "refuse" them, or "drop" them
         from all signals on the angles' clock
+    header : false for texts without a header line: columns are then called "1", "2", ...
     """
 
     time: Annotated[Clocks, BeforeValidator(_both_clocks)]
@@ -116,6 +117,7 @@ class ColumnNames(Strict):
     velocity: Names | None = None
     sigma: Names | None = None
     missing: Literal["refuse", "drop"] = "refuse"
+    header: bool = True
     truth: TruthColumns | None = None
     covariates: dict[str, Column] = {}
 

@@ -18,7 +18,7 @@ from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.formats import part_of
 from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
 from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import read_table, table_name
+from frictionid.data.readers.table import read_headerless, read_table, table_name
 from frictionid.data.readers.table_recording import recorded
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, cut
@@ -257,7 +257,8 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     if toml.reader is None:
         split = toml.recordings.split
         names = asked.names() if split is None else list(dict.fromkeys([*asked.names(), split]))
-        tables = toml.runs(read_table(content, file, names))
+        read = read_table if asked.header else read_headerless
+        tables = toml.runs(read(content, file, names))
     else:
         read_tables = part_of(toml.reader.kind, "tables")
         tables = read_tables(content, file, toml.reader.settings, asked)

@@ -149,7 +149,7 @@ def table_name(file: str) -> str:
     return file
 
 
-def read_headerless(content: bytes, file: str, columns: Sequence[str], comma: bool = True) -> Table:
+def read_headerless(content: bytes, file: str, columns: Sequence[str]) -> Table:
     r"""Table with some columns of a text without a header, plain or gzipped.
 
     Parameters
@@ -158,9 +158,7 @@ def read_headerless(content: bytes, file: str, columns: Sequence[str], comma: bo
     file : str
         Name of the file, for errors; gzipped where it ends with ".gz".
     columns : sequence of str
-        Numbers of columns, from "1".
-    comma : bool
-        Whether commas or blanks separate the cells.
+        Numbers of columns, from "1"; commas or blanks separate the cells.
 
     Raises
     ------
@@ -179,7 +177,7 @@ def read_headerless(content: bytes, file: str, columns: Sequence[str], comma: bo
     lines = [(row, line) for row, line in enumerate(text.splitlines(), 1) if line.strip()]
     if not lines:
         raise InputError(f"{file} has no rows; record again or leave it out")
-    separator = "," if comma else None
+    separator = "," if "," in lines[0][1] else None
     width = len(lines[0][1].split(separator))
     for name in columns:
         if not (name.isdecimal() and 1 <= int(name) <= width):

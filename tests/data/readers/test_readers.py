@@ -14,19 +14,13 @@ from fixtures.reader_files import (
     bam_bytes,
     bam_log,
     column,
-    emps_variables,
     marker_csv,
     mat_bytes,
 )
 
 from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.data.readers.formats.bam import read as read_bam
-from frictionid.data.readers.formats.dfki_double_pendulum import read as read_double_pendulum
-from frictionid.data.readers.formats.dfki_simple_pendulum import read as read_simple_pendulum
-from frictionid.data.readers.formats.emps import read as read_emps
-from frictionid.data.readers.formats.ibm import read as read_ibm
 from frictionid.data.readers.formats.markers import read as read_markers
-from frictionid.data.readers.formats.phy180 import read as read_phy180
 from frictionid.data.readers.mat import read_mat
 
 
@@ -131,15 +125,6 @@ def test_bam_arm_counts_as_a_rod(tmp_path):
 # --- the others ----------------------------------------------------------------------------------
 
 
-def test_emps_force_is_gain_times_voltage(tmp_path):
-    variables = emps_variables()
-    recording = read_emps(put(tmp_path, "a.mat", mat_bytes(variables)), {})
-    np.testing.assert_array_equal(recording.angle.value, variables["qm"])
-    np.testing.assert_allclose(recording.torque.value, 35.0 * variables["vir"])
-    np.testing.assert_array_equal(recording.covariates["reference"].value, variables["qg"])
-    assert recording.torque.hold == "previous"
-
-
 def test_markers_give_the_angles_they_were_made_of(tmp_path):
     content, angles = marker_csv()
     recording = read_markers(put(tmp_path, "a.csv", content), MARKERS)
@@ -167,36 +152,22 @@ def test_rows_without_a_marker_can_be_dropped_and_keep_their_time(tmp_path):
     np.testing.assert_allclose(recording.angle.time, np.delete(np.arange(40) * 0.01, 5))
 
 
-def test_ibm_is_a_preset_of_markers(tmp_path):
+def test_texts_without_a_header_have_numbered_columns(tmp_path):
+    document = described(
+        columns={"time": "1", "angle": ["2", "4"], "torque": ["", ""], "header": False},
+    )
+    for name, separator in (("a_csv", b","), ("a_txt", b" ")):
+        rows = b"0.0 0.7 9 3\n0.05 0.6 9 3\n\n0.1 0.5 nan 3\n"
+        (tmp_path / name).mkdir()
+        content = {name: rows.replace(b" ", separator)}
+        document["recordings"]["patterns"] = [name.replace("_", ".")]
+        (recording,) = load(tmp_path / name, document, **content).recordings
+        assert recording.angle.value.T.tolist() == [[0.7, 0.6, 0.5], [3.0, 3.0, 3.0]]
+        assert recording.angle.time.tolist() == [0.0, 0.05, 0.1] and recording.name == "a"
+    numbers = {**MARKERS, "x": ["3", "5", "7"], "y": ["2", "4", "6"], "time": "1", "header": False}
     content, angles = marker_csv()
-    rows = [line.partition(",")[2] for line in content.decode().splitlines()[1:]]
-    path = put(tmp_path, "0.csv.gz", gzip.compress("\n".join(rows).encode()))
-    recording = read_ibm(path, {})
-    np.testing.assert_allclose(recording.angle.value, angles, atol=1e-9)
-    assert np.diff(recording.angle.time).max() == pytest.approx(1 / 400)
-
-
-def test_phy180_reads_two_of_three_columns(tmp_path):
-    path = put(tmp_path, "a.txt", b"0.0 0.7 9.9\n0.05 0.6 9.9\n\n0.1 0.5 nan\n")
-    recording = read_phy180(path, {})
-    assert recording.angle.value.ravel().tolist() == [0.7, 0.6, 0.5]
-    assert np.all(recording.torque.value == 0.0)
-
-
-def test_dfki_logs_may_have_more_columns_than_are_read(tmp_path):
-    head = "time,pos_meas1,pos_meas2,vel_meas1,pos_filt1,tau_con1,tau_con2,tau_meas1,tau_meas2"
-    rows = ["0.0,1,2,3,4,5,6,7,8", "0.1,1,2,3,4,5,6,7,8"]
-    path = put(tmp_path, "a.csv", "\n".join([head, *rows]).encode())
-    measured = read_double_pendulum(path, {})
-    commanded = read_double_pendulum(path, {"torque": "commanded"})
-    assert measured.angle.value[0].tolist() == [1.0, 2.0]
-    assert (measured.torque.value[0].tolist(), measured.torque.hold) == ([7.0, 8.0], "linear")
-    assert (commanded.torque.value[0].tolist(), commanded.torque.hold) == ([5.0, 6.0], "previous")
-    single = put(tmp_path, "b.csv", b"time,position,velocity,torque\n0,1,2,3\n1,4,5,6\n")
-    recording = read_simple_pendulum(single, {})
-    assert recording.angle.value.ravel().tolist() == [1.0, 4.0]
-    assert recording.velocity.value.ravel().tolist() == [2.0, 5.0]
-    assert recording.torque.value.ravel().tolist() == [3.0, 6.0]
+    path = put(tmp_path, "b.csv.gz", gzip.compress(content.partition(b"\n")[2]))
+    np.testing.assert_allclose(read_markers(path, numbers).angle.value, angles, atol=1e-9)
 
 
 # --- [reader] in dataset.toml --------------------------------------------------------------------

@@ -157,17 +157,10 @@ DRIVE_MISTAKES = {
         {"motor": {"rated_torque": 2.0, "rated_current": 2.0, "counts_per_turn": 9}},
         "rated_current needs kt beside it",
     ),
-    "ratings": (
-        {"motor": {"rated_torque": [2.0, 3.0], "counts_per_turn": 9}},
-        "motor.rated_torque has 2 numbers for 1 joints",
-    ),
-    "zero": ({"motor": {"rated_torque": 0.0}}, "must not hold a zero"),
     "column": (
         {"columns": {**DRIVE["columns"], "angle": "0x6063"}},
         r"row 4 has no column '0x6063'; it has 'Time', 'Position actual value",
     ),
-    "columns": ({"columns": None}, "the key 'columns' is missing"),
-    "setting": ({"reader": {"skip": 3}}, r"\[reader\]: unknown key 'skip'"),
 }
 
 
@@ -234,10 +227,8 @@ def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
 
 
 RTDE_MISTAKES = {
-    "joints": ({"reader": {"joints": [-1]}}, "joints.*greater than or equal to 0"),
     "no joint": ({"reader": {"joints": [7]}}, "has no column 'actual_q_7'"),
     "no kt": ({"reader": {"joints": [1]}, "units": {"torque": "A"}}, "needs the table .motor."),
-    "setting": ({"reader": {"kt": 3.0}}, "unknown key 'kt'"),
     "columns": ({"columns": 3}, "columns"),
 }
 

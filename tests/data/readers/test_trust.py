@@ -11,7 +11,7 @@ from fixtures.own_reader import read_by
 
 from frictionid.data.readers import reader_names
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.formats.emps import read as read_emps
+from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.errors import InputError
 from frictionid.mechanics import pendulum
 
@@ -53,10 +53,10 @@ def test_an_installed_package_offers_readers_by_name(tmp_path, monkeypatch):
         name = "mylab"
 
         def load(self):
-            return read_emps
+            return read_bam
 
     monkeypatch.setattr(reader_names, "entry_points", lambda **_: [Point()])
-    assert reader_names.reader_of("emps", tmp_path) is read_emps
+    assert reader_names.reader_of("bam", tmp_path) is read_bam
     with pytest.raises(InputError, match=r"the reader 'mylab' failed|a\.log"):
         read_by(tmp_path, {"kind": "mylab"}, trust=False)
 
