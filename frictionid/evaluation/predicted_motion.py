@@ -47,7 +47,7 @@ def predict(
     """
     friction = friction.at_temperature(initial.temperature)
     if preceding is None:
-        state = State(initial.q, initial.w, _memory(friction, initial))
+        state = State(initial.q, initial.w, memory_at(friction, initial))
     else:
         state = estimate_initial_states(plant, friction, preceding, initial)
     controllers = initial.controllers
@@ -56,7 +56,7 @@ def predict(
     return rollout(plant, friction, state, initial.u, initial.dt)
 
 
-def _memory(friction: Friction, initial: InitialStates) -> Memory:
+def memory_at(friction: Friction, initial: InitialStates) -> Memory:
     """Memory at each initial state, from the motion before it."""
     if not friction.law.has_memory:
         return ()

@@ -14,7 +14,7 @@ from frictionid.data.signals import Signal, holds, sample
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.nearest import at_horizon, reaching
 from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.predicted_motion import predict
+from frictionid.evaluation.predicted_motion import memory_at, predict
 
 _MOST = 48  # predictions
 
@@ -117,6 +117,8 @@ def replayed(engine: Any, model: ExportedFriction, initial: InitialStates) -> Ar
     place = {joint.id: k for k, joint in enumerate(joints)}
     told = np.flatnonzero(engine.actuator_ctrlnum == 1)
     pairs = [(int(a), place[j]) for a in told if (j := int(engine.actuator_trnid[a, 0])) in place]
+    memory = memory_at(model.friction[None][np.zeros(len(initial.q), dtype=int)], initial)
+    bent = [(int(a), place[int(engine.actuator_trnid[a, 0])]) for a in _with_bristles(engine)]
     step, out, state = float(engine.opt.timestep), np.empty_like(initial.q), mujoco.MjData(engine)
     for s in range(len(initial.q)):
         recording = model.data.recordings[initial.recording[s]]
@@ -125,9 +127,16 @@ def replayed(engine: Any, model: ExportedFriction, initial: InitialStates) -> Ar
         engine.opt.timestep = (clock[-1] - clock[0]) / count
         mujoco.mj_resetData(engine, state)
         state.qpos[places], state.qvel[dofs] = initial.q[s], initial.w[s]
+        for a, j in bent:
+            state.act[engine.actuator_actadr[a]] = memory[0][s, j]
         _run(engine, state, pairs, logged(model, recording), clock[0], count)
         out[s] = state.qpos[places]
     return out
+
+
+def _with_bristles(engine: Any) -> Array:
+    """Actuators that are nothing but bristles."""
+    return np.flatnonzero((engine.actuator_ctrlnum == 0) & (engine.actuator_actadr >= 0))
 
 
 def _run(

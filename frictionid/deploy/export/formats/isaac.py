@@ -12,7 +12,9 @@ import re
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+from frictionid.deploy.export.native import delay_of
 from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
 
 _CODE = '''"""{name}: friction of {joints} for the actuators of Isaac Lab.
@@ -22,7 +24,7 @@ _CODE = '''"""{name}: friction of {joints} for the actuators of Isaac Lab.
 friction, dynamic_friction [N m or N] and viscous_friction [N m s/rad or N s/m] are efforts, as in
 Isaac Lab from 2.2 with Isaac Sim 5.0 (PhysX 5.6); earlier versions take `friction` as a coefficient
 without unit: do not use these numbers there. PhysX needs friction >= dynamic_friction.
-Stiffness, damping and limits are those of the USD file.
+{gains}
 """
 
 from isaaclab.actuators import {kind}
@@ -30,8 +32,6 @@ from isaaclab.actuators import {kind}
 {before}ACTUATORS = {{
     {name!r}: {kind}(
         joint_names_expr={patterns!r},
-        stiffness=None,
-        damping=None,
 {fields}
 {after}    ),
 }}
@@ -51,25 +51,28 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `ACTUATORS`, for `ArticulationCfg.actuators`."""
     friction, joints = nearest(model), [re.escape(name) for name in model.joints]
     level, viscous = friction.theta.T
-    values = {
+    values: dict[str, Array | None] = {"stiffness": None, "damping": None}
+    drive, gains = model.drive, "Stiffness, damping and limits are those of the USD file."
+    if drive is not None:
+        values |= {"stiffness": drive.kp, "damping": drive.kv, "effort_limit": drive.limit}
+        gains = "Stiffness, damping and limits are those of the identified servo."
+        viscous = viscous + drive.back_emf
+    values |= {
         "friction": np.maximum(break_away(model.friction), level),
         "dynamic_friction": level,
         "viscous_friction": viscous,
     }
     if model.rotor is not None:
         values["armature"] = np.array([model.rotor])
-    fields = [
-        f"        {name}={dict(zip(joints, map(float, row), strict=True))!r},"
-        for name, row in values.items()
-    ]
-    calibration = model.friction.calibration
-    delay = 0.0 if calibration is None else float(calibration.delay)
+    fields = [f"        {name}={_by_joint(joints, row)}," for name, row in values.items()]
+    delay = delay_of(model)
     kind = "DelayedPDActuatorCfg" if delay > 0 else "ImplicitActuatorCfg"
     before, after = (_STEPS.format(delay), _DELAYS) if delay > 0 else ("", "")
     code = _CODE.format(
         name=settings.name,
         joints=", ".join(model.joints),
         facts="\n".join(model.facts),
+        gains=gains,
         kind=kind,
         patterns=joints,
         fields="\n".join(fields),
@@ -83,3 +86,11 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         lost.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
     other = friction if differs(model, friction) else None
     return Written({".py": code.encode()}, tuple(lost), other)
+
+
+def _by_joint(joints: list[str], row: Array | None) -> str:
+    """A value of each joint as code, None where it stays as it is; infinite ones are left out."""
+    if row is None:
+        return "None"
+    pairs = zip(joints, map(float, row), strict=True)
+    return repr({name: value for name, value in pairs if np.isfinite(value)} or None)

@@ -26,6 +26,7 @@ from frictionid.deploy.export.native import (
     element,
     held,
     is_native,
+    is_stiff,
     joint_values,
     lost_bristles,
 )
@@ -95,7 +96,7 @@ _DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default cl
 _KINDS = {"rad": "hinge", "m": "slide"}  # of joints, by the unit of their position
 _STATED = ("frictionloss", "damping", "armature")
 _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless refsafe is disabled
-_FINE = 0.00025  # [s]: friction in MuJoCo errs with the first power of the step
+_FINE, _FINEST = 0.00025, 0.0001  # [s]: errors grow with the step, of bristles most
 _STEP = 0.002  # [s], MuJoCo's where a file names none
 _KEPT = ("name", "class", "group", "joint", "ctrllimited", "ctrlrange")  # of a motor made a servo
 Change = tuple[int, int, bytes]
@@ -247,8 +248,9 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
         parameters = physical_parameters(mechanism, calibration.base)
         notes.append("masses and inertias are such that the model's base parameters hold")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
-    text = mjcf_of(mechanism, used, timestep=_FINE)
-    if bristles(model.friction, 0):  # whose exact solution the steps of RK4 do not take
+    step = _FINEST if bristles(model.friction, 0) else _FINE
+    text = mjcf_of(mechanism, used, timestep=step)
+    if is_stiff(model, step):
         text = text.replace('integrator="RK4"', 'integrator="implicitfast"')
     return text.encode(), f"MJCF of {mechanism.kind}", notes
 

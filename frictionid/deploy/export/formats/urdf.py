@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from frictionid.data.position_control import PositionControl
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.nearest import lost_by, nearest
 from frictionid.deploy.export.xml_text import (
@@ -13,6 +16,7 @@ from frictionid.deploy.export.xml_text import (
     with_attributes,
 )
 from frictionid.errors import InputError
+from frictionid.files import json_text
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
 held = nearest
@@ -47,7 +51,26 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         notes += stated_before(joint.name, dynamics.attributes, new)
     lost = lost_by(model, friction, "URDF", "friction and damping")
     content = {".urdf": replaced(text, changes)}
+    if model.drive is not None:
+        content["_controllers.yaml"] = _controllers(model.joints, model.drive)
+        notes.append("ros2_control: gains for effort interfaces stand beside it; it was not run")
     return Written(content, tuple(lost), friction if lost else None, tuple(notes))
+
+
+def _controllers(joints: Sequence[str], drive: PositionControl) -> bytes:
+    """Parameters of ros2_control's joint_trajectory_controller with the identified gains (JSON).
+
+    Its d acts on the velocity error: without target velocities, on the velocity as here.
+    """
+    rows = zip(joints, drive.kp, drive.kv, strict=False)
+    gains = {name: {"p": float(p), "i": 0.0, "d": float(d)} for name, p, d in rows}
+    parameters = {
+        "joints": list(gains),
+        "command_interfaces": ["effort"],
+        "state_interfaces": ["position", "velocity"],
+        "gains": gains,
+    }
+    return json_text({"joint_trajectory_controller": {"ros__parameters": parameters}}).encode()
 
 
 def _inserted(text: bytes, joint: Element, element: bytes) -> tuple[int, int, bytes]:

@@ -1,0 +1,93 @@
+"""Written files run by MuJoCo as they are: servos, delays and bristles move as we predict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from fixtures.paths import DATA
+
+import frictionid as fid
+from frictionid.data.calibration import Calibration
+from frictionid.data.readers.dataset import load_dataset
+from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.formats.isaac import write as isaac
+from frictionid.deploy.export.formats.urdf import write as urdf
+from frictionid.simulate.drive_logs import ServoPendulum
+
+RIG = ServoPendulum(coulomb=0.03, viscous=0.02, delay=0.012)
+FRICTION = fid.Friction(fid.CoulombViscous(), np.array([[0.03, 0.02]]))
+LUGRE = np.array([[0.2, 0.06, 0.5, 0.01, 0.002, 0.3, 0.1], [0.1, 0.05, 0.5, 0.01, 0.002, 0.3, 0.1]])
+
+
+@pytest.fixture(scope="module")
+def servo():
+    frames = {"soft": pd.DataFrame(RIG.log(4.0, 0.05, seed=1, seconds=4.0))}
+    actuator = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "limit": 0.4}
+    machine = fid.mechanisms.pendulum(mass=RIG.mass, length=RIG.length)
+    columns = {"time": "t", "angle": "q", "actuator": actuator}
+    return fid.Dataset.from_frames(frames, machine, **columns)
+
+
+def calibrated(n, **parts):
+    return replace(Calibration.ideal(n), **{k: np.asarray(v) for k, v in parts.items()})
+
+
+def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
+    friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012, bias=[0.01]))
+    done = fid.export(friction, "mujoco", tmp_path / "servo.xml", data=servo)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "servo.xml"))
+    assert model.actuator_delay[0] == 0.012 and model.actuator_gainprm[0, 0] == 4.0
+    np.testing.assert_allclose(model.actuator_forcerange[0], [0.01 - 0.4, 0.01 + 0.4])
+    assert done.lost == () and done.round_trip.predictions > 5
+    assert done.round_trip.apart < 2e-4
+
+
+def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body><joint name="hip" axis="0 1 0"/><geom size=".1"/></body>'
+        '</worldbody><actuator><position name="hip" joint="hip" kp="9"></position></actuator>'
+        "</mujoco>"
+    )
+    settings = ExportSettings(into=path, joints=("hip",))
+    fid.export(FRICTION, "mujoco", tmp_path / "out.xml", data=servo, settings=settings)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert model.nu == 1
+    np.testing.assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
+
+
+def test_a_servo_for_isaac_has_its_gains_its_limit_and_its_delay(servo):
+    friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
+    text = isaac(exported(friction, ("hip",), (5.0,), servo), ExportSettings()).files[".py"]
+    for field in ("stiffness={'hip': 4.0}", "damping={'hip': 0.05}", "effort_limit={'hip': 0.4}"):
+        assert field in text.decode()
+    assert "DELAY = 0.012" in text.decode()
+
+
+def test_a_servo_for_ros_has_its_gains_beside_the_urdf(servo, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text('<robot name="a"><link name="b"/><joint name="hip" type="continuous"/></robot>')
+    made = urdf(exported(FRICTION, ("hip",), (5.0,), servo), ExportSettings(into=path))
+    controller = yaml.safe_load(made.files["_controllers.yaml"])["joint_trajectory_controller"]
+    assert controller["ros__parameters"]["gains"]["hip"] == {"p": 4.0, "i": 0.0, "d": 0.05}
+    assert 'friction="0.03"' in made.files[".urdf"].decode()
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("law", ["coulomb_viscous", "lugre"])
+def test_real_motion_with_a_delay_is_within_a_milliradian_of_ours(law, real_data, tmp_path):
+    data = load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum")
+    base = 1.03 * data.mechanism.base(data.mechanism.nominal())
+    calibration = calibrated(2, base=base, delay=0.0034, bias=[0.02, -0.01])
+    friction = fid.Friction(fid.CoulombViscous(), np.array([[0.2614, 0.01], [0.1475, 0.003119]]))
+    if law == "lugre":
+        friction = fid.Friction(fid.LuGre(), LUGRE)
+    friction = replace(friction, calibration=calibration)
+    done = fid.export(friction, "mujoco", tmp_path / "c1.xml", data=data)
+    assert done.round_trip.predictions >= 40
+    assert done.round_trip.apart < 1e-3
