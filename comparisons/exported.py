@@ -3,8 +3,8 @@
     FRICTIONID_DATA=FOLDER python comparisons/exported.py
 
 Models are fitted to some recordings and predict others 1 s ahead, from the states that a filter
-estimates, under the recorded torques: by our physics step, in MuJoCo with frictionloss and damping
-alone, and with the callback. The table of docs/export.md is what this prints. The published M6 of
+estimates, under logged torques or targets: by our physics step, in MuJoCo by the file as it is, and
+with the callback beside it. The table of docs/export.md is what this prints. The published M6 of
 the servo stands beside ours: read by its own file format, and replayed in MuJoCo in the same way.
 """
 
@@ -16,70 +16,30 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-import mujoco
-import numpy as np
-
 import frictionid as fid
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
-from frictionid.deploy.export.nearest import at_horizon, reaching
-from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.predicted_motion import predict
+from frictionid.deploy.export.round_trip import in_mujoco
 from frictionid.friction import Friction
 
-STEP = 0.0005  # [s], at most, of MuJoCo's RK4
 STARTS = 60  # rollouts of each data set
 
 
 class Row(NamedTuple):
-    """Median errors 1 s ahead [rad] over so many starts, and how far the engine is from ours."""
+    """Median errors 1 s ahead [rad] over so many starts, and mean distances from our predictions.
+
+    alone : of the file as it is; callback : with the module beside it, where there is one
+    """
 
     data: str
     model: str
     ours: float
-    joints_alone: float
+    alone: float
+    alone_apart: float
     callback: float
-    apart: float
+    callback_apart: float
     starts: int
-
-
-def with_starts(initial: InitialStates, most: int) -> InitialStates:
-    """At most so many initial states that reach the horizon, evenly, all under recorded torque."""
-    chosen = reaching(initial)
-    rows = np.unique(np.linspace(0, len(chosen.q) - 1, min(most, len(chosen.q))).astype(int))
-    return chosen.take(rows)._replace(servos=())
-
-
-def replay(xml: str, code: str, initial: InitialStates, joints: tuple[str, ...]) -> np.ndarray:
-    """Angles (S, n) at the horizon in MuJoCo, under the recorded torques.
-
-    code : of the callback's module; "" for the joints' own friction alone
-    """
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    places = [int(model.joint(name).qposadr[0]) for name in joints]
-    dofs = [int(model.joint(name).dofadr[0]) for name in joints]
-    driven = {model.actuator(k).name: k for k in range(model.nu)}
-    out = np.empty_like(initial.q)
-    module = ModuleType("callback")
-    exec(code, vars(module))
-    for s, (q, w) in enumerate(zip(initial.q, initial.w, strict=True)):
-        mujoco.mj_resetData(model, data)
-        data.qpos[places], data.qvel[dofs] = q, w
-        mujoco.set_mjcb_passive(module.Friction(model) if code else None)
-        try:
-            for k in range(initial.last[-1, s]):
-                steps = int(np.ceil(initial.dt[k, s] / STEP - 1e-9))
-                model.opt.timestep = initial.dt[k, s] / steps
-                for j, name in enumerate(joints):
-                    if name in driven:
-                        data.ctrl[driven[name]] = initial.u[k, s, j]
-                mujoco.mj_step(model, data, steps)
-        finally:
-            mujoco.set_mjcb_passive(None)
-        out[s] = data.qpos[places]
-    return out
 
 
 def files(friction: Friction, data: Dataset) -> Mapping[str, str]:
@@ -93,23 +53,18 @@ def row(
     name: str, friction: Friction, training: Dataset, data: Dataset, starts: int = STARTS
 ) -> Row:
     """Errors on one data set of a friction whose joints' numbers are those of the training data."""
-    joints = tuple(data.mechanism.joints)
-    prepared = exported(friction, data=data).prepared
-    assert prepared is not None
-    initial = with_starts(prepared.initial_states, starts)
-    each = friction[None][np.zeros(len(initial.q), dtype=int)]
-    own = at_horizon(predict(prepared.plant[initial.recording], each, initial).q, initial)
+    own = exported(friction, data.mechanism.friction_names, data=data)
     made = files(friction, training)
-    code = made.get("_callback.py", "")
-    alone = replay(made[".xml"], "", initial, joints)
-    called = replay(made[".xml"], code, initial, joints) if code else alone
-    measured = at_horizon(initial.measured, initial)
-
-    def off(q: np.ndarray, reference: np.ndarray) -> float:
-        return float(np.median(np.linalg.norm(q - reference, axis=-1)))
-
-    errors = [off(q, measured) for q in (own, alone, called)]
-    return Row(data.name, name, *errors, off(called, own), len(own))
+    alone = in_mujoco(own, made[".xml"], most=starts)
+    assert alone is not None
+    called = alone
+    if code := made.get("_callback.py"):
+        module = ModuleType("callback")
+        exec(code, vars(module))
+        called = in_mujoco(own, made[".xml"], module.Friction, starts)
+        assert called is not None
+    distances = (alone.apart, called.error, called.apart)
+    return Row(data.name, name, alone.ours, alone.error, *distances, alone.predictions)
 
 
 def halves(data: Dataset) -> tuple[Dataset, Dataset]:
@@ -121,7 +76,7 @@ def halves(data: Dataset) -> tuple[Dataset, Dataset]:
 def rows() -> Iterator[Row]:
     """All rows of the table."""
     rig, swingups = fid.load_dataset("dfki_c1"), fid.load_dataset("dfki_c1_swingup")
-    for law in ("coulomb_viscous", "stribeck", "motor_load"):
+    for law in ("coulomb_viscous", "stribeck", "lugre", "motor_load"):
         yield row(law, fid.fit(rig, law, method="one_step").friction, rig, swingups)
     shot = fid.fit(
         rig,
@@ -149,11 +104,10 @@ def rows() -> Iterator[Row]:
 
 def main() -> None:
     """Print the table in Markdown."""
-    print("| data | model | ours | frictionloss, damping | with callback | apart | starts |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    print("| data | model | ours | MuJoCo | apart | with callback | apart | predictions |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for r in rows():
-        numbers = (r.ours, r.joints_alone, r.callback, r.apart)
-        texts = " | ".join(f"{v:.4f}" for v in numbers)
+        texts = " | ".join(f"{v:.4f}" for v in r[2:-1])
         print(f"| {r.data} | {r.model} | {texts} | {r.starts} |", flush=True)
 
 

@@ -28,6 +28,10 @@ class Friction:
         self.dofs = [int(model.jnt_dofadr[j]) for j in self.joints]
         self.places = [int(model.jnt_qposadr[j]) for j in self.joints]
         model.dof_frictionloss[self.dofs] = LEVELS
+        self.back_emf = [  # of the joint's motor, which counts as its torque
+            sum(float(d) for d, t in zip(model.actuator_damping, model.actuator_trnid) if t[0] == j)
+            for j in self.joints
+        ]
 
     def __call__(self, model, data):
         x = dict(
@@ -35,6 +39,7 @@ class Friction:
             w=[float(v) for v in data.qvel[self.dofs]],
             u=[float(v) for v in data.qfrc_actuator[self.dofs] + data.qfrc_applied[self.dofs]],
         )
+        x["u"] = [u - k * w for u, k, w in zip(x["u"], self.back_emf, x["w"])]
 {memory}        torques = torque({arguments})
         levels = [float(v) for v in model.dof_frictionloss[self.dofs]]
         for j, (dof, w) in enumerate(zip(self.dofs, x["w"])):

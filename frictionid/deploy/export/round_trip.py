@@ -36,11 +36,15 @@ class RoundTrip(NamedTuple):
     engine: str
 
 
-def in_mujoco(model: ExportedFriction, xml: str) -> RoundTrip | None:
+def in_mujoco(
+    model: ExportedFriction, xml: str, passive: Any = None, most: int = _MOST
+) -> RoundTrip | None:
     """An MJCF replayed from the states that a filter estimates, under what was logged.
 
     Actuators get the logged targets of servos, else the logged torques; gain, bias and delay are
-    the file's. None without data, without MuJoCo, and where the file has no such joints.
+    the file's. None without data, without MuJoCo, and where no recording is of the file's servo.
+
+    passive : makes a callback of an engine's model, see `callback`; most : predictions
     """
     try:
         import mujoco
@@ -49,13 +53,13 @@ def in_mujoco(model: ExportedFriction, xml: str) -> RoundTrip | None:
     data = model.prepared
     if data is None or model.data is None:
         return None
-    initial = _alike(model, reaching(data.initial_states))
+    initial = _alike(model, reaching(data.initial_states), most)
     if not len(initial.q):
         return None
     copies = np.zeros(len(initial.q), dtype=int)
     plant = data.plant[initial.recording]
     ours = at_horizon(predict(plant, model.friction[None][copies], initial).q, initial)
-    engine = replayed(mujoco.MjModel.from_xml_string(xml), model, initial)
+    engine = replayed(mujoco.MjModel.from_xml_string(xml), model, initial, passive)
     measured = at_horizon(initial.measured, initial)
     units = data.position_units
     sizes = joint_sizes(units, data.initial_states.measured)
@@ -84,7 +88,7 @@ median 0.0002), and errs by 0.073 where ours err by 0.072'
     )
 
 
-def _alike(model: ExportedFriction, initial: InitialStates) -> InitialStates:
+def _alike(model: ExportedFriction, initial: InitialStates, count: int) -> InitialStates:
     """Starts whose machine is that of the file: servos connected, with the first one's gains."""
     assert model.data is not None
     first, rows = model.data.recordings[0], []
@@ -96,7 +100,7 @@ def _alike(model: ExportedFriction, initial: InitialStates) -> InitialStates:
             alike &= bool(np.all(recording.servo.gain == first.servo.gain))
             alike &= bool(recording.servo.connected(clock).all())
         rows += [s] if alike else []
-    most = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).astype(int))
+    most = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int))
     return initial.take(np.array(rows, dtype=int)[most] if rows else np.array([], dtype=int))
 
 
@@ -107,7 +111,9 @@ def _clock(initial: InitialStates, s: int) -> Array:
     return np.asarray(initial.time[s] + np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def replayed(engine: Any, model: ExportedFriction, initial: InitialStates) -> Array:
+def replayed(
+    engine: Any, model: ExportedFriction, initial: InitialStates, passive: Any = None
+) -> Array:
     """Angles (S, n) at the horizon, by the engine's steps, shortened to end there."""
     import mujoco
 
@@ -129,7 +135,11 @@ def replayed(engine: Any, model: ExportedFriction, initial: InitialStates) -> Ar
         state.qpos[places], state.qvel[dofs] = initial.q[s], initial.w[s]
         for a, j in bent:
             state.act[engine.actuator_actadr[a]] = memory[0][s, j]
-        _run(engine, state, pairs, logged(model, recording), clock[0], count)
+        mujoco.set_mjcb_passive(None if passive is None else passive(engine))
+        try:
+            _run(engine, state, pairs, logged(model, recording), clock[0], count)
+        finally:
+            mujoco.set_mjcb_passive(None)
         out[s] = state.qpos[places]
     return out
 

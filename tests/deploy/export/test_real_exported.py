@@ -10,11 +10,11 @@ from fixtures.paths import DATA, ROOT
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import ExportSettings, exported
-from frictionid.deploy.export.nearest import at_horizon
+from frictionid.deploy.export.nearest import at_horizon, reaching
 from frictionid.evaluation.predicted_motion import predict
 
 sys.path.append(str(ROOT / "comparisons"))
-from exported import halves, row, with_starts
+from exported import halves, row
 
 pytestmark = pytest.mark.real
 
@@ -31,7 +31,7 @@ def test_swing_ups_in_mujoco_err_as_ours(law, theta, real_data):
     swingups = load_dataset(DATA / "dfki_c1_swingup", real_data / "dfki_double_pendulum")
     done = row("swing-ups", fid.Friction(law, np.array(theta)), swingups, swingups, 6)
     assert done.callback == pytest.approx(done.ours, rel=0.1)
-    assert done.apart < 0.002
+    assert done.callback_apart < 0.002
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_fitted_servo_is_the_same_after_a_file_of_bam(servo, tmp_path):
     motor = {name: back.parameters[name] for name in ("kt", "R", "rotor", "g")}
     own = replace(fit.friction, parameters=motor)
     prepared = exported(back, data=held_out).prepared
-    initial = with_starts(prepared.initial_states, 6)
+    initial = reaching(prepared.initial_states).take(np.arange(0, 60, 10))
     plant = prepared.plant[initial.recording]
     q = [
         at_horizon(predict(plant, f[None][np.zeros(len(initial.q), dtype=int)], initial).q, initial)
@@ -60,5 +60,5 @@ def test_a_fitted_servo_is_the_same_after_a_file_of_bam(servo, tmp_path):
 def test_the_published_servo_in_mujoco_errs_as_ours(servo):
     friction = fid.load_model(DATA / "bam_xl330" / "m6.json").friction
     done = row("M6", friction, *halves(servo), 4)
-    assert done.apart < 0.002
-    assert done.joints_alone > 1.5 * done.ours  # what a file without the callback loses
+    assert done.callback_apart < 0.002
+    assert done.alone > 1.5 * done.ours  # what a file without the callback loses
