@@ -17,8 +17,11 @@ from fixtures.printed import assert_alike
 from fixtures.tiny_pendulums import dataset as tiny
 
 from frictionid.__main__ import main
+from frictionid.comparison import cross_validate
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
+from frictionid.dynamics.step_size import TooSteepError
+from frictionid.friction.laws import Spline
 from frictionid.quickstart.quick import (
     LAWS,
     STEPS,
@@ -185,6 +188,17 @@ def test_unusable_data_get_no_verdict(tmp_path, monkeypatch, capsys):
     code, out, err = run_command(monkeypatch, capsys, tmp_path, "quick", "arm")
     assert (code, err) == (2, "") and "has the wrong sign" in out
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
+
+
+def test_a_law_that_no_step_can_follow_is_no_candidate(monkeypatch):
+    def run(benchmark, identifier, *rest):
+        if isinstance(getattr(identifier, "law", None), Spline):
+            raise TooSteepError("spline: too steep")
+        return cross_validate.run(benchmark, identifier, *rest)
+
+    monkeypatch.setattr("frictionid.quickstart.quick.LAWS", ("none", "coulomb_viscous", "spline"))
+    monkeypatch.setattr("frictionid.quickstart.quick.run", run)
+    assert [c.name for c in quick(tiny()).candidates] == ["none", "coulomb_viscous"]
 
 
 # --- As much as takes a minute --------------------------------------------------------------------
