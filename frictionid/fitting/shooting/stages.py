@@ -14,7 +14,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
-from frictionid.dynamics.step_size import TooSteepError
+from frictionid.errors import InputError
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
     Estimate,
@@ -104,7 +104,13 @@ def _fitted(stage: Stage, intervals: Intervals, settings: Settings, use: Array) 
     if before is not None:
         values = values_of(before.estimate, problem.blocks)
         estimate = with_values(estimate, problem.blocks, values)
-    return stage._replace(ended=(problem, solve(problem, estimate, use, before)))
+    solution = solve(problem, estimate, use, before)
+    if not solution.closed.any():
+        raise InputError(
+            f"data set {intervals.dataset.name!r}: the fit went astray, and predicts no window of "
+            "the recordings: free less, or begin with a model that predicts them"
+        )
+    return stage._replace(ended=(problem, solution))
 
 
 def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
@@ -179,7 +185,7 @@ def _without(
     trial = stage._replace(friction=friction, blocks=blocks, held=(*stage.held, *held))
     try:
         trial = _following(solved(trial, intervals, settings, use), intervals, settings, use)
-    except TooSteepError:  # it went astray
+    except InputError:  # it went astray
         return None
     rise = cost_rise(solution, trial.solution, settings.huber)
     wandered = trial.solution.converged and not solution.converged

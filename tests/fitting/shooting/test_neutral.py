@@ -14,7 +14,8 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
-from frictionid.fitting.shooting import Settings, refine
+from frictionid.fitting.shooting import Settings, refine, stages
+from frictionid.fitting.shooting.gauss_newton import solve
 from frictionid.fitting.shooting.neutral import LocalCost, followed
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import DataRange, Friction, constraints_of
@@ -228,3 +229,16 @@ def test_tolerances_reach_the_base_parameters_to_first_order():
 def test_wrong_tolerances_are_refused(tolerances, words):
     with pytest.raises(InputError, match=words):
         mechanism_of({"kind": "pendulum", "tolerances": tolerances})
+
+
+def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
+    """Far off, all windows may be left out: then nothing is known, and that is no traceback."""
+
+    def astray(*arguments):
+        solution = solve(*arguments)
+        return solution._replace(counts=0.0 * solution.counts)
+
+    monkeypatch.setattr(stages, "solve", astray)
+    start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
+    with pytest.raises(InputError, match="went astray, and predicts no window"):
+        refine(start, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)
