@@ -153,10 +153,10 @@ class Servo:
             bias=self.bias,
         )
 
-    def voltage(self, time: Array, q: Array, w: Array | float = 0.0) -> Array:
+    def voltage(self, time: Array, q: Array) -> Array:
         """Voltage (K, n) [V] of the controller at times (K,) with the joints at q (K, n)."""
         volts = 1.0 if self.output == "voltage" else self._supply(time)
-        return volts * self.at(time).output(q, w)
+        return volts * self.at(time).output(q, 0.0)
 
     def torque(self, time: Array, q: Array, w: Array) -> Array:
         """Torque (K, n) [N m] at times (K,), joints seen at q (K, n), moving at w (K, n)."""

@@ -137,16 +137,14 @@ def interleaved(samples: Array, middle: Array) -> Array:
     return out
 
 
-def interval_stencil(samples: int, first: int = 0) -> Array:
+def interval_stencil(samples: int) -> Array:
     """Indices (K, 3) of start, midpoint and end of the intervals between K + 1 samples.
-
-    first : index of the first sample in the series of samples and midpoints
 
     >>> interval_stencil(3)
     array([[0, 1, 2],
            [2, 3, 4]])
     """
-    return first + 2 * np.arange(samples - 1)[:, None] + np.arange(3)
+    return 2 * np.arange(samples - 1)[:, None] + np.arange(3)
 
 
 def interval_mean(
