@@ -309,6 +309,7 @@ def test_tensors_give_the_same_motion(name, method):
     other = Friction(friction.law, tensor(friction.theta))
     found = on_tensors(other, start, u, EVEN, method=method)
     np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-10)
+    np.testing.assert_array_equal(found.w.numpy() == 0, expected.w == 0)
 
 
 def test_gradients_flow_to_friction_and_plant():

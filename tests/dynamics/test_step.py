@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import torch
 from fixtures.memory_laws import Sampled
 from scipy.integrate import solve_ivp
 
@@ -150,49 +149,7 @@ def test_torques_of_joints_without_motor_do_nothing():
     np.testing.assert_array_equal(pushed, advanced(case, step, 60))
 
 
-# ---------------------------------------------------------------- batches and tensors
-
-
-def random_batch(rng, size=12):
-    state = State(rng.uniform(-2, 2, (size, 2)), rng.uniform(-3, 3, (size, 2)))
-    state.w[::4, 0] = 0.0  # some joints at rest
-    return state, rng.normal(size=(size, 2)) * 0.2
-
-
-STICKY = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
-
-
-@pytest.mark.parametrize("method", ["step", "euler_step", "semi_implicit_step"])
-def test_a_batch_is_each_motion_alone(method):
-    state, u = random_batch(np.random.default_rng(1))
-    plant, dt = CASES["double"].plant, np.array([0.05])
-
-    def advance(state, u):
-        if method == "step":
-            return step(plant, STICKY, state, u, dt, 40)
-        simple = {"euler_step": euler_step, "semi_implicit_step": semi_implicit_step}[method]
-        return simple(plant, STICKY, state, u, dt)
-
-    together = advance(state, u)
-    for k in range(len(u)):
-        alone = advance(State(state.q[k], state.w[k]), u[k])
-        np.testing.assert_array_equal(together.q[k], alone.q)
-        np.testing.assert_array_equal(together.w[k], alone.w)
-
-
-def test_frictions_plants_and_durations_may_each_have_a_batch():
-    rng = np.random.default_rng(2)
-    state, u = random_batch(rng, 5)
-    plant = Plant.from_parameters(double_pendulum(), {"m2": rng.uniform(0.3, 0.6, 5)})
-    many = Friction(Stribeck(), STICKY.theta * rng.uniform(0.5, 1.5, (3, 1, 1, 1)))
-    dt = rng.uniform(0.01, 0.05, (5, 1))
-    together = step(plant, many, state, u, dt, 30)
-    assert together.q.shape == (3, 5, 2)
-    for f in range(3):
-        for k in range(5):
-            begin = State(state.q[k], state.w[k])
-            alone = step(plant[k], many[f, 0], begin, u[k], dt[k], 30)
-            np.testing.assert_array_equal(together.w[f, k], alone.w)
+# ---------------------------------------------------------------- batches
 
 
 def test_all_joints_of_a_batch_with_two_axes_may_stop_within_one_substep():
@@ -204,23 +161,6 @@ def test_all_joints_of_a_batch_with_two_axes_may_stop_within_one_substep():
     alone = step(plant, frictions[0, 0], State(state.q[0, 0], state.w[0, 0]), u[0, 0], dt, 1)
     np.testing.assert_array_equal(together.q, np.broadcast_to(alone.q, (2, 2, 1)))
     np.testing.assert_array_equal(together.w, np.zeros((2, 2, 1)))
-
-
-def tensors(plant):
-    return Plant(plant.mechanism, {}, torch.as_tensor(plant.p))
-
-
-def test_tensors_give_the_same_motion():
-    state, u = random_batch(np.random.default_rng(3))
-    plant, dt = CASES["double"].plant, np.array([0.05])
-    expected = step(plant, STICKY, state, u, dt, 40)
-    friction = Friction(STICKY.law, torch.as_tensor(STICKY.theta))
-    begin = State(torch.as_tensor(state.q), torch.as_tensor(state.w))
-    found = step(tensors(plant), friction, begin, torch.as_tensor(u), torch.as_tensor(dt), 40)
-    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(found.w, expected.w, rtol=0, atol=1e-11)
-    assert (expected.w == 0).any()
-    np.testing.assert_array_equal(found.w.numpy() == 0, expected.w == 0)
 
 
 # ---------------------------------------------------------------- memory

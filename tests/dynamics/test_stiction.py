@@ -171,28 +171,14 @@ def test_two_joints_stay_while_both_loads_are_below_and_each_breaks_away_on_its_
     assert (moved[:2, 0] * [1, -1] > 0).all() and (moved[2:, 1] * [1, -1] > 0).all()
 
 
-def sticking(M, f, level):
-    """Which of two joints at rest stick, by trying all nine ways of sticking and slipping."""
-    for mode in product((0, 1, -1), repeat=2):
-        mode = np.array(mode)
-        free = mode != 0
-        a = np.zeros(2)
-        if free.any():
-            own = M[np.ix_(free, free)]
-            a[free] = np.linalg.solve(own, (f - mode * level)[free])
-        hold = f - M @ a
-        if np.where(free, mode * a > 0, np.abs(hold) < level).all():
-            return ~free
-    raise AssertionError("no way is consistent")
-
-
 def test_joints_stick_together_as_enumeration_says():
     rng = np.random.default_rng(2)
     level = np.array([0.3, 0.1])
     q = rng.uniform(-np.pi, np.pi, (400, 2))
     M, h = DOUBLE.dynamics(q, 0 * q)
     load = rng.uniform(-2.0, 2.0, (400, 2)) * level
-    expected = np.array([sticking(*pair, level) for pair in zip(M, load, strict=True)])
+    balances = (Balance(*pair, 0 * level, level, level) for pair in zip(M, load, strict=True))
+    expected = np.array([held_by_cases(one)[1] for one in balances])
     begin = State(q, np.zeros_like(q))
     end = step(DOUBLE, coulomb(*level), begin, load - h, np.array([1e-5]), 1)
     np.testing.assert_array_equal(end.w == 0.0, expected)
