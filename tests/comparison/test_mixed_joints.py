@@ -6,12 +6,11 @@ from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
 
 from frictionid.check import check
 from frictionid.check.conventions import hypotheses
-from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
-from frictionid.evaluation import Protocol, Split, make_folds, prepare, score_model
+from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.excitation import (
     Experiment,
     Search,
@@ -21,7 +20,7 @@ from frictionid.excitation import (
     prior_friction_of,
 )
 from frictionid.fitting.fit import own_base
-from frictionid.fitting.identifiers import Frictionless, LeastSquares
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, problem_of, training_problem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -80,16 +79,6 @@ def test_models_of_both_kinds_of_joints_are_saved_and_read(tmp_path):
     save_model(fitted, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", LAWS)
     assert again.position_units == ("m", "rad") and np.array_equal(again.theta, fitted.theta)
-
-
-def test_a_comparison_finds_that_friction_helps():
-    data = cart_pole_data()
-    models = {"none": Frictionless(), "law": LeastSquares(CoulombViscous())}
-    results = compare(
-        data, models, make_folds(data.recordings, Split(count=4)), protocol=Protocol((0.25,))
-    )
-    none, law = (r.value("rollout_angle", "median", 0.25) for r in results.values())
-    assert law < 0.2 * none
 
 
 def scaled(data, joint, factor):

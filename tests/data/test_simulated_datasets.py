@@ -157,7 +157,6 @@ def losses(dataset, folds=10):
 def test_the_study_s_recipe_gives_the_study_s_numbers(committed):
     """Its three losses, in this order in every fold, need no friction with memory."""
     loss = losses(committed["acrobot_sim"])
-    print("acrobot_sim: none, static, nine samples [rad/s]:", loss.mean(axis=0).round(3))
     assert np.abs(loss.mean(axis=0) - (0.61, 0.44, 0.37)).max() < 0.015
     assert (np.diff(loss, axis=1) < 0).all()
 
@@ -174,6 +173,5 @@ def test_delay_and_rotor_make_most_of_what_nine_samples_find(committed):
 @pytest.mark.parametrize("name", NAMES[2:])
 def test_true_memory_leaves_less_trace_than_delay_and_rotor(name, committed):
     loss = losses(committed[name]).mean(axis=0)
-    print(f"{name}: none, static, nine samples [rad/s]:", loss.round(3))
     assert loss[1] - loss[2] < 0.5 * 0.07
     assert loss[0] - loss[1] > 0.1

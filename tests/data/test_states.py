@@ -104,19 +104,6 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
         np.testing.assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
 
 
-def test_the_filter_ignores_what_comes_later_and_the_smoother_does_not():
-    time, rho = even(), np.array([1e9])
-    value = wave(time, np.random.default_rng(4))
-    other = value.copy()
-    other[31:] += 1.0
-    a, b = (padded_series([one(time, y)]) for y in (value, other))
-    before = slice(0, 31)
-    np.testing.assert_array_equal(
-        kalman_filter(a, rho).mean[before], kalman_filter(b, rho).mean[before]
-    )
-    assert np.abs(rts_smoother(a, rho) - rts_smoother(b, rho))[30, 0, 1] > 1.0
-
-
 def test_the_public_estimators_use_the_likeliest_ratio():
     time = even()
     angle = one(time, wave(time, np.random.default_rng(5)))

@@ -22,23 +22,6 @@ def noisy(true, rng, sigma):
 
 
 def test_the_smoother_trusts_samples_by_their_noise():
-    t = np.arange(240) / RATE
-    true = np.sin(4 * t)[:, None]
-    rng = np.random.default_rng(0)
-    sigma = np.where(rng.random(t.shape) < 0.5, 0.005, 0.001)[:, None]  # no gross outliers
-    errors = []
-    for _ in range(20):
-        value = noisy(true, rng, sigma)
-        weighted, unweighted = (
-            RTS()([Signal(t, value, sigma=sigma)])[0],
-            RTS()([Signal(t, value)])[0],
-        )
-        errors.append([np.sqrt(np.mean((s.q - true) ** 2)) for s in (weighted, unweighted)])
-    weighted, unweighted = np.median(errors, axis=0)
-    assert weighted < 0.6 * unweighted
-
-
-def test_the_smoother_alone_trusts_samples_by_their_noise():
     """Of rough samples that are not left out as outliers, as `RTS` would."""
     t = np.arange(240) / RATE
     true = np.sin(4 * t)[:, None]
