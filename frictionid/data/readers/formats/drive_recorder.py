@@ -29,10 +29,6 @@ _NUMBERED = re.compile(r"(.*)\[\d+\]")
 _SAME = 1e-9  # of the time, between two clocks that are one
 
 
-class DriveSettings(Strict):
-    """Settings of the reader `drive_recorder`: none."""
-
-
 def unstated(columns: ColumnNames) -> Iterator[tuple[str, str, str]]:
     """Quantities in columns that are objects, whose units a drive's settings say."""
     said = (
@@ -56,7 +52,7 @@ def tables(
     InputError
         Where no line names all columns, or one stands behind another clock than it is said to.
     """
-    checked(DriveSettings, dict(settings), f"{file}: [reader]")
+    checked(Strict, dict(settings), f"{file}: [reader]")
     lines = _text(unzip(content, file), file).splitlines()
     names = columns.names()
     head = _head(lines, names, file)
