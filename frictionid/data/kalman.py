@@ -225,7 +225,7 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
     The measurement variance is concentrated out, that is, replaced by its likeliest value.
     """
     ratios = np.broadcast_to(rho, (*rho.shape[:-1], series.value.shape[1]))
-    whole, _ = kalman_loops.likelihoods(*_by_series(series), _of_series(ratios))
+    whole, _ = kalman_loops.likelihoods(*_by_series(series), _of_series(ratios), False)
     return np.asarray(whole.reshape(ratios.shape))
 
 
@@ -238,7 +238,7 @@ def robust_jerk_ratio(series: Series, least: Array) -> Array:
     low = np.log10(least)
     steps = np.arange(0.0, np.max(20.0 - low, initial=0.0) + 1.5, 1.5)
     ratios = 10.0 ** np.minimum(low + steps[:, None], np.maximum(low, 20.0))
-    score = kalman_loops.robust_likelihoods(*_by_series(series), ratios)
+    score, _ = kalman_loops.likelihoods(*_by_series(series), ratios, True)
     return np.asarray(np.take_along_axis(ratios, np.argmax(score, axis=0)[None], axis=0)[0])
 
 
@@ -249,6 +249,6 @@ def causal_states(series: Series) -> Array:
         rows = slowest == low
         grid = 10.0 ** np.arange(low, 20.1)
         rho = np.repeat(grid[:, None], rows.sum(), axis=1)
-        _, means = kalman_loops.likelihoods(*_by_series(series.picked(rows)), rho)
+        _, means = kalman_loops.likelihoods(*_by_series(series.picked(rows)), rho, False)
         out[:, rows] = means.swapaxes(0, 1)
     return out

@@ -97,13 +97,18 @@ def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) ->
 
 
 @compiled
-def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
+def likelihoods(
+    dt: Array, value: Array, noise: Array, valid: Array, rho: Array, robust: bool
+) -> Any:
     """Log-likelihoods (G, S) of the innovations at jerk ratios (G, S), and the likeliest means.
 
     Means (S, T, 3) are at the jerk ratio of each series that its samples so far make likeliest.
-    The measurement variance is concentrated out, that is, replaced by its likeliest value.
+    The measurement variance is concentrated out, that is, replaced by its likeliest value; in the
+    `robust` log-likelihoods by that of the median innovation, which a few that are far off change
+    little.
     """
     G, S, T = len(rho), len(dt), dt.shape[1]
+    size = np.empty(T)
     whole, means, best = np.empty((G, S)), np.empty((S, T, 3)), np.full((S, T), -np.inf)
     for g, s in np.ndindex(G, S):
         x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
@@ -115,6 +120,8 @@ def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array)
                 innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
                 x, P, _ = _updated(x, P, innovation, variance, noise[s, t])
                 if t >= _FIXED:
+                    if robust:
+                        size[count] = abs(innovation) / math.sqrt(variance)
                     count += 1
                     squares += innovation * innovation / variance
                     logs += math.log(variance)
@@ -122,35 +129,11 @@ def likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array)
                     likelihood = -0.5 * (count * math.log(usual) + logs)
             if likelihood > best[s, t]:
                 best[s, t], means[s, t] = likelihood, x
+        if robust and count:
+            usual = max(np.median(size[:count]) ** 2, _FLOOR)
+            likelihood = -0.5 * (count * math.log(usual) + logs)
         whole[g, s] = likelihood
     return whole, means
-
-
-@compiled
-def robust_likelihoods(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) -> Any:
-    """Log-likelihoods (G, S) at jerk ratios (G, S) with the median of the innovations for scale.
-
-    A few innovations that are far off change them little.
-    """
-    G, S, T = len(rho), len(dt), dt.shape[1]
-    whole, size = np.zeros((G, S)), np.empty(T)
-    for g, s in np.ndindex(G, S):
-        x, P = _initial(value[s, 0], dt[s, min(1, T - 1)])
-        count, logs = 0, 0.0
-        for t in range(T):
-            if t:
-                x, P = _predicted(x, P, dt[s, t], rho[g, s])
-            if valid[s, t]:
-                innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
-                x, P, _ = _updated(x, P, innovation, variance, noise[s, t])
-                if t >= _FIXED:
-                    size[count] = abs(innovation) / math.sqrt(variance)
-                    logs += math.log(variance)
-                    count += 1
-        if count:
-            usual = max(np.median(size[:count]) ** 2, _FLOOR)
-            whole[g, s] = -0.5 * (count * math.log(usual) + logs)
-    return whole
 
 
 @compiled
