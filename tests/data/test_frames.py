@@ -172,12 +172,9 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
 MISTAKES = {
     "missing column": (FRAME, {"angle": ["q1", "qq2"]}, "no column 'qq2'; did you mean 'q2'"),
     "twice": (TWICE, {}, "has 2 columns called 'q1'"),
-    "named twice": (FRAME, {"angle": ["q1", "q1"]}, "column 'q1' is named twice"),
-    "torques": (FRAME, {"torque": ["i2"]}, "torque names 1 columns and angle names 2"),
     "words": (worse("q1", "fast"), {}, "row 3: column 'q1' holds 'fast', which is no number"),
     "text": (TEXT, {}, "row 0: column 'q1' holds .* convert the column"),
     "nan": (worse("q2", np.nan), {}, "row 3: 'q2' is empty or nan"),
-    "inf": (worse("q2", np.inf), {}, "row 3: 'q2' is inf"),
     "unsorted": (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
     "unit": (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
     "units": (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 columns"),
@@ -188,8 +185,6 @@ MISTAKES = {
     ),
     "quantity": (FRAME, {"units": {"angel": "deg"}}, "'angel' is unknown; did you mean 'angle'"),
     "current": (FRAME, {"units": {"torque": "A"}}, "needs the table .motor."),
-    "hold": (FRAME, {"hold": "zero"}, "hold"),
-    "sigma": (FRAME, {"sigma": -1.0}, "sigma"),
     "empty": (FRAME[:0], {}, "has no rows"),
     "one row": (FRAME[:1], {}, "at least 2 samples"),
     "no frame": (np.eye(3), {}, "is a ndarray, not a table"),
@@ -212,7 +207,6 @@ WRONG_ARRAYS = {
     "length": ({"angle": np.zeros((40, 2))}, "angle has 40 samples and time 41"),
     "shape": ({"angle": np.zeros((41, 2, 1))}, "must have shape"),
     "words": ({"angle": ["a"] * 41}, "must be an array of numbers"),
-    "columns": ({"torque": TIME}, "torque names 1 columns and angle names 2"),
 }
 
 
