@@ -28,10 +28,12 @@ from frictionid.check.model_errors import (
     constant_angle,
     findings_of,
     misfit,
+    missing_rotors,
     unlogged_torque,
 )
 from frictionid.check.motion import MIN_WINDOWS, WIDTH, Measured, Motion, windows_of
 from frictionid.check.partial_regression import (
+    PARAMETER_PRIOR,
     Nuisance,
     PartialEstimate,
     nuisance_of,
@@ -91,6 +93,22 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     return Delay(best, step.error, explained, lags, profile / profile.min())
 
 
+def beside_free(delay: Delay, rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
+    """The delay with what a free mechanism changes of it as a further error.
+
+    Where inertias are far off, what they leave at reversals looks like a delay.
+    """
+    near = _inside(rows, abs(delay.seconds) + COARSE)
+    other, step = _balances(near, nominal, torque, _FREE).refined(delay.seconds)
+    return _with_drift(delay, other, step.error)
+
+
+def _with_drift(delay: Delay, other: float, error: float) -> Delay:
+    """The delay with the part of its distance to another estimate [s] that no error explains."""
+    beyond = np.sqrt(max((other - delay.seconds) ** 2 - error**2, 0.0))
+    return delay._replace(error=float(np.hypot(delay.error, beyond)))
+
+
 def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
     """The delay with what longer windows change of it as a further error.
 
@@ -101,8 +119,7 @@ def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) 
     if near.moving.any(1).sum() < MIN_WINDOWS:
         return delay
     other, step = _balances(near, nominal, torque).refined(delay.seconds)
-    beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
-    return delay._replace(error=float(np.hypot(delay.error, beyond)))
+    return _with_drift(delay, other, step.error)
 
 
 class _Balances(NamedTuple):
@@ -133,8 +150,13 @@ class _Balances(NamedTuple):
         return np.concatenate([(fit.residual(left) ** 2).sum(-1) for left in each])
 
 
-def _balances(rows: Rows, nominal: Array, torque: SignalIntegrals) -> _Balances:
-    nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True)
+_FREE = 10.0  # of a base parameter: as good as free
+
+
+def _balances(
+    rows: Rows, nominal: Array, torque: SignalIntegrals, prior: float = PARAMETER_PRIOR
+) -> _Balances:
+    nuisance = nuisance_of(rows, nominal, uncertain_mechanism=True, prior=prior)
     return _Balances(rows, torque, nuisance, rows.required(nominal))
 
 
@@ -209,10 +231,16 @@ def run_tests(measured: Measured) -> HypothesisTests:
         best = fitting[0].convention
         corrected = measured.mapped(best.angle, best.torque, best.offset)
         rows = untested(corrected).rows
-        delay = delay_of(rows, corrected.torque, measured.nominal)
+    rotors = missing_rotors(corrected, rows)
+    if rotors is not None:
+        corrected = corrected.with_base(rotors.change)
+    if rotors is not None or fitting:
+        delay = delay_of(rows, corrected.torque, corrected.nominal)
     longer = _longer_rows(corrected, rows)
     if delay is not None and longer is not None:
-        delay = beside(delay, longer, corrected.torque, measured.nominal)
+        delay = beside(delay, longer, corrected.torque, corrected.nominal)
+    if delay is not None:
+        delay = beside_free(delay, rows, corrected.torque, corrected.nominal)
     late = list(_delay_findings(delay, _sample_interval(measured)))
     shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)
@@ -223,9 +251,10 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
+    findings += [] if rotors is None else [rotors.finding]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
-    findings = findings or _unexplained_findings(rows, torque, measured.nominal)
+    findings = findings or _unexplained_findings(rows, torque, corrected.nominal)
     return replace(
         tests,
         measured=corrected,

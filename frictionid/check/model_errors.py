@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from frictionid.arrays import Array
 from frictionid.check.findings import Finding, finding, sentence
@@ -117,6 +118,56 @@ def _candidates(
     for i, (name, unit) in enumerate(zip(mechanism.base_names, mechanism.base_units, strict=True)):
         if nominal[i]:
             yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
+
+
+class MissingRotors(NamedTuple):
+    """Inertias of rotors that nobody has given, as the motion asks for them.
+
+    names, value (R,) [kg m^2] ; change (nb,) of the base parameters ; left : sum of squares over
+    the one without them
+    """
+
+    names: tuple[str, ...]
+    value: Array
+    change: Array
+    left: float
+
+    @property
+    def finding(self) -> Finding:
+        """What to give; no fault of the mechanism."""
+        pairs = zip(self.names, self.value.tolist(), strict=True)
+        values = ", ".join(f"{name} = {value:.2g}" for name, value in pairs if value > 0)
+        removed = 1 - self.left
+        return finding("rotors", {"left": self.left}, {"values": values, "removed": removed})
+
+
+def missing_rotors(measured: Measured, rows: Rows) -> MissingRotors | None:
+    """Rotors that are not given where they explain much of the balance; None where not.
+
+    All at once, none negative: one of them alone may look like a wrong gain, or a wrong mass.
+    """
+    plant, nominal = measured.plant, measured.nominal
+    silent = [
+        p.name for p in plant.mechanism.parameters if p.rotor and not plant.parameters[p.name].any()
+    ]
+    torque = rows.means(measured.torque)
+    if not silent or not np.abs(torque).any():
+        return None
+    parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
+    base = plant.mechanism.base(parameters)
+    changes = [plant.mechanism.base({**parameters, name: 1.0}) - base for name in silent]
+    fit = partial_regression(rows, torque, nominal)
+    target = fit.residual(torque - rows.required(nominal))
+    columns = np.stack([fit.residual(rows.regressor @ change) for change in changes], axis=-1)
+    size = np.sqrt((columns**2).sum(axis=0))
+    scaled, distance = nnls(columns / np.where(size > 0, size, 1.0), target)
+    value = scaled / np.where(size > 0, size, 1.0)
+    without = float(target @ target)
+    share = MODEL * float(np.sqrt(without / max(len(target), 1)))
+    left = distance**2 / max(without, 1e-300)
+    if share < USUAL or 1 - left < EXPLAINS:
+        return None
+    return MissingRotors(tuple(silent), value, np.asarray(value @ np.stack(changes)), left)
 
 
 class Misfit(NamedTuple):

@@ -100,17 +100,27 @@ class Nuisance(NamedTuple):
         return PartialRegression(moving, weight, U[:, s > 1e-9 * s[0]], self.block, self.priors)
 
 
-def nuisance_of(rows: Rows, nominal: Array, *, uncertain_mechanism: bool = False) -> Nuisance:
+def nuisance_of(
+    rows: Rows,
+    nominal: Array,
+    *,
+    uncertain_mechanism: bool = False,
+    prior: float = PARAMETER_PRIOR,
+) -> Nuisance:
     """Free friction of rows of unit parameter vectors, and perhaps changes of the mechanism.
 
     nominal (R, nb) base parameters; `uncertain_mechanism` makes changes of them a nuisance, too,
-    held by a prior of PARAMETER_PRIOR.
+    held by a prior, a share of each; where that is 1 and more, those that are zero are free as well
     """
     moving, terms = rows.moving, rows.at(nominal)
     columns = friction_columns(rows)
     priors = nominal.shape[1] if uncertain_mechanism else 0
     if uncertain_mechanism:
-        changes = rows.regressor * (PARAMETER_PRIOR * np.abs(nominal[0]))
+        changes = rows.regressor * (prior * np.abs(nominal[0]))
+        if prior >= 1.0:
+            silent = np.where(nominal[0] == 0.0, rows.regressor, 0.0)
+            top = np.abs(silent).max((0, 1), initial=0.0)
+            changes += silent * np.abs(rows.required(nominal)).max() / np.where(top > 0, top, 1.0)
         columns = np.concatenate([columns, changes], axis=-1)
     P = columns.shape[-1]
     columns = np.concatenate([columns[moving], np.eye(P)[P - priors :]])

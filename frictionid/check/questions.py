@@ -101,12 +101,19 @@ def _signs(tests: HypothesisTests) -> list[Question]:
     out = []
     for e in tests.model_errors:
         if e.kind == "gain" and "all" not in e.words:
-            clear = abs(e.size) > 3 * e.error
-            words = f"{e.size:.3f} +- {e.error:.3f} times what the acceleration needs{unless}"
+            size = f"{e.size:.2g} +- {e.error:.1g} times what the acceleration needs"
             question = f"sign of {e.words.removeprefix('gain of ')}"
-            words += "" if clear else ", too uncertain to tell"
-            out.append(Question(question, e.size > 0 if clear else None, words))
+            if abs(e.size) <= 3 * e.error:
+                passed, words = None, f"cannot tell: {size}, too uncertain"
+            elif not HALF < abs(e.size) < 1 / HALF:
+                passed, words = None, f"cannot tell: {size}, which is far from once"
+            else:
+                passed, words = e.size > 0, f"{size}{unless}"
+            out.append(Question(question, passed, words))
     return out
+
+
+HALF = 0.5  # a torque that is smaller than this share of what is needed says nothing of its sign
 
 
 def _rivals(tests: HypothesisTests) -> set[str]:
@@ -252,8 +259,11 @@ def _gain(tests: HypothesisTests) -> Identifiable:
     gains = [e for e in tests.model_errors if e.kind == "gain"]
     if not gains:
         return Identifiable("torque gain", False, "no torque acts")
-    best = min(gains, key=lambda e: e.error)
+    best = min(gains, key=lambda e: e.error / max(abs(e.size), 1e-300))
     rivals = _rivals(tests)
+    if not HALF < best.size < 1 / HALF:
+        reason = f"{best.size:.2g} +- {best.error:.1g} is no gain: something else is wrong"
+        return Identifiable("torque gain", False, reason)
     if rivals:
         other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
         reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"
@@ -271,11 +281,15 @@ def _delay(tests: HypothesisTests) -> Identifiable:
     if abs(tests.delay.seconds) >= UNUSABLE_DELAY and tests.shift == 0.0:
         return Identifiable("torque delay", False, "no delay explains the motion clearly")
     low, high = (1e3 * end for end in tests.delay.interval)
-    word = "after"
+    if tests.delay.error >= DELAY:
+        reason = f"cannot tell: {low:+.0f} to {high:+.0f} ms, by what is held for known (95 %)"
+        return Identifiable("torque delay", False, reason)
+    when = f"{low:.1f} to {high:.1f} ms after"
+    if low < 0:
+        when = f"{-low:.1f} ms before to {high:.1f} ms after"
     if high < 0:
-        low, high, word = -high, -low, "before"
-    reason = f"the torque acts {low:.1f} to {high:.1f} ms {word} it is logged (95 %)"
-    return Identifiable("torque delay", tests.delay.error < DELAY, reason)
+        when = f"{-high:.1f} to {-low:.1f} ms before"
+    return Identifiable("torque delay", True, f"the torque acts {when} it is logged (95 %)")
 
 
 # Speed [rad/s] that shows viscous friction.
@@ -315,7 +329,9 @@ def advice(
     names = {name for direction in estimate.unidentifiable for name, _ in direction}
     base = sorted(names & set(mechanism.base_names))
     if base:
-        yield f"{' and '.join(base)} not identified: add faster, wider motion of all joints"
+        more = f" and {len(base) - 3} more" if len(base) > 4 else ""
+        listed = " and ".join(base[:3] if more else base)
+        yield f"{listed}{more} not identified: add faster, wider motion of all joints"
 
 
 def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
@@ -202,3 +204,48 @@ def test_currents_that_are_zero(real_data, tmp_path):
     verdict = check(load_dataset(folder, real_data / "tiago_arm"))
     assert [f.joint for f in verdict.findings if f.kind == "dead_torque"] == [5]
     assert verdict.findings[0].text.startswith("torque 5 is zero in 8")
+
+
+def answers(verdict, about):
+    return {q.question: q for q in verdict.questions if about in q.question}
+
+
+def test_zeros_that_are_off_by_quarter_turns_are_no_wrong_gears(arm, table):
+    """As given by motors whose zeros are not those of the file: all rivals are tested together."""
+    motor = {"coupling": wrist.GEARS, "angle": "motor", "torque": "motor"}
+    angle, torque = wrist.COLUMNS
+    for j, turn in ((0, -np.pi / 2), (1, np.pi)):
+        zero = wrist.ZERO * (j > 0) - turn * (np.arange(3) == j) * (j > 0)
+        data = wrist.dataset(arm, table).from_frames(
+            *({"a": table}, arm),
+            **{"time": "t", "angle": angle, "torque": torque, "hold": "linear"},
+            motor={**motor, "offset": zero},
+        )
+        first = check(data).findings[0]
+        assert first.kind == "shifted_angle"
+        assert f"add {round(np.degrees(turn)):+d} degrees to angle {j + 1}" in first.text
+        assert "equivalently" not in first.text
+
+
+def test_rotors_that_are_not_given_are_no_misfit_of_the_mechanism(arm, table):
+    """They are asked for, and nothing else is suspected for their sake: no gain, sign or delay."""
+    bare = arm.with_values(dict.fromkeys(wrist.PARAMETERS, 0.0))
+    verdict = check(wrist.dataset(bare, table))
+    assert set(kinds(verdict)) == {"missing_rotors"} and verdict.level == "good"
+    asked = dict(re.findall(r"(rotor_\w+) = ([\d.]+)", verdict.findings[0].text))
+    for name in ("rotor_one", "rotor_two"):
+        assert float(asked[name]) == pytest.approx(wrist.PARAMETERS[name], rel=0.15)
+    assert all(q.passed for q in answers(verdict, "sign of torque").values())
+    delay = next(i for i in verdict.identifiable if i.what == "torque delay")
+    assert re.search(r"before to .* after|cannot tell", delay.reason)
+
+
+def test_torques_that_explain_nothing_have_no_gain(arm, table):
+    """A gain of nothing is not known, however small its error."""
+    other = table.copy()
+    other[wrist.COLUMNS[1]] = 1e3 * np.sin(np.outer(table["t"], [31.0, 37.0, 41.0]))
+    verdict = check(wrist.dataset(arm, other))
+    gain = next(i for i in verdict.identifiable if i.what == "torque gain")
+    assert not gain.possible and "0.000 +- 0.000" not in gain.reason
+    for question in answers(verdict, "sign of torque").values():
+        assert question.passed is None and question.words.startswith("cannot tell")
