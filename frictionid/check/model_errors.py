@@ -144,14 +144,15 @@ class MissingRotors(NamedTuple):
 def missing_rotors(measured: Measured, rows: Rows) -> MissingRotors | None:
     """Rotors that are not given where they explain much of the balance; None where not.
 
-    All at once, none negative: one of them alone may look like a wrong gain, or a wrong mass.
+    All of an arm at once, none negative: one of them alone may look like a wrong gain or mass. A
+    machine's only rotor is one of the `model_errors`.
     """
     plant, nominal = measured.plant, measured.nominal
     silent = [
         p.name for p in plant.mechanism.parameters if p.rotor and not plant.parameters[p.name].any()
     ]
     torque = rows.means(measured.torque)
-    if not silent or not np.abs(torque).any():
+    if len(silent) < 2 or not np.abs(torque).any():
         return None
     parameters = {name: float(value[0]) for name, value in plant.parameters.items()}
     base = plant.mechanism.base(parameters)

@@ -329,9 +329,9 @@ def advice(
     names = {name for direction in estimate.unidentifiable for name, _ in direction}
     base = sorted(names & set(mechanism.base_names))
     if base:
-        more = f" and {len(base) - 3} more" if len(base) > 4 else ""
-        listed = " and ".join(base[:3] if more else base)
-        yield f"{listed}{more} not identified: add faster, wider motion of all joints"
+        rest = f" and {len(base) - 3} more" if len(base) > 4 else ""
+        listed = " and ".join(base[:3] if rest else base)
+        yield f"{listed}{rest} not identified: add faster, wider motion of all joints"
 
 
 def _faster(mechanism: Mechanism, nominal: Array, facts: Sequence[JointFacts]) -> Iterator[str]:
