@@ -212,6 +212,9 @@ def _identity(n: int) -> Array:
     return np.eye(n)
 
 
+_FEW = 2  # parts
+
+
 def sticking_torque(now: Balance, candidates: Array) -> Array:
     """Friction (..., m) that keeps the candidates from accelerating, as far as its levels allow.
 
@@ -245,6 +248,8 @@ def swept_torque(now: Balance, W: Array, Tf: Array, candidates: Array) -> Array:
     """Torques (..., m) after one sweep: for each part Tf_j <- clip(Tf_j + a_j / W_jj, levels)."""
     xp, m = namespace(Tf), Tf.shape[-1]
     f = now.f if now.turns is None else of_parts(now.f, 0.0 * now.turns)
+    if m > _FEW and type(Tf) is np.ndarray:
+        return _swept_in_place(now, W, f, np.array(Tf), candidates)
     parts = [Tf[..., j] for j in range(m)]
     for j in range(m):
         a = sum(W[..., j, i] * (f[..., i] - parts[i]) for i in range(m))
@@ -252,6 +257,16 @@ def swept_torque(now: Balance, W: Array, Tf: Array, candidates: Array) -> Array:
         held = xp.minimum(held, now.high[..., j])
         parts[j] = xp.where(candidates[..., j], held, parts[j])
     return columns(xp, *parts)
+
+
+def _swept_in_place(now: Balance, W: Array, f: Array, Tf: Array, candidates: Array) -> Array:
+    """The same, a third of the time for arms; torch and traced programs take no assignments."""
+    for j in range(Tf.shape[-1]):
+        a = (W[..., j, :] * (f - Tf)).sum(axis=-1)
+        held = np.maximum(Tf[..., j] + a / W[..., j, j], -now.low[..., j])
+        held = np.minimum(held, now.high[..., j])
+        Tf[..., j] = np.where(candidates[..., j], held, Tf[..., j])
+    return Tf
 
 
 def _holding(W: Array, f: Array, friction: Array, candidates: Array) -> Array:

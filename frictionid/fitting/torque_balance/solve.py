@@ -5,7 +5,7 @@ Minimised is  sum over windows and joints of  huber(e / sigma)^2 + priors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ from frictionid.fitting.parameters.parameter_block import (
 from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
 from frictionid.friction import along
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
+
+_RECENT = 4  # estimates that are kept
 
 
 def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
@@ -58,6 +60,7 @@ class TorqueProblem:
     balance: TorqueBalance
     blocks: tuple[FreeBlock, ...]
     estimate: Estimate  # with all that is not free
+    recent: dict[bytes, Estimate] = field(default_factory=dict, init=False)  # asked for thrice
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -82,11 +85,23 @@ class TorqueProblem:
 
     def at(self, x: Array) -> Estimate:
         """The estimate with other values (1, D) of the free parameters."""
-        return with_values(self.estimate, self.blocks, x[0])
+        key = x.tobytes()
+        if key not in self.recent:
+            estimate = with_values(self.estimate, self.blocks, x[0])
+            while len(self.recent) > _RECENT:
+                self.recent.pop(next(iter(self.recent)))
+            self.recent[key] = estimate
+        return self.recent[key]
 
     def possible(self, x: Array) -> Array:
         """Values (1, D) with base parameters on the way there whose M(q) is positive definite."""
-        return values_of(self.at(x), self.blocks)[None]
+        estimate, values = self.at(x), x.copy()
+        for free in self.blocks:
+            if free.block.enters == "base":
+                base = np.asarray(estimate.calibration.base)
+                values[0, free.columns] = base[[p.place[0] for p in free.parameters]]
+        self.recent[values.tobytes()] = estimate
+        return values
 
     def residual(self, x: Array) -> Array:
         """Unexplained torques (1, K, n) [N m] at values (1, D) of the free parameters."""
