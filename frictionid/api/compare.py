@@ -37,12 +37,10 @@ from frictionid.comparison.tasks import Task, results_of
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Folds, Protocol, Split, make_folds
+from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_for
 from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.outputs import check_writable
-
-USUAL = (0.1, 0.25, 0.5, 1.0)  # [s], horizons
 
 
 def compare(
@@ -81,7 +79,8 @@ def compare(
         Everything that is scored, in place of the arguments below.
     seed : int
     horizons : list of float [s], optional
-        Of the predictions. None: those of 0.1, 0.25, 0.5 and 1 s that the folds hold out.
+        Of the predictions. None: those of 0.1, 0.25, 0.5 and 1 s that the folds hold out, of
+        arms 0.05, 0.1 and 0.2 s.
     tests : list of data sets that only test what was fitted
     initial_states : str
         Estimator of the states that predictions start from: "filter", the same for all models, or
@@ -120,12 +119,13 @@ def compare(
     distinct([method.name for method in methods], "recipes")
     named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
     asked: tuple[float, ...] | None = None
+    split = _folds(dataset, folds)
     if protocol is None:
-        asked = USUAL if horizons is None else tuple(numbers("horizons", horizons))
         apart = optional_number("sample_time", sample_time)
         protocol = Protocol(initial_states=initial_states, sample_time=apart, whole=whole)
+        protocol, asked = _asked(protocol, horizons, dataset, split)
     others = tuple(map(dataset_of, tests))
-    benchmark = Benchmark(dataset, _folds(dataset, folds), protocol, others)
+    benchmark = Benchmark(dataset, split, protocol, others)
     benchmark, shared = _prepared(
         benchmark, methods, asked, jobs or cpu_count(), fewer=horizons is None
     )
@@ -173,6 +173,16 @@ def _own_laws(tasks: Sequence[Task]) -> tuple[type[Law], ...]:
     """Classes of the laws of the tasks that are not built in."""
     laws = {type(getattr(task.identifier, "law", None)) for task in tasks}
     return tuple(law for law in laws if issubclass(law, Law) and law not in LAWS.values())
+
+
+def _asked(
+    protocol: Protocol, horizons: Sequence[float] | None, dataset: Dataset, folds: Folds
+) -> tuple[Protocol, tuple[float, ...]]:
+    """The protocol and its horizons: those that a user names, or that the data hold."""
+    if horizons is None:
+        protocol = protocol_for(protocol, [(dataset, folds)])
+        return protocol, protocol.horizons
+    return protocol, tuple(numbers("horizons", horizons))
 
 
 def _listed(recipes: str | Method | Sequence[str | Method]) -> Sequence[str | Method]:

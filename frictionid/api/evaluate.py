@@ -25,6 +25,7 @@ from frictionid.evaluation import (
     nominal_torque_scores,
     prepare,
     prepared_for,
+    protocol_for,
     score_frame,
     score_model,
 )
@@ -131,7 +132,7 @@ def scores_of(
     InputError
         With the name of the model.
     """
-    prepared = prepare(dataset, protocol)
+    prepared = prepare(dataset, protocol_for(protocol, [(dataset, None)]))
     scores = {}
     for name, friction in models.items():
         try:

@@ -119,7 +119,9 @@ class OpenSuite:
         suite, steps = self.suite, self.steps
         places = (self.folder / UNFINISHED / "tasks", self.folder / "tasks") if resume else ()
         prepared = prepare_benchmarks(self.tasks, jobs, places)
-        settings = suite.document() | ({"device": self.device} if self.device else {})
+        protocol = self.tasks[0].benchmark.protocol
+        used = {"horizons": list(protocol.horizons), "sample_time": protocol.sample_time}
+        settings = suite.document() | used | ({"device": self.device} if self.device else {})
 
         def report(task: Task) -> None:
             done(steps[task.file])

@@ -23,7 +23,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import make_folds, true_calibration, true_friction
+from frictionid.evaluation import make_folds, protocol_for, true_calibration, true_friction
 from frictionid.fitting.identifiers import Published
 from frictionid.fitting.method import Method, check_method
 from frictionid.mechanics import Mechanism, mechanism_of
@@ -139,6 +139,9 @@ def benchmarks_of(
         for path, mechanism in places
     }
     benchmarks = [_benchmark(suite, entry, loaded) for entry in suite.datasets]
+    # all by one protocol, so that tables have the same horizons
+    protocol = protocol_for(suite.protocol, [(b.dataset, b.folds) for b in benchmarks])
+    benchmarks = [replace(benchmark, protocol=protocol) for benchmark in benchmarks]
     distinct([d.name for b in benchmarks for d in (b.dataset, *b.tests)], "data sets")
     return benchmarks
 

@@ -11,6 +11,7 @@ from frictionid.evaluation.curves import (
     velocity_grid,
     with_speeds,
 )
+from frictionid.evaluation.data_defaults import protocol_for
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
     free_run,
