@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from base64 import b64decode
 from pathlib import Path
 from posixpath import dirname, normpath, relpath
 from typing import Any
@@ -19,7 +21,10 @@ def on_files(files: Files, config: Any) -> Files:
     home = (ROOT / "README.md").read_text(encoding="utf-8")
     home = re.sub(r"\]\(docs/", "](", home)
     home = re.sub(r"\]\((data|comparisons|frictionid)/", r"](../\1/", home)
-    files.append(File.generated(config, "index.md", content=home))
+    files.append(File.generated(config, "index.md", content=home.replace(".ipynb)", ".md)")))
+    for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
+        for name, content in _notebook(path).items():
+            files.append(File.generated(config, f"notebooks/{name}", content=content))
     files.append(File.generated(config, "gallery.md", content=_gallery(files, config)))
     linked = {
         path for page in files.documentation_pages() for path in _outside(page, page.content_string)
@@ -43,6 +48,31 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return f"]({relpath(name, dirname(page.file.src_uri) or '.')})"
 
     return LINK.sub(there, markdown)
+
+
+def _notebook(path: Path) -> dict[str, str | bytes]:
+    """A notebook as a page, and its pictures."""
+    pictures: dict[str, str | bytes] = {}
+    parts = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source)
+            continue
+        parts.append(f"```python\n{source}\n```")
+        for out in cell["outputs"]:
+            data = out.get("data", {})
+            if "image/png" in data:
+                name = f"{path.stem}-{len(pictures)}.png"
+                pictures[name] = b64decode(data["image/png"])
+                parts.append(f"![what the cell shows]({name})")
+            elif "text/html" in data:
+                parts.append(f"<div>{''.join(data['text/html'])}</div>")
+            else:
+                text = "".join(out.get("text") or data["text/plain"])
+                parts.append(f"```text\n{text.rstrip()}\n```")
+    parts.append(f"[The notebook itself]({path.name})")
+    return {f"{path.stem}.md": "\n\n".join(parts) + "\n", **pictures}
 
 
 def _outside(page: File, text: str) -> list[str]:

@@ -11,6 +11,7 @@ import pandas as pd
 
 import frictionid.check.verdict as checks
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.api.notebook import as_html, counted
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
@@ -123,7 +124,8 @@ class FirstVerdict(first.Quick):
         return printed(partial(show_quick, self)).rstrip("\n")
 
     def _repr_html_(self) -> str:
-        return printed_html(partial(show_quick, self))
+        picture = "" if self.chosen is None else as_html(self.plot())
+        return printed_html(partial(show_quick, self)) + picture
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -154,5 +156,13 @@ def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> First
     InputError
         Where the recordings are too short to hold any motion out.
     """
-    verdict = first.quick(dataset_of(data), done)
+    dataset = dataset_of(data)
+    with counted(len(first.STEPS), "first verdict") as step:
+
+        def report(name: str) -> None:
+            step(name)
+            if done is not None:
+                done(name)
+
+        verdict = first.quick(dataset, report)
     return FirstVerdict(**{f.name: getattr(verdict, f.name) for f in fields(verdict)})

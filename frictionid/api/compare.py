@@ -20,6 +20,7 @@ from frictionid.api.models import (
     numbers,
     optional_number,
 )
+from frictionid.api.notebook import counted
 from frictionid.api.suites import About, run_in_folder
 from frictionid.comparison.cross_validate import (
     Benchmark,
@@ -148,13 +149,14 @@ def compare(
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
     by_model: dict[tuple[str, str], tuple[Task, Result]] = {}
-    for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
-        by_model[task.name, task.recipe.name] = task, result
-        report(task.name)
+    with counted(len(tasks), "comparing") as step:
+        for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
+            by_model[task.name, task.recipe.name] = task, result
+            report(task.name)
+            step(task.name)
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
     results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)
-    fitted = {key: result for key, (_, result) in by_model.items()}
-    return Comparison(results, dataset, fitted=fitted)
+    return Comparison(results, dataset, fitted={key: r for key, (_, r) in by_model.items()})
 
 
 def _settings(task: Task) -> dict[str, Any]:

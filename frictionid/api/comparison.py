@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.api.fitted import Fit
+from frictionid.api.notebook import as_html
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import (
     Result,
@@ -142,7 +143,7 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         return str(self.summary())
 
     def _repr_html_(self) -> str:
-        return self.summary().html
+        return self.summary().html + as_html(self.plot())
 
     def __iter__(self) -> Iterator[tuple[str, str]]:
         return iter(self._tasks)

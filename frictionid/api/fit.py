@@ -19,6 +19,7 @@ from frictionid.api.models import (
     numbers,
     optional_number,
 )
+from frictionid.api.notebook import counted
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import RECIPES
@@ -233,9 +234,10 @@ def fit(
         consistent=consistent,
         calibration=calibration,
     )
-    friction = fit_model(dataset, identifier, chosen, protocol, count("seed", seed))
-    if bias:
-        friction = with_smoothing_bias(friction, dataset, identifier, chosen, protocol, seed)
+    with counted(None, "fitting"):
+        friction = fit_model(dataset, identifier, chosen, protocol, count("seed", seed))
+        if bias:
+            friction = with_smoothing_bias(friction, dataset, identifier, chosen, protocol, seed)
     return Fit(friction, dataset)
 
 

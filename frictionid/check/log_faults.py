@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.facts import GAP, deviations, run_edges, scatter_of, usual_intervals
+from frictionid.check.facts import deviations, run_edges, scatter_of
 from frictionid.check.findings import Finding, finding
 from frictionid.check.motion import Measured
+from frictionid.data.clock_facts import GAP, usual_intervals
 from frictionid.data.recordings import Dataset, Recording
 
 # Kinks at least; second differences around one are so many times those with the sign turned, and no

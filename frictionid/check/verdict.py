@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.check.conventions import Scored
-from frictionid.check.facts import ClockFacts, JointFacts, clock_of, joints_of
+from frictionid.check.facts import JointFacts, joints_of
 from frictionid.check.findings import LEVELS, Finding
 from frictionid.check.hypothesis_tests import (
     Delay,
@@ -59,6 +59,7 @@ from frictionid.check.torque_source import (
     torque_sources,
     unmeasured_findings,
 )
+from frictionid.data.clock_facts import ClockFacts, clock_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
@@ -180,7 +181,7 @@ def judge(
         dataset=dataset.name,
         level=everything[0].level if everything else "good",
         findings=tuple(everything),
-        clock=clock_of(dataset.recordings),
+        clock=clock_of([r.angle.time for r in dataset.recordings]),
         joints=tuple(facts),
         passive=passive,
         conventions=tests.conventions,

@@ -18,6 +18,7 @@ from frictionid.data.readers.table import Table
 from frictionid.data.readers.table_recording import Recorded, recorded
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
+from frictionid.mechanics import Mechanism
 
 Names = str | Sequence[str | None] | None
 Units = str | Sequence[str] | Mapping[str, str | Sequence[str]] | None
@@ -294,6 +295,16 @@ def columns_of_arrays(
         torque=names.get("torque"),
         velocity=names.get("velocity"),
     )
+
+
+def check_columns(count: int, mechanism: Mechanism, where: str) -> None:
+    """Refuse another number of columns of angles than the mechanism has joints."""
+    if count != mechanism.n:
+        raise InputError(
+            f"{where} has {count} column{'s' * (count > 1)} of angles, but {mechanism.kind} has "
+            f"{mechanism.n} joint{'s' * (mechanism.n > 1)}; give one column per joint, or another "
+            "mechanism"
+        )
 
 
 def _matrix(array: ArrayLike, where: str) -> Array:

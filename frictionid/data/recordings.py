@@ -11,7 +11,14 @@ from typing import Any, get_args
 import numpy as np
 
 from frictionid.config import nearest
-from frictionid.data.frames import FrameColumns, Names, Numbers, Units, columns_of_arrays
+from frictionid.data.frames import (
+    FrameColumns,
+    Names,
+    Numbers,
+    Units,
+    check_columns,
+    columns_of_arrays,
+)
 from frictionid.data.joint_scales import JointScales, joint_scales
 from frictionid.data.readers.column_toml import Gears, TorqueAt
 from frictionid.data.readers.table_recording import Recorded
@@ -115,16 +122,13 @@ class Recording:
 
     def _motions(self) -> Iterator[tuple[str, Signal]]:
         """Signals with one column per joint, with their names in errors."""
-        yield "angle", self.angle
-        yield "torque", self.torque
+        yield from (("angle", self.angle), ("torque", self.torque))
         if self.velocity is not None:
             yield "velocity", self.velocity
         if self.truth is not None:
-            yield "true angle", self.truth.angle
-            yield "true velocity", self.truth.velocity
+            yield from (("true angle", self.truth.angle), ("true velocity", self.truth.velocity))
         if self.servo is not None:
-            yield "goal", self.servo.goal
-            yield "enabled", self.servo.enabled
+            yield from (("goal", self.servo.goal), ("enabled", self.servo.enabled))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +209,23 @@ class Dataset:
             f"Dataset({self.name!r}: {len(recordings)} recording{'s' * (len(recordings) > 1)}, "
             f"{joints} joint{'s' * (joints > 1)}, {span:g} s)"
         )
+
+    def _repr_html_(self) -> str:
+        from frictionid.data.recorded_picture import dataset_html  # which knows this class
+
+        return dataset_html(self)
+
+    def plot(self, *names: str) -> Any:
+        """Angles and torques over time of recordings by their names, or of the first three.
+
+        A Matplotlib figure. Gaps are red, dropped samples red ticks at the top, stretches at rest
+        grey.
+        """
+        from frictionid.data.recorded_picture import recorded_figure
+        from frictionid.pictures import drawn
+
+        chosen = [self[name] for name in names] or self.recordings[:3]
+        return drawn(lambda: recorded_figure(self, chosen))
 
     def __getitem__(self, name: str) -> Recording:
         """The recording of a name."""
@@ -292,22 +313,9 @@ class Dataset:
         >>> Dataset.from_frames({"run1": frame}, rig, time="t", angle="q", torque="u", units="deg")
         Dataset('data': 1 recording, 1 joint, 0.2 s)
         """
-        columns = FrameColumns(
-            time,
-            angle,
-            torque,
-            velocity,
-            units,
-            signs or {},
-            motor,
-            hold,
-            sigma,
-            covariates or {},
-            missing,
-            torque_at,
-            actuator,
-            split,
-        )
+        columns = FrameColumns(time, angle, torque, velocity, units, signs or {}, motor, hold)
+        columns = replace(columns, covariates=covariates or {}, missing=missing, split=split)
+        columns = replace(columns, torque_at=torque_at, actuator=actuator, sigma=sigma)
         data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
         return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
 
@@ -360,8 +368,7 @@ class Dataset:
         """
         if self.columns is None:
             raise InputError(
-                f"data set {self.name!r} was not read from frames, so that the columns of a frame "
-                "are not known: make a data set of it by Dataset.from_frames"
+                f"data set {self.name!r} was not read from frames: use Dataset.from_frames"
             )
         data = _of_reads(name or self.name, self.mechanism, self.columns.read_all(frames), {})
         return replace(data, columns=self.columns, gears=self.gears, torque_at=self.torque_at)
@@ -374,11 +381,10 @@ def _of_reads(
     parameters: Mapping[str, Mapping[str, float]],
 ) -> Dataset:
     """Data set of signals by the names of the recordings."""
-    for key in parameters:
-        if key not in reads:
-            raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
     machine = as_mechanism(mechanism)
     for key, values in parameters.items():
+        if key not in reads:
+            raise InputError(f"parameters: there is no recording {key!r}; {nearest(key, reads)}")
         try:
             machine.check_values(values)
         except InputError as error:
@@ -387,13 +393,7 @@ def _of_reads(
         Recording(key, parameters=dict(parameters.get(key, {})), **signals._asdict())
         for key, (signals, _) in reads.items()
     )
-    hashes = {key: digest for key, (_, digest) in reads.items()}
-    data = Dataset(name, machine, recordings, hashes)
-    columns, n = column_count(data.recordings[0].angle), data.mechanism.n
-    if columns != n:
-        raise InputError(
-            f"data set {name!r}: recording {data.recordings[0].name!r} has {columns} "
-            f"column{'s' * (columns > 1)} of angles, but {data.mechanism.kind} has {n} "
-            f"joint{'s' * (n > 1)}; give one column per joint, or another mechanism"
-        )
+    data = Dataset(name, machine, recordings, {key: sha for key, (_, sha) in reads.items()})
+    where = f"data set {name!r}: recording {data.recordings[0].name!r}"
+    check_columns(column_count(data.recordings[0].angle), machine, where)
     return data

@@ -14,12 +14,13 @@ from fixtures.paths import DATA
 
 from frictionid.__main__ import main
 from frictionid.check import LEVELS, Finding, check
-from frictionid.check.facts import clock_of, joints_of
+from frictionid.check.facts import joints_of
 from frictionid.check.hypothesis_tests import delay_of
 from frictionid.check.motion import adapted, motions_of, unit_balances, unit_rows
 from frictionid.check.regression import regress
 from frictionid.check.verdict import judge
 from frictionid.comparison.fit_model import fit_model
+from frictionid.data.clock_facts import clock_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -164,7 +165,7 @@ def test_facts_count_what_was_planted():
     q = np.round((np.sin(3 * t) + rng.normal(0, 5e-4, len(t))) / 0.002) * 0.002
     u = np.cos(t) + rng.normal(0, 0.05, len(t))
     recording = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
-    clock, motions = clock_of([recording]), motions_of([recording])
+    clock, motions = clock_of([recording.angle.time]), motions_of([recording])
     fact = joints_of([recording], motions)[0]
     assert clock.dropped == 1001 - len(t)
     assert clock.rate == pytest.approx(100.0)
@@ -301,7 +302,7 @@ def test_a_change_of_the_sampling_rate_is_no_loss_of_samples():
     first, second = np.arange(500) * 0.01, 5.0 + np.arange(300) * 0.025
     t = np.concatenate([np.delete(first, [50, 200, 201]), np.delete(second, [100, 150, 200])])
     angle = Signal(t, np.sin(t)[:, None])
-    clock = clock_of([Recording("a", angle, angle)])
+    clock = clock_of([angle.time])
     assert (clock.dropped, clock.gaps) == (6, 0)
     assert (clock.slowest, clock.fastest) == (pytest.approx(40), pytest.approx(100))
 

@@ -6,21 +6,21 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.curves import slow_speed
+from frictionid.pictures import COLOURS as COLOURS
+from frictionid.pictures import WIDTH as WIDTH
+from frictionid.pictures import drawing as drawing
+from frictionid.pictures import drawn as drawn
+from frictionid.pictures import figure as figure
 from frictionid.report.sections import DataDescription, Model
 
-WIDTH = 7.2  # [inch], both columns of a journal's page
 FORMATS = ("png", "pdf", "svg")
-# Okabe and Ito's colours, distinct with any colour vision; without yellow, too pale on white
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
 GREY = "#767676"
 LONGEST = 36  # letters of a name
@@ -58,30 +58,6 @@ def styles(models: Iterable[Model]) -> dict[str, Style]:
         out[model.label] = Style(COLOURS[place], DASHES[repeat % len(DASHES)])
         coloured += 1
     return out
-
-
-def drawing() -> AbstractContextManager[Any]:
-    """A context in which pictures have our styles, whatever the user's settings; these stay."""
-    import matplotlib.style
-
-    return matplotlib.style.context(["default", Path(__file__).with_name("report.mplstyle")])
-
-
-def figure(height: float, width: float = WIDTH) -> Any:
-    """An empty figure as wide as a page, sizes in inches."""
-    from frictionid.report.figures.notebook_figure import NotebookFigure
-
-    return NotebookFigure(figsize=(width, height), layout="constrained")
-
-
-def drawn(draw: Callable[[], Any]) -> Any:
-    """The figure that a function draws, in our styles; later settings do not change it."""
-    with drawing():
-        picture = draw()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=r"Glyph .* missing")
-            picture.draw_without_rendering()  # ticks are made here, in the styles of this moment
-    return picture
 
 
 def png(draw: Callable[[], Any]) -> bytes:

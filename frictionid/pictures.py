@@ -1,0 +1,37 @@
+"""Matplotlib figures in our styles, whatever the user's settings are."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+WIDTH = 7.2  # [inch], both columns of a journal's page
+# Okabe and Ito's colours, distinct with any colour vision; without yellow, too pale on white
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+
+def drawing() -> AbstractContextManager[Any]:
+    """A context in which pictures have our styles, whatever the user's settings; these stay."""
+    import matplotlib.style
+
+    return matplotlib.style.context(["default", Path(__file__).with_suffix(".mplstyle")])
+
+
+def figure(height: float, width: float = WIDTH) -> Any:
+    """An empty figure as wide as a page, sizes in inches."""
+    from frictionid.notebook_figure import NotebookFigure
+
+    return NotebookFigure(figsize=(width, height), layout="constrained")
+
+
+def drawn(draw: Callable[[], Any]) -> Any:
+    """The figure that a function draws, in our styles; later settings do not change it."""
+    with drawing():
+        picture = draw()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+            picture.draw_without_rendering()  # ticks are made here, in the styles of this moment
+    return picture
