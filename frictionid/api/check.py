@@ -157,12 +157,6 @@ def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> First
         Where the recordings are too short to hold any motion out.
     """
     dataset = dataset_of(data)
-    with counted(len(first.STEPS), "first verdict") as step:
-
-        def report(name: str) -> None:
-            step(name)
-            if done is not None:
-                done(name)
-
-        verdict = first.quick(dataset, report)
+    with counted(len(first.STEPS), "first verdict", done) as step:
+        verdict = first.quick(dataset, step)
     return FirstVerdict(**{f.name: getattr(verdict, f.name) for f in fields(verdict)})

@@ -149,10 +149,9 @@ def compare(
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
     by_model: dict[tuple[str, str], tuple[Task, Result]] = {}
-    with counted(len(tasks), "comparing") as step:
+    with counted(len(tasks), "comparing", done) as step:
         for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
             by_model[task.name, task.recipe.name] = task, result
-            report(task.name)
             step(task.name)
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
     results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)

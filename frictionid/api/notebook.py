@@ -19,14 +19,17 @@ def _in_notebook() -> bool:
 
 
 @contextmanager
-def counted(total: int | None, title: str) -> Iterator[Callable[[str], None]]:
+def counted(
+    total: int | None, title: str, heard: Callable[[str], None] | None = None
+) -> Iterator[Callable[[str], None]]:
     """A bar of `total` steps below the cell; call what it gives with what each step was.
 
     Without a total it counts the steps that the work inside reports. It is gone in the end. Outside
-    of notebooks nothing is shown.
+    of notebooks nothing is shown. `heard` is called with each step, too.
     """
+    heard = heard or (lambda _: None)
     if not _in_notebook():
-        yield lambda _: None
+        yield heard
         return
     from IPython.display import HTML, display
 
@@ -36,6 +39,7 @@ def counted(total: int | None, title: str) -> Iterator[Callable[[str], None]]:
     def step(what: str, left: int | None = None) -> None:
         nonlocal done
         done += 1
+        heard(what)
         shown.update(HTML(bar(title, done, total if left is None else done + left, what)))
 
     try:
