@@ -9,11 +9,11 @@ Every card is made by the defaults, from public recordings:
 - arms whose controller is in no log: Coulomb and viscous friction by inverse dynamics, fitted to
   the first 70 % of the motion and judged by the torque that is left on the rest;
 - servos and robots that follow targets: laws by shooting with their controller, fitted to some of
-  the motion and judged by free runs of the rest, at another gain or the last third;
+  the motion and judged on the rest, every second log or the last third;
 - published models: as they stand, judged on our recordings. These may have been fitted to them.
 
-Without names all cards are made that are not there. Prints the table of docs/machine_cards.md and
-draws its picture.
+Without names all cards are made that are not there, and all are run in MuJoCo. Prints the tables of
+docs/machine_cards.md and draws its picture.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import arms
@@ -114,46 +115,45 @@ def arm(dataset: Dataset) -> tuple[Friction, Held, str]:
     (recording,) = dataset.recordings
     until = arms.ARMS[dataset.name].until
     train = within(recording, 0.0, until - float(recording.angle.time[0]))
-    names = ("coulomb_viscous", "none")
-    shares = {}
-    for name in names:
-        fit = fid.fit(replace(dataset, recordings=(train,)), name, method="inverse_dynamics")
-        e, u, clock = arms.left(arms.balances(dataset.name), fit)
-        shares[name] = 100 * arms.share(e, u, clock >= until)
-    held = Held(*shares.values(), "%", "of the torque is left on the last 30 %")
-    sentence = (
-        f"Coulomb and viscous friction leave {held.error:.1f} % of the torque, none "
-        f"{held.without:.1f} %."
-    )
-    return fid.fit(dataset, names[0], method="inverse_dynamics").friction, held, sentence
+    method: dict[str, Any] = {"law": "coulomb_viscous", "method": "inverse_dynamics"}
+    fit = fid.fit(replace(dataset, recordings=(train,)), **method)
+    shares = []
+    for model in (fit, fid.Fit(without_friction(fit.friction))):
+        e, u, clock = arms.left(arms.balances(dataset.name), model)
+        shares.append(100 * arms.share(e, u, clock >= until))
+    held = Held(*shares, "%", "of the torque is left on the last 30 %")
+    sentence = "Coulomb and viscous friction by inverse dynamics; other laws were not tried."
+    return fid.fit(dataset, **method).friction, held, sentence
 
 
 def targets(dataset: Dataset) -> tuple[Friction, Held, str]:
-    """The law that runs freely best on motion that its fit has not seen, fitted to all.
-
-    That is another gain of the servo, or the last third.
-    """
-    gains = [r for r in dataset.recordings if "kp400" in r.name]
-    if gains:
-        others = tuple(r for r in dataset.recordings if r not in gains)
-        first, last = replace(dataset, recordings=others), replace(dataset, recordings=tuple(gains))
-        laws, what = ("coulomb_viscous", "stribeck", "motor_load"), "free runs at another gain"
+    """The law that predicts best what its fit has not seen: every second log, or the last third."""
+    runs = dataset.recordings
+    if len(runs) > 1:
+        halves = runs[::2], runs[1::2]
+        first, last = (replace(dataset, recordings=half, hashes={}) for half in halves)
+        laws, of = ("coulomb_viscous", "stribeck", "motor_load"), "every second log"
+        free = ["friction", "target_delay"]  # masses and lengths are known
     else:
         first, last = part(dataset, 0, 2 / 3), part(dataset, 2 / 3, 1)
-        laws, what = ("coulomb_viscous",), "free runs of the last third"
-    fits = {law: shot(first, law) for law in laws}
-    errors = {law: free_run(fit, last) for law, fit in fits.items()}
-    best = min(errors, key=lambda law: errors[law])
-    held = Held(errors[best], free_run(without_friction(fits[best]), last), "rad", f"RMS of {what}")
-    others_said = ", ".join(f"{law} {e:.3g}" for law, e in errors.items() if law != best)
-    sentence = f"{best} is the best of the laws that were tried ({others_said or 'no other'})."
-    return (shot(dataset, best) if gains else fits[best]), held, sentence
+        laws, of, free = ("coulomb_viscous",), "the last third", None
+    fits = {law: shot(first, law, free) for law in laws}
+    errors = ahead({**fits, "none": without_friction(fits[laws[0]])}, last)
+    best = min(laws, key=lambda law: errors[law])
+    what = f"median of predictions after {AHEAD:g} s, {of}"
+    held = Held(errors[best], errors["none"], "rad", what)
+    said = [f"{law} {errors[law]:.3g} rad" for law in laws if law != best]
+    if said:
+        return shot(dataset, best, free), held, f"{best} predicts best: {', '.join(said)}."
+    said_free = f"{1e3 * free_run(fits[best], last):.3g} mrad (RMS) off in its free run"
+    return fits[best], held, f"{best}, fitted to the first two thirds; {said_free}."
 
 
-def shot(dataset: Dataset, law: str) -> Friction:
+def shot(dataset: Dataset, law: str, free: list[str] | None) -> Friction:
     """A law by shooting."""
     print("  ", law, flush=True)
-    return fid.fit(dataset, law, method="shooting", sample_time=0.01).friction
+    dt = 0.01 if free is None else 0.005
+    return fid.fit(dataset, law, method="shooting", free=free, sample_time=dt).friction
 
 
 def without_friction(friction: Friction) -> Friction:
@@ -169,17 +169,20 @@ def free_run(model: Any, dataset: Dataset) -> float:
     return float(np.sqrt(np.nanmean(np.square(off))))
 
 
-def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:
-    """A published model, judged on our recordings."""
-    friction = load_model(file, LAWS)
-    models = {"published": friction, "none": without_friction(friction)}
+def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
+    """Median errors after half a second."""
     scores = fid.evaluate(models, dataset, [AHEAD])
     rows = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
     rows = rows[rows.joint == "all"].set_index("identifier")
-    what = f"median of predictions after {AHEAD:g} s"
-    error, without = (float(rows.value[name]) for name in models)
-    held = Held(error, without, str(rows.unit["published"]), what)
-    return friction, held, "As published, not fitted here."
+    return {name: float(rows.value[name]) for name in models}
+
+
+def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:
+    """A published model, judged on our recordings."""
+    friction = load_model(file, LAWS)
+    errors = ahead({"published": friction, "none": without_friction(friction)}, dataset)
+    what = f"median of predictions after {AHEAD:g} s, of all"
+    return friction, Held(*errors.values(), "rad", what), "As published, not fitted here."
 
 
 def made(name: str) -> dict[str, Any]:
@@ -244,6 +247,26 @@ def table() -> Iterator[str]:
         yield f"| {' | '.join(columns)} |"
 
 
+def engine_table() -> Iterator[str]:
+    """The table of cards in MuJoCo, as their files are, beside our predictions."""
+    yield "| card | law | what MJCF cannot hold | mean | median | error in MuJoCo | ours |"
+    yield "| --- | --- | --- | ---: | ---: | ---: | ---: |"
+    with TemporaryDirectory() as folder:
+        for name in shipped_names("machines"):
+            card = fid.machine(name)
+            if card.mechanism is None:
+                continue
+            done = fid.export(
+                card, "mujoco", Path(folder) / f"{name}.xml", data=DATA / card.dataset
+            )
+            back = done.round_trip
+            if back is not None:
+                lost = card.fit.law if done.cost else ""
+                sizes = (back.apart, back.median, back.error, back.ours)
+                numbers = " | ".join(f"{x:.2g} {back.unit}" for x in sizes)
+                yield f"| `{name}` | {card.fit.law} | {lost} | {numbers} |"
+
+
 def picture() -> Any:
     """Friction over velocity of all machines, joints together, with 95 % bands where known."""
     cards = [fid.machine(name) for name in shipped_names("machines")]
@@ -260,7 +283,7 @@ def picture() -> Any:
         axes.set_xlabel(f"velocity [{units[0]}/s]")
         axes.set_ylabel("friction [N m]" if units[0] == "rad" else "friction [N]")
         if len(alike) * len(alike[0].joints) <= 7:
-            axes.legend(fontsize=6)
+            axes.legend(fontsize=6, loc="upper left")
     return figure
 
 
@@ -284,6 +307,8 @@ def main(names: list[str]) -> None:
         print(name, flush=True)
         write_json(shipped("machines") / f"{name}.json", made(name))
     print(*table(), sep="\n")
+    if not names:
+        print("", *engine_table(), sep="\n")
     PICTURE.write_bytes(png(picture))
 
 

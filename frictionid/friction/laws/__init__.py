@@ -1,6 +1,7 @@
 """Friction laws; those that share their terms stand in one file."""
 
 from frictionid.friction.laws.check_law import check_law
+from frictionid.friction.laws.cogging import Cogging
 from frictionid.friction.laws.combined import PerJoint, Sum
 from frictionid.friction.laws.curves import Spline, Table
 from frictionid.friction.laws.ensemble import Ensemble, members_of

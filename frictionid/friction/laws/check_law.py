@@ -201,9 +201,11 @@ def _check_load(law: Law, theta: Array, x: Inputs) -> None:
 
 
 def _check_limit(law: Law, theta: Array, x: Inputs) -> None:
+    # a torque of the position, as cogging, is more to one side and less to the other
+    others = dict(_values(law, theta, x._replace(w=-x.w)))
     for name, value in _values(law, theta, x):
         if name.startswith("limit"):
-            least = np.min(value)
+            least = np.min(value + others[name]) / 2
             _require(least >= 0, law, f"{name} must not be negative, it is {least}")
     memory = law.start(theta, x)
     for sign in (1.0, -1.0):

@@ -15,6 +15,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import unknown
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory, at_rest
+from frictionid.friction.laws.cogging import Cogging
 from frictionid.friction.laws.levels import NoFriction
 from frictionid.friction.laws.load import LoadDependent, MotorLoad
 from frictionid.friction.laws.relaxing import Dahl, FilmLag, LuGre
@@ -25,7 +26,7 @@ PARTS: Mapping[str, type[Law]] = {
     law.kind: law
     for law in (
         *(NoFriction, CoulombViscous, Stribeck, Quadratic, LoadDependent, MotorLoad),
-        *(FilmLag, Dahl, LuGre),
+        *(FilmLag, Dahl, LuGre, Cogging),
     )
 }
 

@@ -18,6 +18,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+from frictionid.friction.laws.cogging import waves
 from frictionid.friction.laws.combined import CombinedLaw
 
 
@@ -87,10 +88,7 @@ class Ripple(CombinedLaw):
         return self.law.torque(numbers, x, ()) - viscous, viscous
 
     def _waves(self, x: Inputs) -> Iterator[Array]:
-        xp = namespace(x.q)
-        for k in self.harmonics:
-            yield xp.cos(k * self.gear * x.q)
-            yield xp.sin(k * self.gear * x.q)
+        return waves(x.q, self.harmonics, self.gear)
 
     def _height(self, theta: Array, x: Inputs) -> Array:
         """Level at this angle over its mean, >= 0."""
