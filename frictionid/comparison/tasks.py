@@ -279,7 +279,8 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
 
 def _rounded(errors: HorizonErrors) -> dict[str, Any]:
     """Errors of predictions as a document; what is far counts 1, digits far below it nothing."""
-    return {**errors._asdict(), "error": errors.error.round(_DIGITS)}
+    rounded = {name: getattr(errors, name).round(_DIGITS) for name in ("error", "torque")}
+    return {**errors._asdict(), **rounded}
 
 
 # --- Digests: equal for equal data, settings and code

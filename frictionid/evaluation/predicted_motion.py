@@ -103,6 +103,8 @@ class HorizonErrors(NamedTuple):
     That is the size of a joint, or of the largest one; not finite where a prediction has diverged.
 
     recording, fold : (S,) of each start; held_out : (H, S) where the error counts
+    torque : (W, n) left over W windows of time, in units of the measured torque of all joints, none
+        where none was measured; torque_recording, torque_fold : (W,) of each
     """
 
     horizons: Array
@@ -110,16 +112,25 @@ class HorizonErrors(NamedTuple):
     fold: Array
     held_out: Array
     error: Array
+    torque: Array = np.empty((0, 1))
+    torque_recording: Array = np.empty(0, dtype=int)
+    torque_fold: Array = np.empty(0, dtype=int)
 
     def after(self, horizon: float) -> StartErrors:
-        """The errors after the nearest horizon, of each recording.
+        """The errors after the nearest horizon, of each recording; those of torque after none, NaN.
 
         Of each fold, where they are of fewer than three recordings.
         """
+        if np.isnan(horizon):
+            return _grouped(self.torque, self.torque_recording, self.torque_fold)
         nearest = int(np.argmin(np.abs(self.horizons - horizon)))
         used = self.held_out[nearest]
-        few = len(np.unique(self.recording[used])) < FEWEST
-        return StartErrors(self.error[nearest, used], (self.fold if few else self.recording)[used])
+        return _grouped(self.error[nearest, used], self.recording[used], self.fold[used])
+
+
+def _grouped(error: Array, recording: Array, fold: Array) -> StartErrors:
+    few = len(np.unique(recording)) < FEWEST
+    return StartErrors(error, fold if few else recording)
 
 
 def horizon_errors(

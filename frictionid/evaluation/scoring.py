@@ -41,7 +41,13 @@ from frictionid.evaluation.prepared import (
     calibrated_views,
 )
 from frictionid.evaluation.score_frame import Score, score_frame, summarise
-from frictionid.evaluation.torque_left import has_torque, row_torques, torque_scores
+from frictionid.evaluation.torque_left import (
+    TorqueWindows,
+    has_torque,
+    row_torques,
+    torque_scores,
+    torque_windows,
+)
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own
@@ -211,8 +217,9 @@ def _scored(
     # where any horizon of a rollout is held out, one fold holds it out: its friction predicts
     owner = np.maximum(held_out.rollouts.max(axis=0), 0)
     initial, motion = _rollouts(model, owner)
+    one_step, windows = _one_step_scores(model, held_out)
     scores = [
-        *_one_step_scores(model, held_out),
+        *one_step,
         *rollout_scores(motion, initial, held_out.rollouts, prepared.position_units),
     ]
     if prepared.true_initial_states is not None:
@@ -226,11 +233,17 @@ def _scored(
     shown = motion.q, initial, prepared, held_out.rollouts[-1] >= 0
     band = partial(_band, model) if len(model.friction.theta) >= FEWEST else None
     errors = horizon_errors(motion, initial, held_out.rollouts, prepared.position_units)
+    if windows is not None:
+        errors = errors._replace(
+            torque=windows.error, torque_recording=windows.recording, torque_fold=windows.fold
+        )
     return scores, [*common_examples(*shown), *ranked_examples(*shown, band)], errors
 
 
-def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
+def _one_step_scores(model: _Model, held_out: HeldOut) -> tuple[list[Score], TorqueWindows | None]:
+    """Scores of one step, and the torque that it leaves, where torques were measured."""
     data = model.views[0].data
+    scores: list[Score] = []
     units, sizes = data.plant.mechanism.velocity_units, data.dataset.scales.size
     for name, held in zip(("euler", "integral"), held_out.rows, strict=True):
         residual, energy = np.empty((len(held), data.plant.n)), np.zeros((2, len(held)))
@@ -244,11 +257,14 @@ def _one_step_scores(model: _Model, held_out: HeldOut) -> Iterator[Score]:
             energy[:, use] = dissipated(problem, residual[use], use)
             if name == "integral":
                 torque[:, use] = row_torques(problem, residual[use], use)
-        yield from one_step_scores(residual, held, f"one_step_{name}", units, sizes)
-    if not model.friction.mechanism:  # of the momentum balance, the last one
-        yield from _energy_scores(energy, held)
-        if has_torque(data.dataset):
-            yield from torque_scores(torque, data.integral, held, data.plant.mechanism)
+        scores += one_step_scores(residual, held, f"one_step_{name}", units, sizes)
+    if model.friction.mechanism:
+        return scores, None
+    scores += _energy_scores(energy, held)  # of the momentum balance, the last one
+    if not has_torque(data.dataset):
+        return scores, None
+    windows = torque_windows(torque, data.integral, held, data.plant.mechanism)
+    return [*scores, *torque_scores(windows, data.plant.mechanism)], windows
 
 
 def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:

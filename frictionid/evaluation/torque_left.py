@@ -12,7 +12,7 @@ the measured torque in the windows that count.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,6 +29,7 @@ from frictionid.mechanics import Mechanism
 
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
 _WINDOW = 0.05  # [s]
+_NOTHING = 1e-300
 _SHOWN, _SPANS = 8.0, 240  # [s] about the middle of a recording, and spans in it
 _COMPLETE = 0.5  # of the usual length: shorter windows, at gaps and ends of folds, do not count
 
@@ -50,15 +51,53 @@ def row_torques(problem: Problem, residual: Array, use: Array) -> Array:
     return np.stack([solve(problem.G[use][:, :n, :n], residual), u])
 
 
-def torque_scores(
-    torque: Array, problem: Problem, fold: Array, mechanism: Mechanism, name: str = LEFT
-) -> Iterator[Score]:
-    """Torque left in each joint, [N m] and as a share, and together, of each fold and of all.
+class TorqueWindows(NamedTuple):
+    """Means over W windows: the torque left and the measured one (W, n) [N m], which count (W, n).
 
-    torque : (2, K, n), see `row_torques`; fold : (K,) that holds each row out, -1 for none
+    What does not count is zero. recording, fold : (W,) of each
     """
-    mean, counts, owner = _windows(torque, problem, fold, mechanism)
-    mean = np.where(counts, mean, 0.0)
+
+    left: Array
+    measured: Array
+    counts: Array
+    recording: Array
+    fold: Array
+
+    @property
+    def error(self) -> Array:
+        """The torque left (W, n) in units of the measured torque of all joints."""
+        number = np.maximum(self.counts.sum(axis=0), 1)
+        squares = (self.measured**2).sum(axis=0) / number
+        return self.left / np.sqrt(np.maximum(squares.sum(), _NOTHING))
+
+
+def torque_windows(
+    torque: Array, problem: Problem, fold: Array, mechanism: Mechanism
+) -> TorqueWindows:
+    """Windows of torques (2, K, n), see `row_torques`; fold : (K,) of each row, -1 for none."""
+    turns = mechanism.friction_map != 0
+    rests = stiction_mask(problem, None) @ turns
+    number = np.floor(problem.time / _WINDOW + 1e-9).astype(int)
+    rows = np.flatnonzero(fold >= 0)
+    keys = np.stack([fold, problem.recording, number], axis=1)[rows]
+    windows, place = np.unique(keys, axis=0, return_inverse=True)
+    place, dt = place.reshape(-1), problem.dt[rows]
+    length = np.bincount(place, dt, len(windows))
+    sums = np.zeros((2, len(windows), torque.shape[-1]))
+    for total, each in zip(sums, torque[:, rows] * dt[:, None], strict=True):
+        np.add.at(total, place, each)
+    counts = np.ones((len(windows), torque.shape[-1]), dtype=bool)
+    np.logical_and.at(counts, place, ~rests[rows])
+    counts &= (length >= _COMPLETE * np.median(length))[:, None]
+    left, measured = np.where(counts, sums / length[:, None], 0.0)
+    return TorqueWindows(left, measured, counts, windows[:, 1], windows[:, 0])
+
+
+def torque_scores(
+    windows: TorqueWindows, mechanism: Mechanism, name: str = LEFT
+) -> Iterator[Score]:
+    """Torque left in each joint, [N m] and as a share, and together, of each fold and of all."""
+    mean, counts, owner = np.stack(windows[:2]), windows.counts, windows.fold
     number = np.maximum(counts.sum(axis=0), 1)
     left, measured = np.sqrt((mean**2).sum(axis=1) / number)
     for j in np.flatnonzero(counts.any(axis=0)):
@@ -107,27 +146,6 @@ def _together(squares: Array, mixed: bool) -> float:
     return float(np.sqrt(np.mean(left / measured) if mixed else left.sum() / measured.sum()))
 
 
-def _windows(
-    torque: Array, problem: Problem, fold: Array, mechanism: Mechanism
-) -> tuple[Array, Array, Array]:
-    """Means (2, W, n) over windows, whether they count (W, n), and the fold (W,) of each."""
-    turns = mechanism.friction_map != 0
-    rests = stiction_mask(problem, None) @ turns
-    number = np.floor(problem.time / _WINDOW + 1e-9).astype(int)
-    rows = np.flatnonzero(fold >= 0)
-    keys = np.stack([fold, problem.recording, number], axis=1)[rows]
-    windows, place = np.unique(keys, axis=0, return_inverse=True)
-    place, dt = place.reshape(-1), problem.dt[rows]
-    length = np.bincount(place, dt, len(windows))
-    sums = np.zeros((2, len(windows), torque.shape[-1]))
-    for total, each in zip(sums, torque[:, rows] * dt[:, None], strict=True):
-        np.add.at(total, place, each)
-    counts = np.ones((len(windows), torque.shape[-1]), dtype=bool)
-    np.logical_and.at(counts, place, ~rests[rows])
-    counts &= (length >= _COMPLETE * np.median(length))[:, None]
-    return sums / length[:, None], counts, windows[:, 0]
-
-
 def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Iterator[Score]:
     """Torque that the mechanism leaves without friction, see `frictionid.evaluation.torque_left`.
 
@@ -138,7 +156,8 @@ def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Ite
         held = np.zeros(len(problem.r), dtype=int)
         held = held if folds is None else folds.held_out(problem.recording, problem.time)
         torque = row_torques(problem, problem.r[:, : mechanism.n], held >= -1)
-        scores = torque_scores(torque, problem, held, mechanism, NOMINAL)
+        windows = torque_windows(torque, problem, held, mechanism)
+        scores = torque_scores(windows, mechanism, NOMINAL)
         yield from (score for score in scores if score.score == NOMINAL and score.fold == "all")
 
 
@@ -152,7 +171,8 @@ def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
     problem, residual = _balance(friction, prepared)
     every = np.zeros(len(residual), dtype=int)
     torque = row_torques(problem, residual, every == 0)
-    yield from torque_scores(torque, problem, every, prepared.plant.mechanism)
+    mechanism = prepared.plant.mechanism
+    yield from torque_scores(torque_windows(torque, problem, every, mechanism), mechanism)
     yield from nominal_torque_scores(prepared)
 
 

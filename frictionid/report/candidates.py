@@ -23,7 +23,7 @@ from frictionid.evaluation.statistics import FEWEST
 from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed
 from frictionid.report.plausibility import FAILED, Check, checks_of
-from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
+from frictionid.report.sections import ANY, Measure, Model, Section, SummaryData, rollout
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
@@ -37,7 +37,7 @@ class Candidate:
     Attributes
     ----------
     model : its line of the tables
-    error : median error of all its predictions, as in the tables; by_fold : (F,) of each fold
+    error : median error of all its predictions, or torque left; by_fold : (F,) of each fold
     errors : of its predictions from each start
     complexity : effective number of parameters, infinite where it is not known
     checks : whether it is physically plausible
@@ -95,20 +95,20 @@ class Contrast:
         return {"worse": "yes", "adequate": "no"}.get(self.factor.standing, "undecided")
 
 
-def candidates_of(data: SummaryData, horizon: float) -> list[Candidate]:
+def candidates_of(data: SummaryData, measure: Measure) -> list[Candidate]:
     """All models of a data set that can be recommended, with their checks, as in the tables.
 
     Given numbers that were fitted to these recordings are none: nothing is held out of them.
 
-    horizon : [s] of the predictions that are compared
+    measure : by what they are compared
     """
-    column = rollout(horizon)
+    column = measure.column
     candidates = [
         Candidate(
             model,
             data.value(model, column),
             data.of_folds(model, column),
-            model.start_errors(horizon),
+            model.start_errors(measure.horizon),
             complexity_of(data, model),
         )
         for model in data.of_role(*CANDIDATES)

@@ -200,7 +200,7 @@ FITTED: Mapping[str, tuple[Draw, str]] = {
     ),
     "errors": (
         errors_of_models,
-        "Error {horizon:g} s ahead, {dataset}, held out: each model, each fold.",
+        "{error}, {dataset}, held out: each model, each fold.",
     ),
     "one_step": (
         one_step_boxes,
@@ -274,7 +274,7 @@ def _words(section: Section, recipe: str | None) -> dict[str, Any]:
         "dataset": section.dataset,
         "chosen": chosen.name if chosen else "",
         "beside": _beside(section, recipe),
-        "horizon": verdict.horizon,
+        "error": verdict.measure.of_what[:1].upper() + verdict.measure.of_what[1:],
         "members": spread_caption(section),
         "schemes": " and ".join(dict.fromkeys(shot)),
     }

@@ -12,8 +12,8 @@ import numpy as np
 
 from frictionid.report.candidates import Candidate, contrast, family
 from frictionid.report.memory import has_memory
-from frictionid.report.numbers import MINUS, factor, percent, short
-from frictionid.report.sections import ANY, EULER, Model, Section, rollout
+from frictionid.report.numbers import MINUS, factor, percent
+from frictionid.report.sections import ANY, EULER, Measure, Model, Section
 
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted
@@ -40,18 +40,18 @@ class Asked:
     """What the questions are put to.
 
     candidates : of the fitted data; recommended : the one that is used until further data decide
-    horizon : [s] of the predictions that are compared
+    measure : by what they are compared
     """
 
     section: Section
     candidates: Sequence[Candidate]
     recommended: Candidate
-    horizon: float
+    measure: Measure
 
     @property
     def column(self) -> str:
         """Column of the error that is compared."""
-        return rollout(self.horizon)
+        return self.measure.column
 
     def group(self, traits: set[str]) -> list[Candidate]:
         """Candidates with all of these traits."""
@@ -113,10 +113,10 @@ def _contrast(
     worse, better, shown = (a, b, between) if between.value >= 1 else (b, a, between.turned)
     middle, low, high = map(factor, shown[:3])
     names = [c.model.label if within else c.name for c in (worse, better)]
-    errors = " and ".join(short(c.level) for c in (worse, better))
+    errors = " and ".join(asked.measure.size(c.level) for c in (worse, better))
     reason = (
         f"{within}{names[0]} is {middle} times (80 %: {low} to {high}) as far off as {names[1]}; "
-        f"mean errors: {errors} {asked.section.description.angle_unit}."
+        f"mean errors: {errors}."
     )
     return judged[recipe].answer, reason, between._asdict()
 
@@ -235,7 +235,7 @@ def _truth(asked: Asked) -> Answer:
     if not data.of_role("truth"):
         return _nothing("no truth is known.")
     model = data.of_role("truth")[0]
-    errors = model.start_errors(asked.horizon)
+    errors = model.start_errors(asked.measure.horizon)
     error, by_fold = data.value(model, asked.column), data.of_folds(model, asked.column)
     truth = [Candidate(model, error, by_fold, errors, 0.0)]
     missing = "the truth has no scores of its own."

@@ -1,9 +1,9 @@
 """The verdict: which model the evidence supports, by a stated rule, and how sure that is.
 
 Models that were fitted by one recipe are compared with the best of them by their predictions from
-the same held-out starts; the simplest that is not practically worse is recommended, refined by
-shooting where it was (`frictionid.evaluation.reference_model`). Predictions are compared half a
-second ahead or at the nearest reported horizon.
+the same held-out starts, half a second ahead or at the nearest reported horizon; fits of arms to
+their torques by the torque that they leave. The simplest that is not practically worse is
+recommended, refined by shooting where it was (`frictionid.evaluation.reference_model`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 from frictionid.report.candidates import Candidate, candidates_of, judged, recipe_to_judge
 from frictionid.report.estimates import added
-from frictionid.report.numbers import factor, percent, seconds, short
+from frictionid.report.numbers import factor, percent, seconds
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
     NOT_EVALUATED,
@@ -26,7 +26,7 @@ from frictionid.report.questions import (
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import ANY, Model, Section, rollout
+from frictionid.report.sections import ANY, Measure, Model, Section, SummaryData, rollout
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
@@ -49,8 +49,8 @@ class Verdict:
     provisional : name of the simplest model that is shown to be not practically worse: what to use
         until further data decide; it is the recommended one where there is one
     sentence : the verdict in one sentence
-    horizon : [s] of the predictions that are compared, NaN where none are
-    error, unit : median error of the provisional model's predictions
+    horizon : [s] of the predictions that are compared, NaN where the torque left is
+    error, unit : median error of the provisional model's predictions, or the share of torque left
     region : a tenth of the reference's error, in the same unit
     recipe : by which the models that are compared were fitted
     folds, recordings : how many there are behind it
@@ -79,6 +79,11 @@ class Verdict:
     questions: tuple[Question, ...] = ()
 
     @property
+    def measure(self) -> Measure:
+        """What models are judged by."""
+        return Measure(self.horizon, self.unit)
+
+    @property
     def failed(self) -> dict[Model, tuple[str, ...]]:
         """Names of the checks that models fail, see `frictionid.report.plausibility.Check`."""
         names = {
@@ -99,12 +104,12 @@ class Verdict:
 def verdict_of(section: Section) -> Verdict:
     """The verdict on the models that were fitted to a data set."""
     data, choice = section.fitted, Choice()
-    horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
-    candidates = candidates_of(data, horizon)
+    measure = measure_of(data)
+    candidates = candidates_of(data, measure)
     folds = max((len(c.by_fold) for c in candidates), default=0)
     groups = max((len(np.unique(c.errors.group)) for c in candidates), default=0)
     recipe = recipe_to_judge(candidates)
-    if not data.reported:
+    if not data.reported and not groups:
         reason = "the comparison predicts no motion"
     elif groups < FEWEST:
         reason = f"errors are known of {groups} recordings or folds, and {FEWEST} are needed"
@@ -113,8 +118,8 @@ def verdict_of(section: Section) -> Verdict:
         choice, candidates = _judged(candidates, recipe)
     verdict = Verdict(
         dataset=data.dataset,
-        horizon=horizon,
-        unit=data.description.angle_unit,
+        horizon=measure.horizon,
+        unit=measure.unit,
         recipe=recipe,
         folds=folds,
         recordings=data.description.recordings,
@@ -130,6 +135,15 @@ def verdict_of(section: Section) -> Verdict:
         main_doubt=f"{reason[0].upper()}{reason[1:]}.",
         questions=(question, *unanswered(reason)),
     )
+
+
+def measure_of(data: SummaryData) -> Measure:
+    """What models of a data set are judged by: fits to torques by the torque that they leave."""
+    fits = [m for m in data.models if m.scheme == "inverse dynamics" and m.role == "fitted"]
+    if any(len(m.start_errors(Measure().horizon).group) for m in fits):
+        return Measure()
+    horizon = min(data.reported, key=lambda h: abs(h - HORIZON), default=float("nan"))
+    return Measure(horizon, data.description.angle_unit)
 
 
 def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
@@ -150,13 +164,13 @@ def _decided(
     if choice.recommended is not None:
         kind = SIMPLE if _is_simplest(adequate, compared) else RECOMMENDED
     recommended = None if kind == UNDECIDED else provisional.name
-    error = f"{short(provisional.error)} {verdict.unit} off after {seconds(verdict.horizon)}"
+    error = verdict.measure.words(provisional.error)
     several = len({c.model.recipe for c in verdict.candidates} - {ANY}) > 1
     within = f"by recipe {verdict.recipe}, " if several else ""
     sentence = _sentence(kind, provisional, adequate, simplest, compared, error, within)
     evidence = {"error": provisional.error}
     question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
-    asked = Asked(section, verdict.candidates, provisional, verdict.horizon)
+    asked = Asked(section, verdict.candidates, provisional, verdict.measure)
     doubt, remedy = _doubt(section, kind, provisional, simplest)
     return replace(
         verdict,
@@ -215,7 +229,7 @@ def _sentence(
     if kind == UNDECIDED:
         return (
             f"These data cannot tell whether {simplest.name} is enough or {adequate.name} is "
-            f"needed; {model.name} is {error}."
+            f"needed; {model.name} {error}."
         )
     others = len(compared) - 1
     worse = sum(c.standing in ("worse", "diverged") for c in compared)
@@ -229,8 +243,9 @@ def _sentence(
     if contradicted:
         rivals += f"; of {', '.join(contradicted)} the measured errors decide"
     if kind == SIMPLE:
-        return f"The simple model is enough: {model.name} is {error}; {rivals}."
-    return f"Use {model.name}, {error}" + (f"; {rivals}." if others else ".")
+        return f"The simple model is enough: {model.name} {error}; {rivals}."
+    clause = error.removeprefix("is ") if error.startswith("is ") else f"which {error}"
+    return f"Use {model.name}, {clause}" + (f"; {rivals}." if others else ".")
 
 
 def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -> tuple[str, str]:

@@ -92,7 +92,8 @@ def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteri
 
 def verdict_table(verdict: Verdict, numbers: pd.DataFrame) -> Table:
     """The table of these numbers; columns that say nothing are left out."""
-    at = f"{seconds(verdict.horizon)} ahead"
+    torque = np.isnan(verdict.horizon)
+    at = "torque left" if torque else f"{seconds(verdict.horizon)} ahead"
     errors, counts = (numbers[name] for name in ("error", "effective_parameters"))
     parts: list[tuple[Column, Iterable[str]]] = [
         (Column("model", words=True), numbers["model"]),

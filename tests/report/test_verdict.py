@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from fixtures import result_folders as made
 from fixtures.command_line import run_command
@@ -183,3 +184,24 @@ def test_given_models_are_ranked_with_the_fitted_ones(tmp_path):
     table = summary_table(summary_of(section.fitted), "")
     bold = {line.cells[0].text: any(cell.best for cell in line.cells) for line in table.lines}
     assert bold == {"none": False, "ours": True, "paper": True}  # one step ahead they are level
+
+
+def test_fits_to_torques_are_judged_by_the_torque_that_they_leave(tmp_path):
+    """Whatever their predictions, which drift off without the controller of the arm."""
+    rng, fold = np.random.default_rng(5), np.repeat(np.arange(made.FOLDS), 20)
+    noise = 0.02 * rng.standard_normal((len(fold), 2))
+    off = {"poor": noise + 0.1 * rng.choice([-1, 1], noise.shape), "good": noise}
+    tasks = []
+    for name, rollout in (("poor", 0.1), ("good", 0.3)):
+        share = float(np.sqrt((off[name] ** 2).sum(axis=1).mean()))
+        scored = [
+            *made.rows(0.3, rollout),
+            ["all", "torque_left", "share", None, "all", share, "1"],
+        ]
+        task = made.task(name, {"made": scored}) | {"method": {"scheme": "inverse dynamics"}}
+        torque = {"torque": off[name], "torque_fold": fold, "torque_recording": 0 * fold}
+        tasks.append(task | {"errors": task["errors"] | torque})
+    verdict = verdict_of(made.section(made.write(tmp_path, tasks)))
+    assert verdict.recommended == "good" and np.isnan(verdict.horizon)
+    assert f"Use good, which leaves {100 * share:.2g} % of the torque; 1 of 1" in verdict.sentence
+    assert verdict.candidate("poor").loss.factor.value > 3.0

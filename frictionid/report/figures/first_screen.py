@@ -29,7 +29,7 @@ from frictionid.report.figures.style import (
     plain,
     unmeasured_patch,
 )
-from frictionid.report.numbers import seconds, short
+from frictionid.report.numbers import short
 from frictionid.report.recommended import chosen_of
 from frictionid.report.sections import DataDescription, Model, Section
 from frictionid.report.verdict import Candidate, Verdict, verdict_of
@@ -133,7 +133,7 @@ def errors_of_models(section: Section, styles: Mapping[str, Style]) -> Any:
     axis.set_yticks(list(names), list(names.values()))
     axis.set_ylim(height - 0.3, -0.8)
     _scale(axis, shown)
-    axis.set_xlabel(f"error after {seconds(verdict.horizon)} [{verdict.unit}], held out")
+    axis.set_xlabel(f"{verdict.measure.of_what}, held out")
     key = {"median of all predictions": marker(DARK, "|", 8), "a fold": marker(GREY, "o", 3)}
     if verdict.provisional:
         word = "recommended" if verdict.recommended else "until then"
