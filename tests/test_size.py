@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 544_400, 394, 589, 72
-TEST_TOKENS, WORDS = 433_010, 34_370
+TOKENS, FILES, CLASSES, NAMES = 545_010, 394, 591, 72
+TEST_TOKENS, WORDS = 433_290, 34_400
 
 
 def tokens(path):

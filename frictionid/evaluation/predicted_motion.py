@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -126,6 +126,15 @@ class HorizonErrors(NamedTuple):
         nearest = int(np.argmin(np.abs(self.horizons - horizon)))
         used = self.held_out[nearest]
         return _grouped(self.error[nearest, used], self.recording[used], self.fold[used])
+
+
+def read_errors(document: Mapping[str, Any]) -> HorizonErrors:
+    """Errors of predictions by the document of them that a result folder has."""
+    kinds = {"held_out": bool} | {
+        f"{of}{name}": int for of in ("", "torque_") for name in ("recording", "fold")
+    }
+    arrays = {k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in document.items()}
+    return HorizonErrors(**arrays)
 
 
 def _grouped(error: Array, recording: Array, fold: Array) -> StartErrors:

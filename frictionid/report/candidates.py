@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,13 +21,46 @@ from frictionid.evaluation.reference_model import (
 )
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.report.memory import has_memory
-from frictionid.report.numbers import decimals, fixed
+from frictionid.report.numbers import decimals, fixed, seconds, short
 from frictionid.report.plausibility import FAILED, Check, checks_of
-from frictionid.report.sections import ANY, Measure, Model, Section, SummaryData, rollout
+from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
 from frictionid.report.tables import Cell, Column, Table, line, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
 CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended
+
+
+class Measure(NamedTuple):
+    """What models are judged by: predictions after a horizon [s], or, after NaN, torque left."""
+
+    horizon: float = float("nan")
+    unit: str = ""
+
+    @property
+    def column(self) -> str:
+        """Column of the scores."""
+        return "torque_left_share" if np.isnan(self.horizon) else rollout(self.horizon)
+
+    @property
+    def of_what(self) -> str:
+        """What is an error, as the title of an axis."""
+        if np.isnan(self.horizon):
+            return "torque left, share of the measured rms"
+        return f"error after {seconds(self.horizon)} [{self.unit}]"
+
+    def size(self, error: float) -> str:
+        """An error with its unit."""
+        return f"{100 * error:.2g} %" if np.isnan(self.horizon) else f"{short(error)} {self.unit}"
+
+    def words(self, error: float) -> str:
+        """What a model of an error does.
+
+        >>> Measure(0.5, "rad").words(0.1), Measure().words(0.047)
+        ('is 0.10 rad off after 0.5 s', 'leaves 4.7 % of the torque')
+        """
+        if np.isnan(self.horizon):
+            return f"leaves {self.size(error)} of the torque"
+        return f"is {self.size(error)} off after {seconds(self.horizon)}"
 
 
 @dataclass(frozen=True, eq=False)

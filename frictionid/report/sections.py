@@ -12,11 +12,11 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, task_provenance
-from frictionid.evaluation import HorizonErrors
+from frictionid.evaluation.predicted_motion import read_errors
 from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
-from frictionid.report.numbers import either, norm_unit, seconds, short
+from frictionid.report.numbers import either, norm_unit
 
 ROLES = ("none", "fitted", "given", "truth")
 RIVALS = ("fitted", "given")  # models that are ranked
@@ -155,12 +155,7 @@ class Model:
         """
         if not self.errors:
             return StartErrors(np.empty((0, 1)), np.empty(0, dtype=int))
-        kinds: dict[str, type] = {"recording": int, "fold": int, "held_out": bool}
-        kinds |= {"torque_recording": int, "torque_fold": int}
-        arrays: dict[str, Array] = {
-            k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in self.errors.items()
-        }
-        return HorizonErrors(**arrays).after(horizon)
+        return read_errors(self.errors).after(horizon)
 
     @property
     def refined(self) -> Estimates | None:
@@ -176,39 +171,6 @@ class Model:
     def scheme(self) -> str:
         """By what it was fitted."""
         return str(self.method.get("scheme", "shooting"))
-
-
-class Measure(NamedTuple):
-    """What models are judged by: predictions after a horizon [s], or, after NaN, torque left."""
-
-    horizon: float = float("nan")
-    unit: str = ""
-
-    @property
-    def column(self) -> str:
-        """Column of the scores."""
-        return "torque_left_share" if np.isnan(self.horizon) else rollout(self.horizon)
-
-    @property
-    def of_what(self) -> str:
-        """What is an error, as the title of an axis."""
-        if np.isnan(self.horizon):
-            return "torque left, share of the measured rms"
-        return f"error after {seconds(self.horizon)} [{self.unit}]"
-
-    def size(self, error: float) -> str:
-        """An error with its unit."""
-        return f"{100 * error:.2g} %" if np.isnan(self.horizon) else f"{short(error)} {self.unit}"
-
-    def words(self, error: float) -> str:
-        """What a model of an error does.
-
-        >>> Measure(0.5, "rad").words(0.1), Measure().words(0.047)
-        ('is 0.10 rad off after 0.5 s', 'leaves 4.7 % of the torque')
-        """
-        if np.isnan(self.horizon):
-            return f"leaves {self.size(error)} of the torque"
-        return f"is {self.size(error)} off after {seconds(self.horizon)}"
 
 
 @dataclass(frozen=True, eq=False)

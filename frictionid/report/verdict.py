@@ -15,7 +15,7 @@ import numpy as np
 
 from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
-from frictionid.report.candidates import Candidate, candidates_of, judged, recipe_to_judge
+from frictionid.report.candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
 from frictionid.report.estimates import added
 from frictionid.report.numbers import factor, percent, seconds
 from frictionid.report.plausibility import FAILED
@@ -26,7 +26,7 @@ from frictionid.report.questions import (
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import ANY, Measure, Model, Section, SummaryData, rollout
+from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
