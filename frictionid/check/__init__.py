@@ -15,5 +15,5 @@ verdict                   the sequence of all checks
 """
 
 from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.torque_source import TorqueSource, torque_sources
+from frictionid.check.torque_source import TorqueSource, source_sentences, torque_sources
 from frictionid.check.verdict import Verdict, check, judge

@@ -103,6 +103,24 @@ def torque_sources(
     return tuple(out)
 
 
+def source_sentences(sources: Sequence[TorqueSource]) -> tuple[str, ...]:
+    """A sentence for each statement, once for all joints of which it is the same.
+
+    >>> both = [TorqueSource(j, "modelled", "by the gains", ("a",)) for j in (1, 2)]
+    >>> source_sentences(both)
+    ('torque 1, 2 is modelled: by the gains',)
+    """
+    alike: dict[tuple[str, str], list[TorqueSource]] = {}
+    for source in sources:
+        alike.setdefault((source.source, source.words), []).append(source)
+    return tuple(
+        each[0].sentence.replace(
+            f"torque {each[0].joint} ", f"torque {', '.join(str(s.joint) for s in each)} ", 1
+        )
+        for each in alike.values()
+    )
+
+
 def _together(joint: int, shown: Sequence[tuple[str, Evidence]]) -> TorqueSource:
     """The statement of all recordings: one column has one source, unless recordings contradict."""
     decided = [(n, e) for n, e in shown if e.source != "cannot tell"]

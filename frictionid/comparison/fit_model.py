@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from frictionid.arrays import Array
-from frictionid.check import torque_sources
+from frictionid.check import source_sentences, torque_sources
 from frictionid.comparison.equal_joints import (
     check_units,
     differences,
@@ -129,7 +129,7 @@ def fit_model(
     }
     if identifier.uses_mechanism:
         late = (AS_LOGGED,) * (fit.diagnostics is None and _as_logged(dataset))
-        notes["torque"] = (*(source.sentence for source in torque_sources(dataset)), *late)
+        notes["torque"] = (*source_sentences(torque_sources(dataset)), *late)
     if fit.diagnostics is not None:
         w = training.problems[recipe.steps[0].name].nodes.inputs.w
         notes["refined"] = fit.estimates(dataset, velocity_grid(w))
