@@ -1,5 +1,7 @@
 """Loops over the samples of the Kalman filter and the smoother, compiled.
 
+Numbers are set one by one, and the median is our own: others take seconds to compile.
+
 Each sample depends on the one before, so that arrays of NumPy cannot hold the loop. Series are
 (S, T): samples of one series stand side by side. G jerk ratios of each series are tried at once.
 State and covariance are (x, v, w) and (a, b, c, d, e, f), see `kalman`.
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import compiled, inlined
+from frictionid.programs.loops import called, compiled, inlined
 
 _FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
@@ -90,10 +92,40 @@ def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) ->
                 x, P = _predicted(x, P, dt[s, t], rho[g, s])
             innovation, variance = value[s, t] - x[0], P[0] + noise[s, t]
             if valid[s, t]:
-                x, P, gains[g, s, t] = _updated(x, P, innovation, variance, noise[s, t])
-            means[g, s, t], covariances[g, s, t] = x, P
+                x, P, gain = _updated(x, P, innovation, variance, noise[s, t])
+                for i in range(3):
+                    gains[g, s, t, i] = gain[i]
+            for i in range(3):
+                means[g, s, t, i] = x[i]
+            for i in range(6):
+                covariances[g, s, t, i] = P[i]
             innovations[g, s, t], variances[g, s, t] = innovation, variance
     return means, covariances, gains, innovations, variances
+
+
+@called
+def _smallest(values: Array, count: int, k: int) -> float:
+    """The k-th smallest of the first numbers, from 0, by Hoare's selection in place."""
+    low, high = 0, count - 1
+    while low < high:
+        pivot, i, j = values[k], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        low, high = i if j < k else low, j if k < i else high
+    return float(values[k])
+
+
+@called
+def _median(values: Array, count: int) -> float:
+    """Median of the first numbers, which it reorders."""
+    lower = _smallest(values, count, (count - 1) // 2)
+    return (lower + _smallest(values, count, count // 2)) / 2
 
 
 @compiled
@@ -128,9 +160,11 @@ def likelihoods(
                     usual = max(squares / count, _FLOOR)
                     likelihood = -0.5 * (count * math.log(usual) + logs)
             if likelihood > best[s, t]:
-                best[s, t], means[s, t] = likelihood, x
+                best[s, t] = likelihood
+                for i in range(3):
+                    means[s, t, i] = x[i]
         if robust and count:
-            usual = max(np.median(size[:count]) ** 2, _FLOOR)
+            usual = max(_median(size, count) ** 2, _FLOOR)
             likelihood = -0.5 * (count * math.log(usual) + logs)
         whole[g, s] = likelihood
     return whole, means
