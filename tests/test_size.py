@@ -10,7 +10,7 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 545_010, 394, 591, 72
+TOKENS, FILES, CLASSES, NAMES = 546_190, 394, 591, 72
 TEST_TOKENS, WORDS = 433_290, 34_400
 
 

@@ -103,7 +103,7 @@ def calibrated_plant(dataset: Dataset, calibration: Calibration) -> Plant:
     if calibration.base is None:
         return plant
     mechanism = dataset.mechanism
-    nominal = mechanism.base(mechanism.nominal())
+    nominal = mechanism.nominal_base
     if np.shape(calibration.base)[-1] != len(nominal):
         names = ", ".join(plant.mechanism.base_names)
         raise InputError(

@@ -1,6 +1,6 @@
 """Loops over the samples of the Kalman filter and the smoother, compiled.
 
-Numbers are set one by one, and the median is our own: others take seconds to compile.
+Slices that are set, and medians of NumPy, would take seconds to compile.
 
 Each sample depends on the one before, so that arrays of NumPy cannot hold the loop. Series are
 (S, T): samples of one series stand side by side. G jerk ratios of each series are tried at once.

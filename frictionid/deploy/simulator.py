@@ -95,7 +95,7 @@ class Simulator:
         plant = Plant.from_parameters(mechanism, values)
         calibration = friction.calibration
         if calibration is not None and calibration.base is not None:
-            nominal = mechanism.base(mechanism.nominal())
+            nominal = mechanism.nominal_base
             plant = replace(plant, p=plant.p + (calibration.base - nominal))
         return replace(plant, p=self._array(plant.p))
 

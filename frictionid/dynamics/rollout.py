@@ -19,7 +19,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
-MANY = 2000  # samples: fewer are predicted before loops are compiled
+MANY = 300  # samples: fewer are predicted before loops are compiled
 _RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 

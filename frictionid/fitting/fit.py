@@ -283,7 +283,7 @@ def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, flo
 
 def _table_base(dataset: Dataset) -> Array:
     mechanism = dataset.mechanism
-    return np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+    return mechanism.nominal_base
 
 
 def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:

@@ -252,6 +252,11 @@ class Mechanism(ABC):
         self._check_positive(values)
         return values
 
+    @cached_property
+    def nominal_base(self) -> Array:
+        """Base parameters (nb,) of the nominal physical ones."""
+        return np.asarray(self.base(self.nominal()), dtype=float)
+
     def with_values(self, values: Mapping[str, float]) -> Self:
         """The mechanism with other given values, in addition to those that it has.
 
@@ -273,9 +278,8 @@ class Mechanism(ABC):
         """
         square, here = np.zeros(len(self.base_names)), self.nominal()
         for name, size in self.errors().items():
-            ends = (self.base({**here, name: here[name] + s * size}) for s in (0.5, -0.5))
-            up, down = (np.asarray(end, dtype=float) for end in ends)
-            square += (up - down) ** 2
+            up, down = (self.base({**here, name: here[name] + s * size}) for s in (0.5, -0.5))
+            square += np.asarray(up - down, dtype=float) ** 2
         return np.where(square > 0, np.sqrt(square), np.inf)
 
     def errors(self) -> dict[str, float]:
@@ -299,9 +303,8 @@ class Mechanism(ABC):
         >>> pendulum(mass=0.5).with_defaults()
         pendulum(length=1, mass=0.5)
         """
-        missing = {
-            p.name: p.default for p in self.parameters if p.required and p.name not in self.values
-        }
+        required = (p for p in self.parameters if p.required)
+        missing = {p.name: p.default for p in required if p.name not in self.values}
         return replace(self, values={**missing, **self.values}) if missing else self
 
     def check_values(self, values: Mapping[str, Any]) -> None:
@@ -309,15 +312,11 @@ class Mechanism(ABC):
         for name, value in values.items():
             self.check_name(name)
             number = isinstance(value, Real) and not isinstance(value, bool)
+            what = f"[mechanism] {self.kind}: {name} = {value!r}"
             if not (number and math.isfinite(value)):
-                raise InputError(
-                    f"[mechanism] {self.kind}: {name} = {value!r} must be a finite number"
-                )
+                raise InputError(f"{what} must be a finite number")
             if abs(value) > _LARGEST:
-                raise InputError(
-                    f"[mechanism] {self.kind}: {name} = {value:g} is more than any machine has: "
-                    "correct it"
-                )
+                raise InputError(f"{what} is more than any machine has: correct it")
         for p in self.parameters:
             if (p.unit == "kg" or p.rotor) and values.get(p.name, 0.0) < 0:
                 raise InputError(

@@ -20,6 +20,13 @@ from frictionid.programs.machine_code import run_at
 
 
 @called
+def _copy(source: Array, target: Array, count: int) -> None:
+    """Copy the first numbers; a slice takes a second to compile, for the words of its error."""
+    for k in range(count):
+        target[k] = source[k]
+
+
+@called
 def _settle(machine: Machine, row: Array) -> None:
     """Sweep over the parts until the friction that holds them has settled."""
     for _ in range(SWEEPS):
@@ -157,7 +164,7 @@ def _rollout(
     B, T, n = u.shape
     at, row = machine.at, np.zeros(machine.size)
     for b in range(B):
-        row[: machine.head] = numbers[b]
+        _copy(numbers[b], row, machine.head)
         for j in range(n):
             row[at.q + j], row[at.w + j] = q[0, b, j], w[0, b, j]
         alive = True
@@ -173,7 +180,7 @@ def _rollout(
             for j in range(n):
                 q[k + 1, b, j] = row[at.q + j] if alive else np.nan
                 w[k + 1, b, j] = row[at.w + j] if alive else np.nan
-        numbers[b] = row[: machine.head]
+        _copy(row, numbers[b], machine.head)
 
 
 def end_states_of(
@@ -196,13 +203,15 @@ def end_states_of(
     T = np.zeros((K, size, size + model.directions + motor.by.shape[1]))
     T[:, range(size), range(size)] = 1.0
     part, every = dt / len(motor.u), np.arange(K)
+    each = model.free.combinations
+    free = model.free.joint, np.zeros((0, 0)) if each is None else each
     for piece in range(len(motor.u)):
         torques = _torques(motor.in_parts(every, piece, 1))
-        near = _advance(tangent, numbers, T, every, *torques, part, fine > 1)
+        near = _advance(tangent, *free, numbers, T, every, *torques, part, fine > 1)
         slow = np.flatnonzero(near)
         if len(slow):
             torques = _torques(motor.in_parts(slow, piece, fine))
-            _advance(tangent, numbers, T, slow, *torques, part[slow] / fine, False)
+            _advance(tangent, *free, numbers, T, slow, *torques, part[slow] / fine, False)
     q, w, memory = np.split(numbers[:, :size], [n, 2 * n], axis=-1)
     entries = np.split(memory, len(start.memory), axis=-1) if start.memory else ()
     return State(q, w, tuple(entries)), T
@@ -220,6 +229,8 @@ def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, Array]:
 @compiled
 def _advance(
     tangent: TangentMachine,
+    joint: Array,
+    each: Array,
     numbers: Array,
     T: Array,
     rows: Array,
@@ -235,15 +246,19 @@ def _advance(
 
     Where steps are coarse, those with a joint that comes near rest stay as they are: (k,), true.
 
+    joint (F,), each (F, r) : of combinations, see `FreeTheta`; r = 0 where entries are free
     rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`, in S
     substeps; varies (S,): whether a moment counts; dt (k,): of a substep [s]
     """
     machine, at, n = tangent.machine, tangent.machine.at, u.shape[2]
-    row, spare = np.zeros(tangent.size), np.zeros(T.shape[1:])
+    row, spare, size = np.zeros(tangent.size), np.zeros(T.shape[1:]), T.shape[1]
+    count, total = size * (size + tangent.theta + tangent.base + n), np.zeros(each.shape[1])
+    counts = size, tangent.theta, tangent.runs, tangent.terms
+    combined = np.zeros(size * (T.shape[2] - by.shape[1] + n))
     near = np.zeros(len(rows), np.bool_)
     for i in range(len(rows)):
         k = rows[i]
-        row[: machine.head] = numbers[k]
+        _copy(numbers[k], row, machine.head)
         row[at.dt] = dt[i]
         for s in range(len(u)):
             for j in range(n):
@@ -255,10 +270,14 @@ def _advance(
             substep(machine, row)
             crosses = row[at.crosses] != 0.0
             run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
-            _change(row[tangent.change :], T[k], by[s, :, i], spare)
+            change = row[tangent.change : tangent.change + count]
+            if len(total):
+                _combined_change(counts, joint, each, change, combined, total)
+                change = combined
+            _change(change, T[k], by[s, :, i], spare)
             if varies[s]:
                 _displace(tangent, row, T[k], moment[s, i], moment_by[s, :, i])
-        numbers[k] = row[: machine.head]
+        _copy(row, numbers[k], machine.head)
     return near
 
 
@@ -283,7 +302,69 @@ def _change(change: Array, T: Array, by: Array, spare: Array) -> None:
             factor = change[first + size + free + j]
             for e in range(E):
                 spare[a, size + free + e] += factor * by[e, j]
-    T[:] = spare
+    for a in range(size):
+        _copy(spare[a], T[a], D)
+
+
+@called
+def _combined_change(
+    counts: tuple[int, int, int, int],
+    joint: Array,
+    each: Array,
+    change: Array,
+    out: Array,
+    total: Array,
+) -> None:
+    """Set the change out (s, s + D + ...) by what is free, from that by entries of theta.
+
+    counts : s, F, and of runs and their terms; joint (F,), each (F, r) : see `FreeTheta`
+    total : (r,), room for those of a run
+    """
+    size, theta, runs, terms = counts
+    r, single = len(total), theta - 2 * runs
+    width, wide = len(change) // size, len(out) // size
+    rest = width - size - theta
+    for a in range(size):
+        for b in range(wide):
+            out[a * wide + b] = change[a * width + b] if b < size else 0.0
+        for b in range(1, rest + 1):
+            out[(a + 1) * wide - b] = change[(a + 1) * width - b]
+    for k in range(single + runs):
+        entry, at = k, size + k
+        if k < single:
+            for i in range(r):
+                total[i] = each[k, i]
+        else:
+            entry, at = single + (k - single) * terms, size + 2 * k - single
+            if not _sum_run(total, each, entry, terms, change, at, width):
+                continue
+        for a in range(size):
+            first, factor = a * wide + size + joint[entry] * r, change[a * width + at]
+            for i in range(r):
+                out[first + i] += factor * total[i]
+
+
+@called
+def _sum_run(
+    total: Array, each: Array, entry: int, terms: int, change: Array, at: int, width: int
+) -> bool:
+    """Set the total of T_v(x) times combinations of a run; false where the run is idle.
+
+    T_v are Chebyshev's polynomials; slopes by the first two, at change, are f and f x, of any f.
+    """
+    most, x = 0.0, 0.0
+    for k in range(at, len(change), width):
+        if abs(change[k]) > most:
+            most, x = abs(change[k]), change[k + 1] / change[k]
+    if most == 0.0:
+        return False
+    before, here = x, 1.0
+    total[:] = 0.0
+    for v in range(entry, entry + terms):
+        for i in range(len(total)):
+            total[i] += here * each[v, i]
+        before, here = here, 2.0 * x * here - before
+    return True
 
 
 @called

@@ -36,7 +36,8 @@ from frictionid.programs.program import Operand, Program, needed
 class TangentMachine(NamedTuple):
     """A machine, and the addresses of programs of its derivatives; places of what they read or set.
 
-    change : (s, s + F + n), of a state by itself, F free parameters, and the motor torque
+    change : (s, s + F + nb + n), of a state by itself, F entries of theta, base parameters, and
+        the motor torque; state : s; runs, terms : see `FreeTheta`
     by_moment (n, n), by_base (n, nb) : of the angles by a moment of the torque, and by parameters
     """
 
@@ -48,6 +49,10 @@ class TangentMachine(NamedTuple):
     change: int
     by_moment: int
     by_base: int
+    state: int
+    theta: int
+    runs: int
+    terms: int
     base: int
     size: int
 
@@ -58,8 +63,10 @@ def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
     machine = machine_of(model.plant, model.friction)
     if row is None or machine is None:
         return None
-    free = tuple(zip(model.free.joint.tolist(), model.free.place.tolist(), strict=True))
-    return _tangent_machine(machine, TangentRow(row, free, model.base))
+    joint, place = (x[model.free.telling].tolist() for x in model.free[:2])
+    free = tuple(zip(joint, place, strict=True))
+    tangent = _tangent_machine(machine, TangentRow(row, free, model.base))
+    return tangent and tangent._replace(runs=model.free.runs, terms=model.free.terms)
 
 
 @lru_cache(maxsize=64)
@@ -73,7 +80,9 @@ def _tangent_machine(machine: Machine, row: TangentRow) -> TangentMachine | None
     code = machine_code(programs, places, row.sequences)
     names = ("moment", "change", "by_moment", "by_base_moment")
     numbers = (*(code[name] for name in row.sequences), *(places[name] for name in names))
-    return TangentMachine._make((machine, *numbers, len(row.base), sum(sizes.values())))
+    state = 2 * sizes["q"] + sizes["memory"]
+    counts = (state, len(row.free), 0, 0, len(row.base), sum(sizes.values()))
+    return TangentMachine._make((machine, *numbers, *counts))
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,40 @@ _THETA = 1e-6  # of the value
 
 
 class FreeTheta(NamedTuple):
-    """Which entries of theta are free: joint or other part, and place (D,) of each."""
+    """Which entries of theta are free: joint or other part, and place (F,) of each.
+
+    combinations : (F, r), where what is free are r combinations of each joint's entries
+    runs, terms : so many runs of so many entries are the last ones, coefficients of Chebyshev's
+        polynomials of one number: slopes by the first two of a run tell those by the others
+    """
 
     joint: Array
     place: Array
+    combinations: Array | None = None
+    runs: int = 0
+    terms: int = 0
+
+    @property
+    def directions(self) -> int:
+        """Number D of what is free."""
+        if self.combinations is None:
+            return len(self.joint)
+        return (int(self.joint.max()) + 1) * self.combinations.shape[1]
+
+    @property
+    def telling(self) -> Array:
+        """Whether slopes by an entry (F,) tell those by others, or its own."""
+        behind = np.arange(len(self.joint)) - (len(self.joint) - self.runs * self.terms)
+        return (behind < 0) | (behind % max(self.terms, 1) < 2)
 
     def of_parts(self, slopes: Array, parts: int) -> Array:
-        """Slopes (..., m, F) of all parts, from slopes (..., F) of each entry's own part."""
-        return slopes[..., None, :] * (self.joint == np.arange(parts)[:, None])
+        """Slopes (..., m, D) of all parts, from slopes (..., F) of each entry's own part."""
+        each = slopes[..., None, :] * (self.joint == np.arange(parts)[:, None])
+        if self.combinations is None:
+            return each
+        r = self.combinations.shape[1]
+        mine = np.arange(self.directions) // r == self.joint[:, None]
+        return each @ (np.tile(self.combinations, self.directions // r) * mine)
 
 
 class Slopes(NamedTuple):

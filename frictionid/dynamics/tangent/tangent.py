@@ -48,7 +48,7 @@ class MotionModel(NamedTuple):
     @property
     def directions(self) -> int:
         """Number of free friction and base parameters."""
-        return len(self.free.joint) + len(self.base)
+        return self.free.directions + len(self.base)
 
 
 class MotorTorque(NamedTuple):

@@ -54,12 +54,13 @@ class FrictionBlock(ParameterBlock):
         limits = friction.constraints or constraints_of(law, nothing)
         for j in np.unique(limits.owner).tolist():
             twins = [int(k) for k in np.flatnonzero(limits.owner == j) if k != j]
+            units = friction.units_at(j)
             for i, name in enumerate(law.names):
                 if not has[j, i] or (self.support is not None and (j, i) not in self.support):
                     continue
                 deviation = float(limits.deviation[j, i])
                 yield Parameter(
-                    *(self.name, f"{name} of {joints[j]}", friction.units_at(j)[i]),
+                    *(self.name, f"{name} of {joints[j]}", units[i]),
                     float(theta[j, i]),
                     *(float(limits.low[j, i]), float(limits.high[j, i]), deviation),
                     (j, i),
@@ -109,7 +110,7 @@ class InertiaBlock(ParameterBlock):
         base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
         rotors = {p.name for p in mechanism.parameters if p.rotor}
         tolerances = mechanism.base_tolerances()
-        nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+        nominal = mechanism.nominal_base
         names = zip(mechanism.base_names, mechanism.base_units, strict=True)
         for i, (name, unit) in enumerate(names):
             low, tolerance = 0.0 if name in rotors else -np.inf, float(tolerances[i])
@@ -121,8 +122,7 @@ class InertiaBlock(ParameterBlock):
         new = np.array(estimate.calibration.base, dtype=float)
         for parameter, value in values:
             new[parameter.place] = value
-        nominal = estimate.mechanism.base(estimate.mechanism.nominal())
-        base = inside(estimate.mechanism, np.asarray(nominal, dtype=float), new)
+        base = inside(estimate.mechanism, estimate.mechanism.nominal_base, new)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))
 
 

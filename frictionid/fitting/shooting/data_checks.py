@@ -233,7 +233,7 @@ def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
 def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
     base: Array = np.asarray(solution.estimate.calibration.base)
     mechanism = problem.intervals.dataset.mechanism
-    nominal = np.asarray(mechanism.base(mechanism.nominal()))
+    nominal = mechanism.nominal_base
     size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
     if not 1 / _SCALE < size < _SCALE:
         yield (

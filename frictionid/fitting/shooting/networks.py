@@ -18,6 +18,7 @@ import numpy as np
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, calibrated_plant
 from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.tangent.law_derivatives import FreeTheta
 from frictionid.dynamics.tangent.tensor_law import SmoothedLaw, TensorLaw
 from frictionid.errors import needs
 from frictionid.fitting.parameters.blocks import FrictionBlock
@@ -95,23 +96,20 @@ class CurveCombinations(CombinationLaw):
     network: Friction = field()
 
     @property
-    def places(self) -> tuple[Array, Array]:
-        """Joint and place (C,) of each coefficient that some combination changes."""
-        joint, place = np.nonzero(self.directions.any(axis=-1))
-        return joint, place
+    def free(self) -> FreeTheta:
+        """Combinations of the curve's scales, as far as these change them, and of its levels."""
+        law: Any = self.inner
+        first, levels = len(law.scales), np.arange(self.directions.shape[1])
+        changed = self.directions.any(axis=-1) | (levels >= first)
+        joint, place = np.nonzero(changed)
+        order = np.argsort(place >= first, kind="stable")
+        joint, place, terms = joint[order], place[order], law.degree + 1
+        runs = int((place >= first).sum()) // terms
+        return FreeTheta(joint, place, self.directions[joint, place], runs, terms)
 
     def curve(self, friction: Friction) -> Friction:
         """The friction as that of coefficients."""
         return replace(friction, law=self.inner, theta=self.numbers(friction.theta))
-
-    def by_combinations(self, by: Array) -> Array:
-        """Derivatives (..., n r + E), of those (..., C + E) by coefficients and what follows."""
-        (joint, place), (n, _, r) = self.places, self.directions.shape
-        each = np.zeros((len(joint), n, r))
-        each[range(len(joint)), joint] = self.directions[joint, place]
-        rows = by.reshape(-1, by.shape[-1])  # one large product, not many small ones
-        first = rows[:, : len(joint)] @ each.reshape(len(joint), -1)
-        return np.concatenate([first, rows[:, len(joint) :]], axis=1).reshape(*by.shape[:-1], -1)
 
 
 _COUNT = 500
@@ -296,9 +294,12 @@ class CombinationBlock(ParameterBlock):
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         friction, joints = estimate.friction, estimate.mechanism.friction_names
         value = self._values(friction)
-        for j, k in np.ndindex(len(joints), self.count):
-            name, unit = f"{friction.law.names[k]} of {joints[j]}", friction.units_at(j)[k]
-            yield Parameter(self.name, name, unit, float(value[j, k]), tolerance=1.0, place=(j, k))
+        for j, joint in enumerate(joints):
+            for k, (name, unit) in enumerate(
+                zip(friction.law.names, friction.units_at(j), strict=True)
+            ):
+                words, number = f"{name} of {joint}", float(value[j, k])
+                yield Parameter(self.name, words, unit, number, tolerance=1.0, place=(j, k))
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         law: Any = estimate.friction.law  # a CombinationLaw, of `combined`

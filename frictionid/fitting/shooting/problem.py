@@ -39,7 +39,7 @@ from frictionid.fitting.shooting.servo import (
     has_actuator,
 )
 from frictionid.fitting.shooting.settings import Settings
-from frictionid.friction import Inputs, Law, Nodes, memory_along
+from frictionid.friction import Inputs, Nodes, memory_along
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.friction.law import check_temperature
 from frictionid.mechanics import Mechanism, Plant
@@ -119,7 +119,7 @@ class ShootingProblem:
                     end = memory_after_sample(here, end, later, intervals.dt[part])
                 out.end[part] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
                 out.by_start[part] = end.by_start
-                by = self._by_parameters(estimate.friction.law, end.by_parameters)
+                by = self._by_parameters(end.by_parameters)
                 out.by[part, :, : by.shape[-1]] = by
         return out
 
@@ -158,10 +158,8 @@ class ShootingProblem:
     def _entering(self, enters: str) -> list[Parameter]:
         return [p for free in self.blocks if free.block.enters == enters for p in free.parameters]
 
-    def _by_parameters(self, law: Law, by: Array) -> Array:
+    def _by_parameters(self, by: Array) -> Array:
         """Derivatives by the free parameters, from those by each of their places, last axis."""
-        if isinstance(law, CurveCombinations):
-            return law.by_combinations(by)
         counts = [len(p.places) for p in self._entering("friction")]
         if sum(counts) == len(counts):
             return by
@@ -175,7 +173,7 @@ class ShootingProblem:
         base = tuple(p.place[0] for p in self._entering("base"))
         friction, free = estimate.friction, FreeTheta(joint, place)
         if isinstance(friction.law, CurveCombinations):
-            free, friction = FreeTheta(*friction.law.places), friction.law.curve(friction)
+            free, friction = friction.law.free, friction.law.curve(friction)
         return MotionModel(plant, friction, free, base, self.reads)
 
     def _plant(self, estimate: Estimate) -> Plant:

@@ -124,7 +124,7 @@ def _best(
 def _nominal(balance: TorqueBalance) -> Estimate:
     """The nominal calibration, without friction."""
     mechanism = balance.dataset.mechanism
-    calibration = Calibration.ideal(mechanism.n, mechanism.base(mechanism.nominal()))
+    calibration = Calibration.ideal(mechanism.n, mechanism.nominal_base)
     none = Friction(NoFriction(), np.zeros((len(mechanism.friction_names), 0)))
     return Estimate(none, calibration, mechanism)
 

@@ -141,7 +141,7 @@ def torque_balance(
     inputs = joined([part.inputs for part in parts])
     stencil = np.concatenate([p.stencil + f for p, f in zip(parts, first[:-1], strict=True)])
     recording = np.repeat(np.arange(len(parts)), [len(part.start) for part in parts])
-    nominal = plant.mechanism.base(plant.mechanism.nominal())
+    nominal = plant.mechanism.nominal_base
     balance = TorqueBalance(
         dataset,
         Nodes(inputs, np.concatenate([part.time for part in parts]), first, 2),
