@@ -1,293 +1,265 @@
-"""Rates of the monitor on simulated recordings: false alarms, changes found, sensors that are off.
+"""Rates of the monitor on simulated recordings: false alarms, changes found, what is not friction.
 
 The rig is an acrobot with set-valued friction that scatters between recordings; see monitoring.toml
 for the numbers. Its motion is integrated by the simulator's own steps, judged by the monitor's
-smoothing: no code is shared. Run from the clone:
-python comparisons/monitoring.py [--recordings N] [--groups N] [--jobs N]
+smoothing: no code is shared. Half of the healthy sets, and all changed ones, move otherwise than
+the baseline. Then the real C.1 arm, each controller's recordings against those of the others.
+Run from the clone: python comparisons/monitoring.py [--sets N] [--only simulated|real]
 """
 
 from __future__ import annotations
 
 import argparse
+import re
+import tempfile
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
-from rich.progress import track
 from scipy.stats import beta
 
-from frictionid import baseline
-from frictionid.data.recordings import Dataset
-from frictionid.data.signals import Signal
+from frictionid import baseline, load_dataset, mechanisms, monitor
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.deploy.monitor.baseline import Baseline
-from frictionid.deploy.monitor.changes import (
-    Changes,
-    curve_changes,
-    prepared_data,
-    recording_changes,
-)
-from frictionid.deploy.monitor.judgement import judge
-from frictionid.deploy.monitor.monitor import log_evidence
+from frictionid.deploy.monitor.changes import Changes, joined, prepared_data, recording_changes
+from frictionid.deploy.monitor.judgement import Judgement, judge
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 CURVE = Curve(
     (0.165, 0.055), (0.165, 0.05), (0.004, 0.0008), (0.0, 0.028), (0.0, 0.036), (1.0, 2.0)
 )
 RATE, NOISE = 60.0, 0.0016231562
-AT_ONCE = 100  # recordings whose changes are computed together, to spare memory
+AT_ONCE = 50  # recordings whose changes are computed together, to spare memory
+ROOT = Path(__file__).parents[1]
+REAL = {  # a controller's runs: data set that describes them, folder of the tables, seconds
+    "acrobot, LQR": ("dfki_c1_swingup", "leaderboard_acrobot_v2_ilqr_tvlqr_lqr", 4.0),
+    "acrobot, MC-PILCO": ("dfki_c1_swingup", "leaderboard_acrobot_v2_mcpilco", None),
+    "pendubot, LQR": ("dfki_c1_pendubot", "leaderboard_pendubot_v2_ilqr_tvlqr_lqr", 4.0),
+    "pendubot, MC-PILCO": ("dfki_c1_pendubot", "leaderboard_pendubot_v2_mcpilco", None),
+    "sys_id": ("dfki_c1", "sys_id_20230629", None),
+}
 
 
-class Pools(NamedTuple):
-    """Changes of all recordings against one reference.
+class Case(NamedTuple):
+    """Sets of one kind: changes to draw from, and what is right to say of them."""
 
-    healthy : by what their sensors do, the same motions in the same order; "half" has half of each
-    worn : of each joint, groups of recordings with its levels raised
-    louder : healthy recordings by the share of the baseline's torque
-    """
-
-    known: Baseline
-    healthy: dict[str, Changes]
-    worn: list[Changes]
-    louder: dict[float, Changes]
+    name: str
+    pool: Changes
+    right: Callable[[Judgement], bool]
 
 
-def rig_of(
+def recorded(
     settings: dict[str, Any],
     seed: int,
     count: int,
+    motion: dict[str, Any],
     wear: tuple[float, ...] = (),
-    share: float = 1.0,
-) -> Rig:
-    """Rig with as many recordings of random motion, worn from the first one on."""
+    mass: float | None = None,
+) -> Dataset:
+    """Recordings of random motion, worn from the first one on, or with another last mass."""
     rng = np.random.default_rng(seed)
-    motion = settings["motion"]
-
-    def torque() -> Multisine:
-        amplitude = round(share * rng.uniform(*motion["amplitude"]), 3)
-        return Multisine(amplitude, tuple(round(rng.uniform(*b), 3) for b in motion["bands"]))
-
-    def start() -> tuple[float, ...]:
-        return tuple(rng.uniform(-2.0, 2.0, 2).round(3).tolist())
-
-    runs = tuple(Run(f"run{seed}-{i}", start(), torques=(torque(),)) for i in range(count))
-    camera = Camera(int(settings["seconds"] * RATE) + 1, RATE, NOISE)
+    runs = []
+    for i in range(count):
+        amplitude = round(rng.uniform(*motion["amplitude"]), 3)
+        sines = Multisine(amplitude, tuple(round(rng.uniform(*b), 3) for b in motion["bands"]))
+        start = tuple(rng.uniform(-2.0, 2.0, 2).round(3).tolist())
+        runs.append(Run(f"run{seed}-{i}", start, torques=(sines,)))
     scatter = settings["friction"]["scatter"]
-    variation = Variation(scatter=scatter, wear=wear, sudden=bool(wear))
-    return Rig(
-        *("acrobot", {"kind": "acrobot"}, Stribeck(CURVE), camera, runs),
-        variation=variation,
+    rig = Rig(
+        *("acrobot", {"kind": "acrobot"}, Stribeck(CURVE)),
+        Camera(int(settings["seconds"] * RATE) + 1, RATE, NOISE),
+        tuple(runs),
+        variation=Variation(scatter=scatter, wear=wear, sudden=bool(wear)),
+        true_parameters={} if mass is None else {"m4": mass},
         seed=seed,
-        substeps=8,  # 3e-8 rad from 64 after 5 s
+        substeps=4,
     )
+    return simulate(rig)
 
 
-def with_sensors(data: Dataset, change: Callable[[Any], Any]) -> Dataset:
-    """The data set with each recording as other sensors would have logged it."""
+def with_torque(data: Dataset, change: Callable[[Recording], Recording]) -> Dataset:
+    """The data set with each recording's torque as it would have been logged otherwise."""
     return replace(data, recordings=tuple(map(change, data.recordings)))
 
 
-def sensors_of(settings: dict[str, Any]) -> dict[str, Callable[[Any], Any]]:
-    """What the sensors may have done, by its name."""
-    off = settings["sensors"]
-    tilt = np.array([np.deg2rad(off["tilt"]), 0.0])
+def logged(settings: dict[str, Any]) -> dict[str, Callable[[Recording], Recording]]:
+    """What the log may have done, or a push that is not in it, by its name."""
+    calls = settings["calls"]
+    count, seconds, push = calls["pulses"]
 
-    def torque(r: Any, early: float, share: float) -> Any:
-        signal: Signal = r.torque
-        moved = signal._replace(time=signal.time - early, value=signal.value * share)
-        return replace(r, torque=moved)
+    def late(r: Recording) -> Recording:
+        return replace(r, torque=r.torque._replace(time=r.torque.time - calls["delay"]))
 
-    return {
-        "late": lambda r: torque(r, off["late"], 1.0),
-        "gain": lambda r: torque(r, 0.0, 1.0 / (1.0 + off["gain"])),
-        "tilt": lambda r: replace(r, angle=r.angle._replace(value=r.angle.value + tilt)),
-    }
+    def gain(r: Recording) -> Recording:
+        return replace(r, torque=r.torque._replace(value=r.torque.value / (1.0 + calls["gain"])))
 
+    def pulses(r: Recording) -> Recording:
+        rng = np.random.default_rng([int(1e3 * abs(r.angle.value[0, 0])), count])
+        value, time = r.torque.value.copy(), r.torque.time
+        for begin in rng.uniform(1.0, settings["seconds"] - 1.0, int(count)):
+            value[(time > begin) & (time < begin + seconds), 1] -= push
+        return replace(r, torque=r.torque._replace(value=value))
 
-def first_half(recording: Any) -> Any:
-    """The first half of a recording."""
-    angle = recording.angle
-    count = len(angle.time) // 2
-    return replace(
-        recording, angle=angle._replace(time=angle.time[:count], value=angle.value[:count])
-    )
+    return {"delay": late, "gain": gain, "pulses": pulses}
 
 
-def batch(settings: dict[str, Any], known: Baseline, seed: int) -> dict[str, Changes]:
-    """Changes of a batch of healthy recordings, by what their sensors do."""
-    data = simulate(rig_of(settings, seed, settings["batch"]))
-    variants = {"healthy": data}
-    variants |= {name: with_sensors(data, f) for name, f in sensors_of(settings).items()}
-    variants["half"] = with_sensors(data, first_half)
-    return {name: changes(known, own) for name, own in variants.items()}
+def changes(known: Baseline, data: Dataset) -> tuple[Changes, int]:
+    """Changes of recordings against the reference of a baseline, and stretches left out."""
+    parts, stretches = [], 0
+    for i in range(0, len(data.recordings), AT_ONCE):
+        part = replace(data, recordings=data.recordings[i : i + AT_ONCE])
+        found, left_out = recording_changes(prepared_data(part), known.reference, (), known.peak)
+        parts.append(found)
+        stretches += len(left_out)
+    return joined(parts), stretches
 
 
-def changes(known: Baseline, data: Dataset) -> Changes:
-    """Changes of recordings against the reference of a baseline."""
-    firsts = range(0, len(data.recordings), AT_ONCE)
-    parts = [replace(data, recordings=data.recordings[i : i + AT_ONCE]) for i in firsts]
-    return joined([recording_changes(prepared_data(p), known.reference, ()) for p in parts])
+def cases(settings: dict[str, Any], known: Baseline, seed: int) -> Iterator[Case]:
+    """All kinds of sets that differ from the baseline's motion or machine."""
+    other, count = settings["other"]["motion"], settings["friction"]["count"]
 
+    def otherwise(seed: int, count: int, **changed: Any) -> Dataset:
+        each = count // len(other)
+        sets = [recorded(settings, 10 * seed + i, each, m, **changed) for i, m in enumerate(other)]
+        return replace(sets[0], recordings=sum((s.recordings for s in sets), ()))
 
-def worn(settings: dict[str, Any], known: Baseline, seed: int, joint: int) -> Changes:
-    """Changes of groups of recordings with a joint's levels raised."""
-    own = settings["friction"]
-    wear = tuple(own["change"] if j == joint else 0.0 for j in range(2))
-    count = own["groups"] * own["group"]
-    return changes(known, simulate(rig_of(settings, seed, count, wear)))
-
-
-def louder(settings: dict[str, Any], known: Baseline, seed: int, share: float) -> Changes:
-    """Changes of healthy recordings under another share of the baseline's torque."""
-    return changes(known, simulate(rig_of(settings, seed, settings["other"]["count"], (), share)))
-
-
-def pools_of(settings: dict[str, Any], jobs: int) -> Pools:
-    """All recordings, simulated and compared with one reference."""
-    data = simulate(rig_of(settings, 10**6, 20))
-    known = baseline(data)  # as `frictionid baseline` makes it
-    first, count = settings["seed"], settings["recordings"] // settings["batch"]
-    shares = settings["other"]["torque"]
-    tasks = [
-        *(delayed(batch)(settings, known, first + i) for i in range(count)),
-        *(delayed(worn)(settings, known, 2 * 10**6 + j, j) for j in range(2)),
-        *(delayed(louder)(settings, known, 3 * 10**6 + i, s) for i, s in enumerate(shares)),
-    ]
-    run = Parallel(jobs, return_as="generator")
-    done = list(track(run(tasks), "recordings", total=len(tasks)))
-    healthy = {name: joined([part[name] for part in done[:count]]) for name in done[0]}
-    return Pools(
-        known, healthy, done[count : count + 2], dict(zip(shares, done[count + 2 :], strict=True))
-    )
-
-
-def taken(own: Changes, index: Any) -> Changes:
-    """Changes of some recordings."""
-    return Changes(*(values[index] for values in own))
-
-
-def joined(parts: list[Changes]) -> Changes:
-    """Changes of several batches."""
-    return Changes(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def counted(alarms: int, cases: int) -> str:
-    """A share with its exact 95 % interval (Clopper-Pearson)."""
-    low = beta.ppf(0.025, alarms, cases - alarms + 1) if alarms else 0.0
-    high = beta.ppf(0.975, alarms + 1, cases - alarms) if alarms < cases else 1.0
-    return f"{alarms} of {cases}, {alarms / cases:.2%} [{low:.2%}, {high:.2%}]"
-
-
-def alarms_of(
-    settings: dict[str, Any], pools: Pools, new: Changes, k: int, test: Any = "permutation"
-) -> tuple[int, int]:
-    """Alarms among groups of k new recordings against random healthy ones, and number of groups."""
-    size = settings["baselines"]["single" if k == 1 else "group"]
-    rng = np.random.default_rng(settings["seed"])
-    pool = pools.healthy["healthy"]
-    count, alarms = len(new.parts), 0
-    groups = rng.permutation(count)[: count // k * k].reshape(-1, k)
-    for own in groups:
-        free = np.setdiff1d(np.arange(len(pool.parts)), own)  # new may be of the pool itself
-        base = replaced(pools.known, taken(pool, rng.choice(free, size, replace=False)))
-        said = judge(base, taken(new, own), settings["rate"], test)
-        alarms += said.p <= settings["rate"] * (1 + 1e-9)
-    return alarms, len(groups)
-
-
-def replaced(known: Baseline, healthy: Changes) -> Baseline:
-    """The baseline with other healthy recordings."""
-    names = tuple(map(str, range(len(healthy.parts))))
-    return replace(known, changes=healthy, names=names, hashes=names)
-
-
-def found_of(settings: dict[str, Any], pools: Pools, joint: int) -> tuple[int, int, int]:
-    """Groups whose change was found, those in which the right joint was, and number of groups."""
-    k, rng = settings["friction"]["group"], np.random.default_rng(settings["seed"])
-    pool, new = pools.healthy["healthy"], pools.worn[joint]
-    found = right = 0
-    groups = np.arange(len(new.parts)).reshape(-1, k)
-    for own in groups:
-        size = settings["baselines"]["group"]
-        base = replaced(pools.known, taken(pool, rng.choice(len(pool.parts), size, replace=False)))
-        said = judge(base, taken(new, own), settings["rate"])
-        found += said.answer == "changed"
-        right += said.answer == "changed" and int(said.p_of_joint.argmin()) == joint
-    return found, right, len(groups)
-
-
-def first_alarms(
-    settings: dict[str, Any], pools: Pools, healthy: int, arriving: Changes | None = None
-) -> np.ndarray:
-    """Number of arrivals at the first alarm of each sequence (S,), inf where there is none.
-
-    Each sequence has its own choice of a baseline and arrivals: of the healthy ones, or of others.
-    """
-    own, rng = settings["sequences"], np.random.default_rng(settings["seed"])
-    speeds = pools.known.reference.speeds
-    rows = curve_changes(pools.healthy["healthy"].parts, speeds)
-    new = rows if arriving is None else curve_changes(arriving.parts, speeds)
-    first = np.full(own["count"], np.inf)
-    for i in range(own["count"]):
-        chosen = rng.choice(len(rows), healthy + own["arrivals"], replace=False)
-        which = (
-            chosen[healthy:] if arriving is None else rng.choice(len(new), own["arrivals"], False)
-        )
-        names = tuple(f"{i} {k}" for k in range(own["arrivals"]))
-        log = log_evidence(rows[chosen[:healthy]], new[which], names)
-        over = np.flatnonzero(log >= np.log(1.0 / settings["rate"]))
-        first[i] = over[0] + 1 if len(over) else np.inf
-    return first
-
-
-def print_rates(settings: dict[str, Any], pools: Pools) -> None:
-    """Print how often the monitor is right."""
-    healthy, group = pools.healthy["healthy"], settings["friction"]["group"]
-    total = healthy.parts[:, :, :2].sum(-1)
-    print(f"scatter of the total change: {total.std(axis=0) / pools.known.level} of the level")
-    print(f"scatter of the gain: {healthy.gain.std(axis=0)}, delay: {healthy.delay.std():.2g} s")
-    for k in (1, group):
-        share = counted(*alarms_of(settings, pools, healthy, k, "normal"))
-        print(f"healthy, {k} new, normal: {share}")
-    news = pools.healthy | {f"torque x {share:g}": own for share, own in pools.louder.items()}
-    for name, new in news.items():
-        for k in (1, group):
-            print(f"{name}, {k} new: {counted(*alarms_of(settings, pools, new, k))}")
+    quiet = otherwise(seed, settings["other"]["count"])
+    yield Case("healthy, other motion", changes(known, quiet)[0], lambda said: not said.causes)
     for joint in range(2):
-        found, right, groups = found_of(settings, pools, joint)
-        print(f"joint {joint + 1} changed: found {counted(found, groups)}, right joint {right}")
+        for sign in (1.0, -1.0):
+            wear = tuple(sign * settings["friction"]["change"] * (k == joint) for k in range(2))
+            worn = otherwise(seed + 2 + 2 * joint + int(sign > 0), count, wear=wear)
 
+            def right(j: Judgement, joint: int = joint, sign: float = sign) -> bool:
+                total = next(p for p in j.parts if p.part == "total" and p.joint == joint)
+                return j.joints == (joint,) and sign * total.value > 0
 
-def print_sequences(settings: dict[str, Any], pools: Pools) -> None:
-    """Print how often and how soon the evidence over arriving recordings gives an alarm."""
-    arrivals = settings["sequences"]["arrivals"]
-    kinds = {"healthy": None, "joint 1 changed": pools.worn[0], "joint 2 changed": pools.worn[1]}
-    for size in settings["sequences"]["healthy"]:
-        for name, new in kinds.items():
-            first = first_alarms(settings, pools, size, new)
-            share = counted(int(np.isfinite(first).sum()), len(first))
-            print(
-                f"{name}, {size} in the baseline, alarm within {arrivals} arrivals: {share}", end=""
+            name = (
+                f"friction of joint {joint + 1}, {100 * sign * settings['friction']['change']:+g} %"
             )
-            print(f", half of them by arrival {np.median(first):g}")
+            yield Case(name, changes(known, worn)[0], right)
+    mass = (1.0 + settings["calls"]["payload"]) * mechanisms.acrobot().nominal()["m4"]
+    laden = recorded(settings, seed + 9, settings["calls"]["count"], settings["motion"], mass=mass)
+    yield Case("payload", changes(known, laden)[0], called("payload"))
+    for name, change in logged(settings).items():
+        pool, stretches = changes(known, with_torque(quiet, change))
+        print(f"{name}: {stretches} stretches left out of {len(pool.value)} recordings")
+        yield Case(name, pool, called(name))
+
+
+def called(name: str) -> Callable[[Judgement], bool]:
+    """Whether a judgement calls it by its name, or says that it cannot separate it from others."""
+
+    def right(j: Judgement) -> bool:
+        return name == "pulses" or any(name in cause for cause in j.causes)
+
+    return right
+
+
+def taken(changes: Changes, index: Any) -> Changes:
+    """Changes of some recordings."""
+    return Changes(*(values[index] for values in changes))
+
+
+def counted(hits: int, cases: int) -> str:
+    """A share with its exact 95 % interval (Clopper-Pearson)."""
+    low = beta.ppf(0.025, hits, cases - hits + 1) if hits else 0.0
+    high = beta.ppf(0.975, hits + 1, cases - hits) if hits < cases else 1.0
+    return f"{hits} of {cases}, {hits / cases:.1%} [{low:.1%}, {high:.1%}]"
+
+
+def print_sets(
+    settings: dict[str, Any], known: Baseline, healthy: Changes, case: Case, count: int
+) -> None:
+    """Print what the monitor says of sets that are drawn from a pool."""
+    rng, said = np.random.default_rng(settings["seed"]), []
+    same = case.pool is healthy
+    for _ in range(count):
+        order = rng.permutation(len(healthy.value))
+        base, rest = order[: settings["baseline"]], order[settings["baseline"] :]
+        of = rest if same else np.arange(len(case.pool.value))
+        new = rng.choice(of, settings["group"], replace=False)
+        names = tuple(map(str, base))
+        own = replace(known, changes=taken(healthy, base), names=names, hashes=names)
+        said.append(judge(own, taken(case.pool, new), settings["rate"]))
+    answers = [j.answer for j in said]
+    right = sum(bool(j.parts) and case.right(j) for j in said)
+    print(
+        f"{case.name}: friction called changed {counted(answers.count('changed'), count)}, "
+        f"anything {counted(sum(bool(j.causes) for j in said), count)}, "
+        f"cannot judge {sum(not j.parts for j in said)}, right {counted(right, count)}",
+        flush=True,
+    )
+
+
+def simulated(settings: dict[str, Any], sets: int) -> None:
+    """Print all rates of simulated sets."""
+    data = recorded(settings, settings["seed"], settings["healthy"], settings["motion"])
+    known = baseline(replace(data, recordings=data.recordings[: settings["baseline"]]))
+    healthy, stretches = changes(known, data)
+    print(f"healthy: {stretches} stretches left out of {len(data.recordings)} recordings")
+    same = Case("healthy, same motion", healthy, lambda said: not said.causes)
+    print_sets(settings, known, healthy, same, sets // 2)
+    for case in cases(settings, known, 100 * settings["seed"]):
+        count = sets // 2 if case.name.startswith("healthy") else settings["found"]
+        print_sets(settings, known, healthy, case, count)
+
+
+def of_controller(name: str) -> Dataset:
+    """The runs of one controller on the real arm."""
+    source, folder, seconds = REAL[name]
+    text = (ROOT / "data" / source / "dataset.toml").read_text("utf-8")
+    text = re.sub(r"patterns = .*", f'patterns = ["design_C.1/{folder}/*.csv*"]', text)
+    text = re.sub(r"stop = .*", "" if seconds is None else f"stop = {seconds}", text)
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "dataset.toml"
+        path.write_text(text, "utf-8")
+        return load_dataset(path)
+
+
+def parts_of(data: Dataset, pieces: int) -> list[Dataset]:
+    """The first and the second half of a recording, each in so many pieces."""
+    r = data.recordings[0]
+    edges = np.linspace(r.angle.time[0], r.angle.time[-1], 2 * pieces + 1)
+    cut = []
+    for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        keep = (r.angle.time >= a) & (r.angle.time < b)
+        angle = r.angle._replace(time=r.angle.time[keep], value=r.angle.value[keep])
+        cut.append(replace(r, name=f"part {i + 1}", angle=angle, truth=None))
+    halves = cut[:pieces], cut[pieces:]
+    return [replace(data, recordings=tuple(half), truth=None) for half in halves]
+
+
+def real() -> None:
+    """Print what each controller's runs say of those of the others: the same friction."""
+    sets = {name: of_controller(name) for name in REAL}
+    for name in list(REAL)[:-1]:
+        known = baseline(sets[name])
+        for other, data in sets.items():
+            if other != name:
+                found = monitor(known, data)
+                print(f"{name} -> {other}: {found.answer}; {found.sentence}", flush=True)
+                print("   ", *found.judgement.notes[:2])
+    for name, pieces in (("tx40", 4), ("tiago", 4), ("emps", 6)):
+        first, second = parts_of(load_dataset(ROOT / "data" / name), pieces)
+        found = monitor(baseline(first), second)
+        print(f"{name}: {found.answer}; {found.sentence}", *found.judgement.notes[:1], flush=True)
 
 
 def main() -> None:
     """Print all rates."""
     settings = tomllib.loads((Path(__file__).parent / "monitoring.toml").read_text("utf-8"))
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--recordings", type=int, default=settings["recordings"])
-    parser.add_argument("--groups", type=int, default=settings["friction"]["groups"])
-    parser.add_argument("--jobs", type=int, default=-1)
+    parser.add_argument("--sets", type=int, default=settings["sets"])
+    parser.add_argument("--only", choices=("simulated", "real"))
     given = parser.parse_args()
-    settings["recordings"], settings["friction"]["groups"] = given.recordings, given.groups
-    settings["batch"] = min(settings["batch"], given.recordings)
-    pools = pools_of(settings, given.jobs)
-    print_rates(settings, pools)
-    print_sequences(settings, pools)
+    if given.only != "real":
+        simulated(settings, given.sets)
+    if given.only != "simulated":
+        real()
 
 
 if __name__ == "__main__":

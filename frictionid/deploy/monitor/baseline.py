@@ -12,15 +12,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.monitor.changes import (
-    DELAY,
-    GAIN,
-    OFFSET,
-    PARTS,
     Changes,
     Reference,
     recording_changes,
     usual_level,
 )
+from frictionid.deploy.monitor.effects import PRIORS, Effect, effects_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
 from frictionid.files import read_json, write_json
@@ -28,8 +25,9 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.model_files import model_document, read_model
 
-FORMAT = "frictionid baseline 1"
+FORMAT = "frictionid baseline 2"
 _SLOW = 0.1  # of the fast speed
+_DISTURBED = 1.5  # times the largest residual of healthy recordings
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,12 @@ class Baseline:
     @property
     def level(self) -> Array:
         """Friction (n,) of each part at its usual speed [N m]."""
-        return usual_level(self.reference)
+        return usual_level(self.reference.friction, self.reference.speeds[:, 1])
+
+    @property
+    def peak(self) -> Array:
+        """Mean residual (n,) of a tenth of a second beyond which a stretch is disturbed."""
+        return np.asarray(_DISTURBED * self.changes.peak.max(axis=0))
 
 
 class Arrival(NamedTuple):
@@ -90,7 +93,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
         reference=reference,
         names=tuple(r.name for r in dataset.recordings),
         hashes=hashes_of(dataset),
-        changes=recording_changes(prepared, reference, names),
+        changes=recording_changes(prepared, reference, names)[0],
         covariates=names,
     )
 
@@ -105,7 +108,8 @@ def _reference(prepared: Prepared, friction: Friction) -> Reference:
     e = np.abs(problem.residual(along(plain, problem.nodes)))
     noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
-    return Reference(plain, friction.calibration, grid, noise)
+    effects = effects_of(prepared.dataset.mechanism, usual_level(plain, grid[:, 1]))
+    return Reference(plain, friction.calibration, grid, noise, effects)
 
 
 def _covariates(dataset: Dataset) -> tuple[str, ...]:
@@ -134,12 +138,13 @@ def save_baseline(
     friction = replace(reference.friction, calibration=reference.calibration)
     document = {
         "format": FORMAT,
-        "settings": {**settings, "parts": PARTS, "priors": [DELAY, GAIN, OFFSET]},
+        "settings": {**settings, "priors": PRIORS},
         "mechanism": dict(b.mechanism),
         "joints": b.joints,
         "model": model_document(friction, laws),
         "speeds": reference.speeds,
         "noise": reference.noise,
+        "effects": [effect._asdict() for effect in reference.effects],
         "covariates": b.covariates,
         "recordings": [
             {"name": name, "sha256": digest, **numbers_of(b.changes, i)}
@@ -176,18 +181,24 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
         )
     try:
         settings = document["settings"]
-        if (settings["parts"], settings["priors"]) != ([*PARTS], [DELAY, GAIN, OFFSET]):
+        if settings["priors"] != [*PRIORS]:
             raise InputError(
-                f"{path}: was made with other settings ({settings['parts']}, "
-                f"{settings['priors']}): make the baseline again"
+                f"{path}: was made with other settings ({settings['priors']}): make the baseline "
+                "again"
             )
         friction = read_model(document["model"], laws, str(path))
         rows = document["recordings"]
-        numbers = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
+        grid, noise = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
         baseline = Baseline(
             document["mechanism"],
             tuple(document["joints"]),
-            Reference(replace(friction, calibration=None), friction.calibration, *numbers),
+            Reference(
+                replace(friction, calibration=None),
+                friction.calibration,
+                grid,
+                noise,
+                tuple(Effect(**effect) for effect in document["effects"]),
+            ),
             tuple(row["name"] for row in rows),
             tuple(row["sha256"] for row in rows),
             changes_of(rows),
@@ -195,8 +206,8 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged ({error!r}): make the baseline again") from None
-    shape = (len(baseline.names), len(baseline.joints), len(PARTS))
-    if baseline.changes.parts.shape != shape or len(baseline.names) < 2:
+    shape = (len(baseline.names), len(baseline.reference.effects))
+    if baseline.changes.value.shape != shape or len(baseline.names) < 2:
         raise InputError(f"{path}: is damaged: it needs numbers of {shape}: make it again")
     return baseline
 
@@ -211,12 +222,11 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
         the baseline knows nothing.
     """
     table, healthy = dict(dataset.mechanism.table), dict(baseline.mechanism)
-    if (
-        tuple(dataset.mechanism.friction_names) != baseline.joints
-        or table["kind"] != healthy["kind"]
-    ):
+    if tuple(dataset.mechanism.friction_names) != baseline.joints or table.get(
+        "kind"
+    ) != healthy.get("kind"):
         raise InputError(
-            f"{where}: the baseline is of {healthy['kind']!r} with the joints "
+            f"{where}: the baseline is of {healthy.get('kind', 'a robot')!r} with the joints "
             f"{', '.join(baseline.joints)}, this is {dataset.mechanism}: make a baseline of its own"
         )
     if table != healthy:

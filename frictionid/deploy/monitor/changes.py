@@ -1,14 +1,14 @@
-"""How much each recording's friction differs from a reference, by one linear fit per recording.
+"""What each recording says of all that may have changed, by one linear fit about a reference.
 
 To the reference friction a change is added that is linear in four numbers of each joint,
 
     change = coulomb s + viscous w + stribeck exp(-(w/v)^2) s + asymmetry,   s = sgn(w)
 
-and is fitted to the one-step residual of the momentum balance. What the sensors may have done
-meanwhile is free beside it, so that it does not pass for wear: the torque's delay and gain, and the
-offset of each angle, as of a camera that was tilted. Their priors are wide. That of a change is as
-wide as friction is large. What a wrong inertia or the smoothing does to all recordings alike is the
-same in the healthy ones, and cancels.
+and is fitted to the one-step residual of the momentum balance, together with a payload's inertia,
+the torque's delay and gain, and the offset of each angle, as of a camera that was tilted: what
+`effects_of` lists, with wide priors. Each recording keeps the curvature of its fit, so that
+recordings that tell less count less. Stretches that no constant change explains, such as a push,
+are left out and named.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from frictionid.arrays import Array, times
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
+from frictionid.deploy.monitor.effects import PARTS, Effect, payloads
+from frictionid.deploy.monitor.motion import motion_of
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
@@ -31,16 +33,18 @@ from frictionid.evaluation import (
     training_of,
     with_calibration,
 )
+from frictionid.fitting.gauss_newton import MAD
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
+from frictionid.friction.provenance import Segment
 
-PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
-# Standard deviations of what the sensors may have done since: delay [s], gain [1], offset [rad].
-DELAY, GAIN, OFFSET = 0.02, 0.1, 0.05
-_STEP = 1e-3  # of these numbers, for derivatives
+_STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
 _TUNING = 1.345  # Huber's, in standard deviations
 _ROUNDS = 5
+_PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
+_WINDOW = 0.1  # [s], of a disturbance
+_PASSES = 4  # with what they find left out
 
 
 class Reference(NamedTuple):
@@ -50,33 +54,34 @@ class Reference(NamedTuple):
     calibration : of the machine and its sensors, or None
     speeds : (n, 3) slow, usual and fast speed of each joint [rad/s or m/s]; the slow one is v
     noise : (n,) standard deviation of the residual of each joint [rad/s]
+    effects : what may change, D of them
     """
 
     friction: Friction
     calibration: Calibration | None
     speeds: Array
     noise: Array
+    effects: tuple[Effect, ...]
 
 
 class Changes(NamedTuple):
-    """Changes of R recordings.
+    """What R recordings say.
 
-    parts : (R, n, 4) at the usual speed [N m]: coulomb, viscous, stribeck, asymmetry
-    error : (R, n, 4) standard errors by the noise of the recording alone [N m]
-    delay : (R,) [s]; gain, offset : (R, n) [1], [rad], against the reference
+    value : (R, D) of the effects
+    inverse : (R, D, D) inverse of the curvature, priors among it: their covariance, if rows were
+        independent
+    excess : (R, D) mean square of the scores of stretches, over what independent rows would have
+    motion : (R, n, 2), see `motion_of`
+    peak : (R, n) largest residual over a tenth of a second [standard deviations of a sample, / s]
     covariates : (R, c), mean of each, or the parameter of the mechanism
-    speeds : (R, n) 95 % quantile of each joint's speed [rad/s or m/s]
-    seconds : (R,) length of each recording [s]
     """
 
-    parts: Array
-    error: Array
-    delay: Array
-    gain: Array
-    offset: Array
+    value: Array
+    inverse: Array
+    excess: Array
+    motion: Array
+    peak: Array
     covariates: Array
-    speeds: Array
-    seconds: Array
 
 
 def joined(several: Iterable[Changes]) -> Changes:
@@ -84,25 +89,15 @@ def joined(several: Iterable[Changes]) -> Changes:
     return Changes(*map(np.concatenate, zip(*several, strict=True)))
 
 
-def curve_changes(parts: Array, speeds: Array) -> Array:
-    """Changes (R, n, 4) of each joint's curve at its slow, usual and fast speed, and asymmetry.
-
-    Parts are strongly correlated, as the data hardly tell one from the other; these are not.
-
-    >>> curve_changes(np.array([[[0.1, 0.2, 0.0, 0.0]]]), np.array([[1.0, 5.0, 10.0]])).round(2)
-    array([[[0.14, 0.3 , 0.5 , 0.  ]]])
-    """
-    coulomb, viscous, stribeck, asymmetry = np.moveaxis(parts, -1, 0)
-    slow, usual = speeds[:, 0], speeds[:, 1]
-    curve = [
-        coulomb + viscous * v / usual + stribeck * np.exp(-((v / slow) ** 2)) for v in speeds.T
-    ]
-    return np.stack([*curve, asymmetry], axis=-1)
+def totals(changes: Changes, joints: int) -> Array:
+    """Changes (R, n) of each joint's friction at its usual speed: Coulomb and viscous [N m]."""
+    parts = changes.value[:, : joints * len(PARTS)].reshape(-1, joints, len(PARTS))
+    return np.asarray(parts[..., :2].sum(axis=-1))
 
 
-def usual_level(reference: Reference) -> Array:
+def usual_level(friction: Friction, usual: Array) -> Array:
     """Friction (n,) of each part at its usual speed [N m], at least a thousandth of the largest."""
-    level = np.abs(np.diagonal(reference.friction.curve(reference.speeds[:, 1])))
+    level = np.abs(np.diagonal(friction.curve(usual)))
     return np.asarray(np.maximum(level, 1e-3 * level.max() + 1e-12))
 
 
@@ -113,71 +108,84 @@ def prepared_data(dataset: Dataset) -> Prepared:
 
 
 def recording_changes(
-    prepared: Prepared, reference: Reference, covariates: tuple[str, ...]
-) -> Changes:
-    """Changes of each recording against a reference, see `covariate_means`."""
+    prepared: Prepared,
+    reference: Reference,
+    covariates: tuple[str, ...],
+    most: Array | float = np.inf,
+) -> tuple[Changes, tuple[Segment, ...]]:
+    """What each recording says against a reference, and the stretches that were left out.
+
+    most : (n,) residual over a tenth of a second that no change of friction leaves, as in `peak`
+    """
     dataset = prepared.dataset
-    n, count = reference.friction.n, len(dataset.recordings)
     linear = _linearised(prepared, reference)
-    m = 4 * n
-    rows = [linear.recording == r for r in range(count)]
-    fits = [_fitted(linear.residual[row], linear.columns[row], linear.prior) for row in rows]
-    change, error = (np.stack(column) for column in zip(*fits, strict=True))
-    joints = dataset.mechanism.n
-    gain = np.zeros((count, joints))
-    gain[:, linear.driven] = change[:, m + 1 : m + 1 + len(linear.driven)]
-    speed = np.abs(linear.velocity)
-    return Changes(
-        parts=change[:, :m].reshape(count, n, 4),
-        error=error[:, :m].reshape(count, n, 4),
-        delay=change[:, m],
-        gain=gain,
-        offset=change[:, m + 1 + len(linear.driven) :],
-        covariates=covariate_means(dataset, covariates),
-        speeds=np.stack([np.quantile(speed[row], 0.95, axis=0) for row in rows]),
-        seconds=np.array([np.ptp(r.angle.time) for r in dataset.recordings]),
-    )
+    prior = np.array([e.size for e in reference.effects])
+    fits, left_out = [], []
+    for r, recording in enumerate(dataset.recordings):
+        row = np.flatnonzero(linear.recording == r)
+        rows = _Rows(*(field[row] for field in linear[:5]))
+        fit, used = _undisturbed(rows, prior, np.broadcast_to(most, rows.residual.shape[1]))
+        left_out += _segments(rows, used, recording.name)
+        motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
+        fits.append((*fit[:3], motion, fit[3]))
+    value, inverse, excess, motion, peak = (np.stack(x) for x in zip(*fits, strict=True))
+    beside = covariate_means(dataset, covariates)
+    return Changes(value, inverse, excess, motion, peak, beside), tuple(left_out)
 
 
-class _Linear(NamedTuple):
-    """Residual (K, n) in standard deviations, and minus its derivatives (K, n, P)."""
+class _Rows(NamedTuple):
+    """Residual (K, n) in standard deviations, minus its derivatives (K, n, D), time, length, w."""
 
     residual: Array
     columns: Array
-    prior: Array
-    recording: Array
+    time: Array
+    dt: Array
     velocity: Array
-    driven: Array
+
+
+class _Linear(NamedTuple):
+    """Rows of all recordings, and of which each one is."""
+
+    residual: Array
+    columns: Array
+    time: Array
+    dt: Array
+    velocity: Array
+    recording: Array
 
 
 def _linearised(prepared: Prepared, reference: Reference) -> _Linear:
-    """The residual of all recordings and its derivatives by changes, delay, gains and offsets."""
-    n = prepared.dataset.mechanism.n
-    calibration = reference.calibration or Calibration.ideal(n)
-    driven = np.flatnonzero(prepared.dataset.mechanism.motors)
+    """The residual of all recordings and its derivatives by all effects."""
+    mechanism = prepared.dataset.mechanism
+    calibration = reference.calibration or Calibration.ideal(mechanism.n)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
         problem = training_of(with_calibration(prepared, calibration), INTEGRAL)
         return problem, problem.residual(along(reference.friction, problem.nodes))
 
     problem, e = residual(calibration)
-    parts = -times(problem.G, problem.mean(_basis(problem.nodes.inputs.w, reference.speeds)))
-    unit = np.eye(n)
-    others = [
-        replace(calibration, delay=calibration.delay + _STEP),
-        *(replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j])) for j in driven),
-        *(replace(calibration, offset=calibration.offset + _STEP * unit[j]) for j in range(n)),
-    ]
+    w = problem.nodes.inputs.w
+    parts = -times(problem.G, problem.mean(_basis(w, reference.speeds)))
+    others = _stepped(prepared, calibration)
     sensors = np.stack([_matched(problem, e, *residual(c)) / _STEP for c in others])
     columns = np.moveaxis(np.concatenate([parts, sensors]), 0, -1)
-    # a recording that does not show a part leaves it where it was, within all of friction
-    level = usual_level(reference)
-    wide = [*np.repeat(level, len(PARTS)), DELAY, *([GAIN] * len(driven)), *([OFFSET] * n)]
     size = reference.noise[:, None]
-    w = problem.mean(problem.nodes.inputs.w)
-    return _Linear(
-        e / reference.noise, -columns / size, np.array(wide), problem.recording, w, driven
-    )
+    residuals, slopes = e / reference.noise, -columns / size
+    return _Linear(residuals, slopes, problem.time, problem.dt, problem.mean(w), problem.recording)
+
+
+def _stepped(prepared: Prepared, calibration: Calibration) -> list[Calibration]:
+    """Calibrations that differ by a step of each effect beside friction, in their order."""
+    mechanism = prepared.dataset.mechanism
+    nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+    base = nominal if calibration.base is None else calibration.base
+    unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
+    return [
+        *(replace(calibration, base=base + _STEP * d) for d in payloads(mechanism)[1]),
+        replace(calibration, delay=calibration.delay + _STEP),
+        *(replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j])) for j in driven),
+        *(replace(calibration, offset=calibration.offset + _STEP * row) for row in unit),
+    ]
 
 
 def _matched(problem: Problem, e: Array, other: Problem, changed: Array) -> Array:
@@ -194,29 +202,91 @@ def _basis(w: Array, speeds: Array) -> Array:
     slow, usual = speeds[:, 0], speeds[:, 1]
     side = np.sign(w)
     shapes = (side, w / usual, np.exp(-((w / slow) ** 2)) * side, np.ones_like(w))
-    out = np.zeros((w.shape[1], 4, *w.shape))
+    out = np.zeros((w.shape[1], len(PARTS), *w.shape))
     for j in range(w.shape[1]):
         for k, shape in enumerate(shapes):
             out[j, k, :, j] = shape[:, j]
     return out.reshape(-1, *w.shape)
 
 
-def _fitted(residual: Array, columns: Array, prior: Array) -> tuple[Array, Array]:
-    """Robust change (P,) that explains a recording's residual (K, n), and its standard errors."""
-    y, A = residual.reshape(-1), columns.reshape(-1, columns.shape[-1])
-    shows = np.abs(A).max(axis=1) > 0  # joints at rest say nothing
-    y, A = y[shows], A[shows]
-    if not len(y):
-        return np.zeros_like(prior), prior
-    weight, x, inverse = np.ones_like(y), np.zeros(len(prior)), np.diag(prior**2)
-    for _ in range(_ROUNDS):
-        weighted = A * weight[:, None]
-        inverse = np.linalg.inv(weighted.T @ A + np.diag(prior**-2))
-        x = inverse @ (weighted.T @ y)
-        left = y - A @ x
-        scale = max(1.4826 * float(np.median(np.abs(left))), 1e-12)
-        weight = np.minimum(1.0, _TUNING * scale / np.maximum(np.abs(left), 1e-12)) / scale**2
-    return x, np.sqrt(np.diag(inverse))
+_Fitted = tuple[Array, Array, Array, Array]  # value, inverse, excess, peak
+
+
+def _undisturbed(rows: _Rows, prior: Array, most: Array) -> tuple[_Fitted, Array]:
+    """The fit to what is not disturbed, and which rows (K,) that is."""
+    used = np.ones(len(rows.time), dtype=bool)
+    for _ in range(_PASSES):
+        value, inverse, excess, left = _fitted(rows, used, prior)
+        mean = _local_means(left, rows)
+        pushed = np.asarray((np.abs(mean) > most).any(axis=1))
+        if not (pushed & used).any():
+            break
+        used &= ~_widened(pushed, rows.time)
+    peak = np.abs(mean[used]).max(axis=0, initial=0.0)
+    return (value, inverse, excess, peak), used
+
+
+def _fitted(rows: _Rows, used: Array, prior: Array) -> tuple[Array, Array, Array, Array]:
+    """Robust change (D,), inverse curvature, excess, and the residual (K, n) that it leaves."""
+    A, y = rows.columns[used], rows.residual[used]
+    shows = np.abs(A).max(axis=-1) > 0  # joints at rest say nothing
+    weight, x, inverse = shows.astype(float), np.zeros(len(prior)), np.diag(prior**2)
+    for _ in range(_ROUNDS if shows.any() else 0):
+        weighted = A * weight[..., None]
+        H = np.einsum("kip,kiq->pq", weighted, A, optimize=True)
+        inverse = np.linalg.inv(H + np.diag(prior**-2))
+        x = inverse @ np.einsum("kip,ki->p", weighted, y)
+        left = np.abs(y - A @ x)
+        scale = max(MAD * float(np.median(left[shows])), 1e-12)
+        weight = shows * np.minimum(1.0, _TUNING * scale / np.maximum(left, 1e-12)) / scale**2
+    scores = (A * (weight * (y - A @ x))[..., None]).sum(axis=1)
+    excess = _excess(scores, rows.time[used], (A**2 * weight[..., None]).sum(axis=(0, 1)))
+    return x, inverse, excess, rows.residual - rows.columns @ x
+
+
+def _excess(scores: Array, time: Array, curvature: Array) -> Array:
+    """Squares (D,) of the scores (K, D) of stretches, over the curvature (D,) of all rows.
+
+    One where rows are independent; more where what is left lasts, less where it alternates.
+    """
+    if len(time) < 2:
+        return np.ones(len(curvature))
+    span = float(time[-1] - time[0])
+    pieces = max(1, min(_PIECES, int(span / _PIECE)))
+    label = np.minimum((pieces * (time - time[0]) / max(span, 1e-12)).astype(int), pieces - 1)
+    sums = np.zeros((pieces, len(curvature)))
+    np.add.at(sums, label, scores)
+    shows = curvature > 0
+    ratio = (sums**2).sum(axis=0) / np.where(shows, curvature, 1.0)
+    return np.asarray(np.where(shows, ratio, 1.0))
+
+
+def _local_means(left: Array, rows: _Rows) -> Array:
+    """The residual (K, n) over a tenth of a second about each row, for each second of it."""
+    begin = np.searchsorted(rows.time, rows.time - _WINDOW / 2)
+    end = np.searchsorted(rows.time, rows.time + _WINDOW / 2, side="right")
+    both = np.column_stack([left, rows.dt])
+    total = np.concatenate([np.zeros((1, both.shape[1])), np.cumsum(both, axis=0)])
+    within = total[end] - total[begin]
+    return np.asarray(within[:, :-1] / within[:, -1:])
+
+
+def _widened(pushed: Array, time: Array) -> Array:
+    """Rows within a window of those that are pushed."""
+    at = time[pushed]
+    after = np.searchsorted(at, time)
+    padded = np.concatenate([[-np.inf], at, [np.inf]])
+    near = np.minimum(time - padded[after], padded[after + 1] - time)
+    return np.asarray(near <= _WINDOW)
+
+
+def _segments(rows: _Rows, used: Array, name: str) -> list[Segment]:
+    """Stretches that were left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~used, [False]]).astype(int)))
+    return [
+        Segment(name, float(rows.time[a]), float(rows.time[b - 1]), float(b - a))
+        for a, b in edges.reshape(-1, 2)
+    ]
 
 
 def covariate_means(dataset: Dataset, names: Sequence[str]) -> Array:

@@ -1,165 +1,30 @@
-"""Whether two groups of recordings differ: a permutation test, and Hotelling's test.
+"""What new recordings say: what has changed, by how much, or why they cannot tell.
 
-A recording is a row of numbers for each joint. The permutation test asks how often a random choice
-of as many recordings among all of them lies as far from the others as the new ones do. Where
-healthy recordings are exchangeable, its rate of false alarms is at most what is asked for, whatever
-their distribution [Phipson2010], [WestfallYoung1993]. Hotelling's test needs fewer recordings and
-a normal distribution [Hotelling1931].
+New recordings are compared with healthy ones in all that may have changed at once, see
+`effects_of`; what explains the difference is named, see `explained`. Recordings that move faster or
+more abruptly than any healthy one are not judged: friction there was never seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import combinations, islice
-from math import ceil, comb
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.deploy.monitor.baseline import Baseline
-from frictionid.deploy.monitor.changes import PARTS, Changes, curve_changes
+from frictionid.deploy.monitor.changes import Changes
+from frictionid.deploy.monitor.effects import PARTS, causes_of
+from frictionid.deploy.monitor.explanation import CauseTests, Explanation, cause_tests, explained
+from frictionid.deploy.monitor.motion import beyond, sentence
+from frictionid.deploy.monitor.scatter import difference_of
+from frictionid.friction.provenance import Segment
 
-CHOICES = 5_000  # all of them up to here, else so many at random
-MOST_CHOICES = 10_000_000  # where a small rate needs more than these, a minute's work
-
-
-class Difference(NamedTuple):
-    """How far new recordings lie from those of the baseline, of n joints.
-
-    p : probability of this or more in one of the joints, if nothing has changed
-    p_of_joint : (n,) the same of each joint, corrected for their number
-    distance : (n,) squared distance of each joint, in units of the scatter between recordings
-    choices : number of choices that were compared; p is at least one over it
-    """
-
-    p: float
-    p_of_joint: Array
-    distance: Array
-    choices: int
-
-
-def least_rate(healthy: int, new: int) -> float:
-    """Smallest rate of false alarms that a permutation test can promise.
-
-    >>> least_rate(99, 1), round(1 / least_rate(20, 5))
-    (0.01, 53130)
-    """
-    return 1.0 / min(comb(healthy + new, new), MOST_CHOICES)
-
-
-def needed_recordings(rate: float, new: int) -> int:
-    """Healthy recordings N that promise a rate for k new ones: the least of C(N + k, k) >= 1/rate.
-
-    >>> needed_recordings(0.01, 1), needed_recordings(0.01, 5), needed_recordings(1e-9, 1)
-    (99, 4, 999999999)
-    """
-    choices = (1.0 - 1e-12) / max(rate, 1e-300)
-    low, high = 0, 1  # too few, enough
-    while comb(high + new, new) < choices:
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if comb(middle + new, new) >= choices else (middle, high)
-    return high
-
-
-def permutation_test(
-    healthy: Array, new: Array, seed: int = 0, rate: float = 1.0 / CHOICES
-) -> Difference:
-    """Difference of new recordings (k, n, d) from healthy ones (N, n, d) by permutation.
-
-    The distance of a joint is Mahalanobis', with the covariance of all N + k recordings, which
-    no permutation changes; its correlations are shrunk where recordings are few. As many choices
-    are compared as a `rate` of false alarms needs, at most `MOST_CHOICES`.
-
-    >>> rng = np.random.default_rng(0)
-    >>> found = permutation_test(rng.normal(size=(99, 2, 3)), rng.normal(size=(1, 2, 3)) + 9.0)
-    >>> found.p, found.choices
-    (0.01, 100)
-    """
-    rows = np.concatenate([healthy, new])
-    count, k = len(rows), len(new)
-    white = white_rows(rows)
-    most = min(max(CHOICES, ceil((1.0 - 1e-12) / rate)), MOST_CHOICES)
-
-    def distances(chosen: Array) -> Array:
-        means = white[chosen].mean(axis=1)  # (B, n, d)
-        return np.asarray(k * count / (count - k) * (means**2).sum(axis=-1))
-
-    distance = distances(np.arange(count - k, count)[None])[0]
-    as_far, choices = np.zeros(rows.shape[1]), 0
-    for chosen in _choices(count, k, most, seed):
-        # rounding must not tell equal choices apart
-        as_far += (distances(chosen).max(axis=1)[:, None] >= distance * (1 - 1e-9)).sum(axis=0)
-        choices += len(chosen)
-    p_of_joint = as_far / choices
-    return Difference(float(p_of_joint.min()), p_of_joint, distance, choices)
-
-
-def white_rows(rows: Array) -> Array:
-    """Rows (N, n, d) about their mean, each joint in units of its own shrunk covariance."""
-    return np.stack([_white(rows[:, j]) for j in range(rows.shape[1])], axis=1)
-
-
-def _white(rows: Array) -> Array:
-    """Rows (N, d) about their mean, in units of their shrunk covariance.
-
-    Correlations of d columns shrink by d/N: as many rows as columns tell nothing of them.
-    """
-    size = rows.std(axis=0)
-    centred = (rows - rows.mean(axis=0)) / np.where(size > 0, size, 1.0)
-    count, d = rows.shape
-    shrinkage = min(1.0, d / count)
-    covariance = (1.0 - shrinkage) * (centred.T @ centred / count) + shrinkage * np.eye(d)
-    return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), centred.T).T)
-
-
-def _choices(count: int, k: int, most: int, seed: int) -> Iterator[Array]:
-    """All choices (B, k) of k among `count` rows or, where they are too many, `most` of them.
-
-    They come in blocks, that of the last k rows, the new ones, among them.
-    """
-    if comb(count, k) <= most:
-        every = combinations(range(count), k)
-        while block := list(islice(every, CHOICES)):
-            yield np.array(block)
-        return
-    rng = np.random.default_rng(seed)
-    yield np.arange(count - k, count)[None]
-    for first in range(1, most, CHOICES):
-        size = min(CHOICES, most - first)
-        yield rng.random((size, count)).argpartition(k, axis=1)[:, :k]
-
-
-def hotelling_test(healthy: Array, new: Array) -> Difference:
-    """Difference by Hotelling's T^2 with the scatter of the healthy recordings alone.
-
-    Shapes as of `permutation_test`; p of the joints are corrected by Bonferroni. The rate holds
-    where recordings scatter normally, the new ones as the healthy ones. NaN where the healthy
-    recordings are no more than d + 1.
-    """
-    from scipy.stats import f
-
-    (N, n, d), k = healthy.shape, len(new)
-    free = N - 1
-    if free <= d:
-        nothing = np.full(n, np.nan)
-        return Difference(np.nan, nothing, nothing, 0)
-    distance = np.empty(n)
-    for j in range(n):
-        off = new[:, j].mean(axis=0) - healthy[:, j].mean(axis=0)
-        scatter = np.atleast_2d(np.cov(healthy[:, j].T))
-        distance[j] = N * k / (N + k) * off @ np.linalg.pinv(scatter) @ off
-    p = f.sf((free - d + 1) / (free * d) * distance, d, free - d + 1)
-    corrected = np.minimum(1.0, n * p)
-    return Difference(float(corrected.min()), corrected, distance, 0)
-
-
-Test = Literal["permutation", "normal"]
-Answer = Literal["changed", "unchanged", "cannot_tell"]
-_OTHERWISE = 0.9985  # one-sided share of healthy choices whose mean speed differs less
-_LONGER = 1.5  # times the longest healthy recording, whose changes scatter less
+Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
+_BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
+_SHOWN = 3  # sentences of a kind
 
 
 class PartChange(NamedTuple):
@@ -180,155 +45,159 @@ class PartChange(NamedTuple):
 class Judgement(NamedTuple):
     """What new recordings say.
 
-    answer : "changed", "unchanged" or "cannot_tell"
-    rate : of false alarms that was asked for; promised : the least that these recordings allow
-    test : how the rate follows
-    p, p_of_joint : see `Difference`
-    joints : those that changed, from 0
+    answer : "changed" where friction is among what changed, "unchanged", "other" where something
+        else changed, "cannot_tell"
+    rate : of false alarms; p : probability of a difference like this if nothing has changed
+    p_of_joint : (n,) the same of each joint's friction alone, corrected for the number of causes
+    joints : those whose friction changed, from 0
+    causes : sentences on what changed, with sizes
     parts : of all joints
-    notes : sentences on what limits the judgement
+    notes : sentences on what limits the judgement, or prevents it
     """
 
     answer: Answer
     rate: float
-    promised: float
-    test: Test
     p: float
     p_of_joint: Array
     joints: tuple[int, ...]
+    causes: tuple[str, ...]
     parts: tuple[PartChange, ...]
     notes: tuple[str, ...]
 
 
 def judge(
-    baseline: Baseline, new: Changes, rate: float = 0.01, test: Test = "permutation"
+    baseline: Baseline, new: Changes, rate: float = 0.01, disturbed: Sequence[Segment] = ()
 ) -> Judgement:
     """Judgement on new recordings (k) against the healthy ones (N) of a baseline.
 
-    Linear effects of covariates, such as a temperature, are removed from both first. Changes of
-    recordings that are shorter than the healthy ones scatter more: no rate holds for their alarms.
+    disturbed : stretches of the new recordings that were left out
     """
-    before, after = without_covariates(baseline.changes, new)
-    speeds, asked = baseline.reference.speeds, rate * (1 + 1e-9)
-    groups = curve_changes(before, speeds), curve_changes(after, speeds)
-    if test == "normal":
-        difference, promised = hotelling_test(*groups), 0.0
-    else:
-        promised = least_rate(*map(len, groups))
-        # where they cannot promise the rate, more choices say nothing
-        difference = permutation_test(*groups, rate=rate if promised <= asked else 1.0)
-    changed = tuple(int(j) for j in np.flatnonzero(difference.p_of_joint <= asked))
-    shorter = new.seconds.min() * _LONGER < baseline.changes.seconds.min()
-    able = np.isfinite(difference.p) and promised <= asked and not (changed and shorter)
-    answer: Answer = "cannot_tell" if not able else "changed" if changed else "unchanged"
+    n = len(baseline.joints)
+    side = beyond(baseline.changes.motion, new.motion)
+    fits = np.asarray(~side.any(axis=(1, 2)))
+    notes = list(_notes(baseline, new, side, disturbed))
+    if 2 * fits.sum() < len(fits):
+        nothing = np.full(n, np.nan)
+        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), tuple(notes))
+    judged = Changes(*(values[fits] for values in new))
+    size = np.array([e.size for e in baseline.reference.effects])
+    difference = difference_of(baseline.changes, judged, size)
+    tests = cause_tests(difference, causes_of(baseline.reference.effects))
+    found = explained(tests, rate)
+    single = [group[0] for group in found.groups if len(group) == 1]
+    joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
+    parts = tuple(_parts(baseline, tests, single))
+    answer = _answer(baseline, found, joints, parts)
+    if answer == "cannot_tell" and not found.groups:
+        notes.append("changes smaller than the friction itself would not be seen: record more")
     return Judgement(
         answer,
         rate,
-        promised,
-        test,
-        difference.p,
-        difference.p_of_joint,
-        changed if able else (),
-        tuple(_parts(baseline, before, after)),
-        tuple(_notes(baseline, new, difference, rate, promised, test)),
+        found.p,
+        np.array([found.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
+        joints,
+        tuple(_causes(baseline, tests, found)),
+        parts,
+        tuple(notes),
     )
 
 
-def without_covariates(healthy: Changes, new: Changes) -> tuple[Array, Array]:
-    """Parts (N, n, 4) and (k, n, 4) without what is linear in the covariates of all recordings.
-
-    A covariate that is the same in all healthy ones stays: it would take any change with it.
-    """
-    parts = np.concatenate([healthy.parts, new.parts])
-    beside = np.concatenate([healthy.covariates, new.covariates])
-    differs = np.ptp(healthy.covariates, axis=0) > 0
-    usable = np.isfinite(beside).all(axis=0) & differs if beside.size else []
-    if not np.any(usable):
-        return healthy.parts, new.parts
-    x = beside[:, usable] - beside[:, usable].mean(axis=0)
-    flat = parts.reshape(len(parts), -1)
-    slope, *_ = np.linalg.lstsq(x, flat - flat.mean(axis=0), rcond=None)
-    left = (flat - x @ slope).reshape(parts.shape)
-    return left[: len(healthy.parts)], left[len(healthy.parts) :]
+def _answer(
+    baseline: Baseline, found: Explanation, joints: Sequence[int], parts: Sequence[PartChange]
+) -> Answer:
+    if joints:
+        return "changed"
+    if any(name.startswith("friction") for group in found.groups for name in group):
+        return "cannot_tell"
+    if found.groups:
+        return "other"
+    totals = [p for p in parts if p.part == "total"]
+    blind = all((p.high - p.low) / 2 > _BLIND * baseline.level[p.joint] for p in totals)
+    return "cannot_tell" if blind else "unchanged"
 
 
-def _parts(baseline: Baseline, healthy: Array, new: Array) -> list[PartChange]:
-    """Change of each part of each joint, its interval from the scatter between recordings."""
-    from scipy.stats import t
+def _estimated(tests: CauseTests, causes: Sequence[str]) -> tuple[Array, Array]:
+    """Changes of causes beside each other, and their covariance as these scatter."""
+    columns = np.concatenate([tests.causes[c] for c in causes])
+    covariance = np.linalg.inv(tests.inverse[np.ix_(columns, columns)])
+    scale = max((tests.scale[c] for c in causes), default=1.0)
+    return covariance @ tests.pull[columns], scale * covariance
 
-    N, k = len(healthy), len(new)
-    reach = float(t.ppf(0.975, N - 1)) * np.sqrt(1 / N + 1 / k)
-    rows = []
-    for j in range(len(baseline.joints)):
-        columns = {part: (healthy[:, j, i], new[:, j, i]) for i, part in enumerate(PARTS)}
-        columns["total"] = tuple(group[:, j, :2].sum(axis=1) for group in (healthy, new))
-        for part, (before, after) in columns.items():
-            off = float(after.mean() - before.mean())
-            half = reach * float(before.std(ddof=1))
+
+def _total(baseline: Baseline, joint: int) -> Array:
+    """Weights (4,) of the parts of a joint in its friction at the usual speed."""
+    slow, usual, _ = baseline.reference.speeds[joint]
+    return np.array([1.0, 1.0, np.exp(-((usual / slow) ** 2)), 0.0])
+
+
+def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[PartChange]:
+    """Change of each part of each joint beside all that changed, with its interval."""
+    reach = float(stdtrit(tests.freedom, 0.975))
+    for j, name in enumerate(baseline.joints):
+        causes = list(dict.fromkeys([f"friction of {name}", *single]))
+        value, covariance = _estimated(tests, causes)
+        for part, row in zip((*PARTS, "total"), (*np.eye(4), _total(baseline, j)), strict=True):
+            off = float(row @ value[:4])
+            half = reach * float(np.sqrt(row @ covariance[:4, :4] @ row))
             per_cent = 100.0 * off / float(baseline.level[j])
-            rows.append(PartChange(j, part, off, off - half, off + half, per_cent))
-    return rows
+            yield PartChange(j, part, off, off - half, off + half, per_cent)
 
 
-def _other_speed(healthy: Array, new: Array) -> Array:
-    """1 for joints (n,) that are faster on average than healthy ones (N, n) scatter, -1 slower."""
-    from scipy.stats import t
+def _causes(baseline: Baseline, tests: CauseTests, found: Explanation) -> Iterator[str]:
+    """Sentences on what changed: each cause with its size, or what it cannot be told from."""
+    single = [group[0] for group in found.groups if len(group) == 1]
+    for group in found.groups:
+        if len(group) > 1:
+            yield f"cannot separate {group[0]} from {' and '.join(group[1:])}"
+        else:
+            yield f"{group[0]}: {', '.join(_sizes(baseline, tests, group[0], single))}"
 
-    N, k = len(healthy), len(new)
-    if N < 2:
-        return np.zeros(healthy.shape[1])
-    scatter = healthy.std(axis=0, ddof=1) * np.sqrt(1 / N + 1 / k)
-    off = new.mean(axis=0) - healthy.mean(axis=0)
-    return np.sign(off) * (np.abs(off) > float(t.ppf(_OTHERWISE, N - 1)) * scatter)
+
+def _sizes(
+    baseline: Baseline, tests: CauseTests, cause: str, single: Sequence[str]
+) -> Iterator[str]:
+    """The sizes of a cause beside the others, with 95 % intervals; of friction the total."""
+    causes = [cause, *(c for c in single if c != cause)]
+    value, covariance = _estimated(tests, causes)
+    reach = float(stdtrit(tests.freedom, 0.975))
+    count, effects = len(tests.causes[cause]), baseline.reference.effects
+    rows, names = np.eye(len(value))[:count], [effects[i] for i in tests.causes[cause]]
+    if cause.startswith("friction"):
+        j = baseline.joints.index(cause.removeprefix("friction of "))
+        weights = np.concatenate([_total(baseline, j), np.zeros(len(value) - 4)])
+        rows, names = weights[None] / baseline.level[j], [names[0]._replace(name="", unit="1")]
+    for row, effect in zip(rows, names, strict=True):
+        off, half = float(row @ value), reach * float(np.sqrt(row @ covariance @ row))
+        factor, unit = {"1": (100.0, "%"), "s": (1e3, "ms")}.get(effect.unit, (1.0, effect.unit))
+        name = f"{effect.name} " if count > 1 and effect.name else ""
+        ends = f"{factor * (off - half):.3g} to {factor * (off + half):.3g}"
+        yield f"{name}{factor * off:+.3g} {unit} (95 %: {ends})"
 
 
 def _notes(
-    baseline: Baseline,
-    new: Changes,
-    difference: Difference,
-    rate: float,
-    promised: float,
-    test: Test,
-) -> list[str]:
+    baseline: Baseline, new: Changes, side: Array, disturbed: Sequence[Segment]
+) -> Iterator[str]:
     """What limits the judgement."""
-    N, k = len(baseline.names), len(new.parts)
-    out = []
-    if test == "permutation" and promised > rate * (1 + 1e-9):
-        out.append(
-            f"{N} healthy and {k} new recordings allow no rate of false alarms below "
-            f"{promised:.2g}; {rate:g} needs {needed_recordings(rate, k)} healthy ones"
-            + f", and no rate is below {1 / MOST_CHOICES:g}"
-            * (rate * MOST_CHOICES < 1)
+    off = np.flatnonzero(side.any(axis=(1, 2)))
+    if len(off):
+        worst = side[off].any(axis=0).astype(int)
+        how = sentence(worst, baseline.joints)
+        if 2 * len(off) > len(side):
+            yield f"cannot judge: the new recordings are {how} than any healthy one"
+        else:
+            some = f"{len(off)} of {len(side)} new recordings"
+            yield f"{some} are {how} than any healthy one: left out"
+    for s in disturbed[:_SHOWN]:
+        yield (
+            f"disturbed, not friction: {s.recording} from {s.begin:.2f} to {s.end:.2f} s, left out"
         )
-    if test == "normal":
-        out.append(
-            "the rate assumes that changes scatter normally between recordings"
-            if np.isfinite(difference.p)
-            else f"{N} healthy recordings are too few for the normal distribution: "
-            f"{len(PARTS) + 2} are needed"
-        )
-    for j, side in enumerate(_other_speed(baseline.changes.speeds, new.speeds)):
-        if side:
-            usual, mean = baseline.changes.speeds[:, j], new.speeds[:, j].mean()
-            how, cause = ("faster", "less") if side > 0 else ("slower", "more")
-            out.append(
-                f"{baseline.joints[j]} moves {how} than in the baseline ({mean:.3g} against "
-                f"{usual.min():.3g} to {usual.max():.3g}), as {cause} friction makes it, or other "
-                "motion, for which the rate of false alarms does not hold"
-            )
-    length, healthy = new.seconds, baseline.changes.seconds
-    if length.max() > _LONGER * healthy.max() or length.min() * _LONGER < healthy.min():
-        out.append(
-            f"recordings of {length.min():.3g} to {length.max():.3g} s are not exchangeable with "
-            f"healthy ones of {healthy.min():.3g} to {healthy.max():.3g} s: take parts as long as "
-            "those"
-        )
+    if len(disturbed) > _SHOWN:
+        yield f"and {len(disturbed) - _SHOWN} more disturbed stretches"
     for i, name in enumerate(baseline.covariates):
         low, high = (f(baseline.changes.covariates[:, i]) for f in (np.min, np.max))
         mean = float(new.covariates[:, i].mean())
         if not low <= mean <= high:
-            out.append(
+            yield (
                 f"{name} = {mean:.4g} lies outside the baseline's {low:.4g} to {high:.4g}: "
                 "a change of friction may be its effect"
             )
-    return out

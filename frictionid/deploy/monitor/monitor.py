@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.arrays import Array
 from frictionid.comparison.registry import LAWS
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.monitor.baseline import (
@@ -29,15 +27,15 @@ from frictionid.deploy.monitor.baseline import (
 )
 from frictionid.deploy.monitor.changes import (
     Changes,
-    curve_changes,
     joined,
     prepared_data,
     recording_changes,
 )
-from frictionid.deploy.monitor.judgement import judge, white_rows, without_covariates
+from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitored import Monitored
 from frictionid.errors import InputError
 from frictionid.files import json_text, read_json, write_json
+from frictionid.friction.provenance import Segment
 
 
 def baseline(
@@ -89,12 +87,11 @@ def monitor(
     data: DatasetLike | Sequence[DatasetLike],
     *,
     rate: float = 0.01,
-    test: Literal["permutation", "normal"] = "permutation",
     state: str | Path | None = None,
     only: Sequence[str] = (),
     done: Callable[[str], None] | None = None,
 ) -> Monitored:
-    """Whether friction has changed since the recordings of a baseline.
+    """Whether friction, or something else, has changed since the recordings of a baseline.
 
     Parameters
     ----------
@@ -103,8 +100,6 @@ def monitor(
         New recordings of the same machine.
     rate : float
         Of false alarms: how often healthy recordings may be called changed.
-    test : "permutation" or "normal"
-        Without an assumption on how recordings scatter, or with a normal distribution.
     state : str or Path, optional
         File in which arrived recordings and the evidence after each are kept.
     only : list of str
@@ -132,11 +127,15 @@ def monitor(
     healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline), LAWS)
     several: Any = [data] if isinstance(data, str | Path | Dataset) else data
     parts: list[Changes] = []
+    disturbed: list[Segment] = []
     recordings: list[tuple[str, str]] = []
     for dataset in (chosen_recordings(dataset_of(x), only) for x in several):
         check_same_machine(healthy, dataset, dataset.name)
         prepared = prepared_data(dataset)
-        parts.append(recording_changes(prepared, healthy.reference, healthy.covariates))
+        reference, beside = healthy.reference, healthy.covariates
+        changes, stretches = recording_changes(prepared, reference, beside, healthy.peak)
+        parts.append(changes)
+        disturbed += stretches
         digests = hashes_of(dataset)
         recordings += ((r.name, x) for r, x in zip(dataset.recordings, digests, strict=True))
     new = joined(parts)
@@ -147,7 +146,7 @@ def monitor(
                 done(arrival.name)
         arrivals = tuple(load_state(Path(state), healthy))
     names = tuple(name for name, _ in recordings)
-    return Monitored(healthy, judge(healthy, new, rate, test), names, new, arrivals)
+    return Monitored(healthy, judge(healthy, new, rate, disturbed), names, new, arrivals)
 
 
 def chosen_recordings(dataset: Dataset, only: Sequence[str]) -> Dataset:
@@ -163,38 +162,10 @@ def chosen_recordings(dataset: Dataset, only: Sequence[str]) -> Dataset:
     return replace(dataset, recordings=tuple(dataset[name] for name in only))
 
 
-def log_evidence(healthy: Array, arrived: Array, names: tuple[str, ...]) -> Array:
-    """Logarithm of the evidence (k,) after each of k recordings that arrived.
-
-    Parameters
-    ----------
-    healthy : array, shape (N, n, d)
-    arrived : array, shape (k, n, d), in the order of arrival
-    names : of the recordings that arrived; equal ranks are broken by them, at random
-
-    >>> rng = np.random.default_rng(1)
-    >>> sick = rng.normal(size=(8, 1, 2)) + 8.0
-    >>> after = log_evidence(rng.normal(size=(60, 1, 2)), sick, tuple("abcdefgh"))
-    >>> bool(after[-1] > np.log(100))
-    True
-    """
-    rows = np.concatenate([healthy, arrived])
-    first = len(healthy) + 1
-    return np.cumsum([log_bet(rows[: first + i], name) for i, name in enumerate(names)])
-
-
-def log_bet(rows: Array, name: str) -> float:
-    """Logarithm of the bet on the last of recordings (N, n, d); `name` breaks equal ranks."""
-    distance = (white_rows(rows) ** 2).sum(axis=-1).max(axis=-1)
-    further, equal = (distance > distance[-1]).sum(), (distance == distance[-1]).sum()
-    share = np.random.default_rng(zlib.crc32(name.encode())).random()
-    return _log_bet(float((further + share * equal) / len(rows)))
-
-
-def _log_bet(p: float) -> float:
+def log_bet(p: float) -> float:
     """Logarithm of the integral of e p^(e - 1) de over e from 0 to 1.
 
-    >>> round(float(np.exp(_log_bet(1.0))), 6), round(float(np.exp(_log_bet(0.01))), 2)
+    >>> round(float(np.exp(log_bet(1.0))), 6), round(float(np.exp(log_bet(0.01))), 2)
     (0.5, 4.45)
     """
     p = min(max(p, 1e-12), 1.0)
@@ -204,12 +175,12 @@ def _log_bet(p: float) -> float:
     return float(np.log((1.0 - p + p * a) / (p * a * a)))
 
 
-STATE = "frictionid monitor 1"
+STATE = "frictionid monitor 2"
 
 
 def digest_of(baseline: Baseline) -> str:
     """Digest of what a baseline knows of its recordings."""
-    text = json_text({"hashes": baseline.hashes, "parts": baseline.changes.parts})
+    text = json_text({"hashes": baseline.hashes, "value": baseline.changes.value})
     return sha256(text.encode()).hexdigest()
 
 
@@ -257,8 +228,8 @@ def arriving(
             continue
         changes = Changes(*(values[i : i + 1] for values in new))
         before = joined([baseline.changes, *(arrival.changes for arrival in arrivals)])
-        rows = np.concatenate(without_covariates(before, changes))
-        bet = log_bet(curve_changes(rows, baseline.reference.speeds), digest)
+        p = judge(replace(baseline, changes=before), changes).p
+        bet = log_bet(p) if np.isfinite(p) else 0.0  # what cannot be judged is no evidence
         evidence = arrivals[-1].log_evidence if arrivals else 0.0
         arrivals.append(Arrival(name, digest, changes, evidence + bet))
         listed = [

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.deploy.monitor.baseline import Arrival, Baseline
-from frictionid.deploy.monitor.changes import Changes, curve_changes, joined
+from frictionid.deploy.monitor.changes import Changes, joined, totals
 from frictionid.deploy.monitor.judgement import Judgement, PartChange
 from frictionid.files import json_text
 from frictionid.outputs import replace_files
@@ -21,12 +21,11 @@ from frictionid.report.tables import Column, Table, line, render_page, terminal_
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
 _HEIGHT = 1.25  # [inch] of a panel
-_USUAL = 1  # which of the speeds
 _MOST = 400  # healthy recordings that are drawn
 _CAPTION = (
     "Change of friction at each joint's usual speed [N m, or N], against the mean of the "
-    "healthy recordings; total: Coulomb and viscous. Intervals from the scatter between "
-    "recordings."
+    "healthy recordings, beside all else that changed; total: all but the asymmetry. Intervals "
+    "from the scatter between recordings and the noise of each."
 )
 
 
@@ -52,13 +51,13 @@ class Monitored:
     arrivals: tuple[Arrival, ...] = ()
 
     def __repr__(self) -> str:
-        text = [self.sentence, f"{self.about}; {self.rate_text}", terminal_text(self.table)]
+        text = [self.sentence, self.about, terminal_text(self.table)]
         text += self.judgement.notes
         return "\n".join([*text, self.evidence] if self.arrivals else text)
 
     @property
     def answer(self) -> str:
-        """Answer "changed", "unchanged" or "cannot_tell"."""
+        """Answer "changed", "unchanged", "other" or "cannot_tell", see `Judgement`."""
         return self.judgement.answer
 
     @property
@@ -81,25 +80,19 @@ class Monitored:
     def sentence(self) -> str:
         """The judgement in one sentence."""
         j = self.judgement
+        causes = f"; {'; '.join(j.causes)}" if j.causes else ""
+        odds = f"(p = {j.p:.2g}, alarm at {j.rate:g})"
         if j.answer == "cannot_tell":
-            return f"These recordings cannot tell at a rate of false alarms of {j.rate:g}."
-        what = "has not changed"
+            return f"These recordings cannot tell whether friction has changed {odds}{causes}."
         if j.answer == "changed":
-            what = f"has changed: {', '.join(self.baseline.joints[k] for k in j.joints)}"
-        return f"Friction {what} (p = {j.p:.2g}, alarm at {j.rate:g})."
+            joints = ", ".join(self.baseline.joints[k] for k in j.joints)
+            return f"Friction has changed: {joints} {odds}{causes}."
+        return f"Friction has not changed {odds}{', but' if causes else ''}{causes[1:]}."
 
     @property
     def about(self) -> str:
         """How many recordings are compared."""
         return f"{len(self.names)} new recordings against {len(self.baseline.names)} healthy ones"
-
-    @property
-    def rate_text(self) -> str:
-        """How the rate of false alarms follows."""
-        if self.judgement.test == "normal":
-            return "rate by Hotelling's test, which assumes a normal distribution"
-        least = f"least possible {self.judgement.promised:.2g}"
-        return f"rate by permutation, which assumes nothing of the scatter; {least}"
 
     @property
     def evidence(self) -> str:
@@ -136,8 +129,7 @@ class Monitored:
             "answer": j.answer,
             "joints": [joints[k] for k in j.joints],
             "rate": j.rate,
-            "least_rate": j.promised,
-            "test": j.test,
+            "causes": j.causes,
             "p": j.p,
             "p_of_joint": dict(zip(joints, j.p_of_joint.tolist(), strict=True)),
             "changes": self.frame.to_dict("records"),
@@ -156,7 +148,6 @@ def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = Fals
         "sentence": monitored.sentence,
         "judgement": monitored.judgement,
         "about": monitored.about,
-        "rate": monitored.rate_text,
         "evidence": monitored.evidence,
         "table": monitored.table,
         "image": "data:image/svg+xml;base64," + base64.b64encode(kinds["svg"]).decode(),
@@ -181,14 +172,13 @@ def _drift(monitored: Monitored) -> Any:
     if arrivals:
         new = joined([a.changes for a in arrivals])
     healthy = baseline.changes
-    shown = np.unique(np.linspace(0, len(healthy.parts) - 1, _MOST).round().astype(int))
-    at = np.arange(-len(shown), len(new.parts))
+    shown = np.unique(np.linspace(0, len(healthy.value) - 1, _MOST).round().astype(int))
+    at = np.arange(-len(shown), len(new.value))
     rows = len(baseline.joints) + len(baseline.covariates) + bool(arrivals)
     picture = style.figure(0.5 + _HEIGHT * rows)
     axes = picture.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     before, after = (
-        100.0 * curve_changes(x.parts, baseline.reference.speeds)[..., _USUAL] / baseline.level
-        for x in (healthy, new)
+        100.0 * totals(x, len(baseline.joints)) / baseline.level for x in (healthy, new)
     )
     middle, reach = before.mean(axis=0), 1.96 * before.std(axis=0, ddof=1)
     for j, (axis, name) in enumerate(zip(axes, baseline.joints, strict=False)):

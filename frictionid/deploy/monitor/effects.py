@@ -1,0 +1,105 @@
+"""What may have changed on a machine: friction, a payload, the sensors; each with its prior."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.mechanics import Mechanism
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+
+PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
+# Standard deviations of priors, wide beside what a recording tells, so that they hardly shrink it:
+# delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
+DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
+PRIORS = (DELAY, GAIN, OFFSET, MASS, LEVELS)
+_NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
+
+
+class Effect(NamedTuple):
+    """One number that may have changed.
+
+    cause : what it belongs to, such as "friction of joint 1"
+    name : of the number in it; unit : its unit; size : standard deviation of its prior
+    """
+
+    cause: str
+    name: str
+    unit: str
+    size: float
+
+
+def effects_of(mechanism: Mechanism, level: Array) -> tuple[Effect, ...]:
+    """All effects on a machine whose friction is `level` (m,) at its usual speeds.
+
+    >>> from frictionid.mechanics import pendulum
+    >>> [e.cause for e in effects_of(pendulum(mass=0.5, length=0.3), np.ones(1))][3:6]
+    ['friction of joint 1', "the payload's inertia", "the torque's delay"]
+    """
+    return tuple(_effects(mechanism, level))
+
+
+def _effects(mechanism: Mechanism, level: Array) -> Iterator[Effect]:
+    pairs = zip(mechanism.friction_names, mechanism.friction_torque_units, level, strict=True)
+    for name, unit, size in pairs:
+        for part in PARTS:
+            yield Effect(f"friction of {name}", part, unit, LEVELS * float(size))
+    for name in payloads(mechanism)[0]:
+        yield Effect("the payload's inertia", name, "1", MASS)
+    yield Effect("the torque's delay", "delay", "s", DELAY)
+    for name, driven in zip(mechanism.joints, mechanism.driven, strict=True):
+        if driven:
+            yield Effect(f"the torque's gain of {name}", "gain", "1", GAIN)
+    for name, unit in zip(mechanism.joints, mechanism.position_units, strict=True):
+        yield Effect(f"the angle's offset of {name}", "offset", unit, OFFSET)
+
+
+def causes_of(effects: Sequence[Effect]) -> dict[str, Array]:
+    """Columns of each cause."""
+    places = enumerate(effects)
+    return {
+        cause: np.array([i for i, _ in group])
+        for cause, group in groupby(places, lambda place: place[1].cause)
+    }
+
+
+def payloads(mechanism: Mechanism) -> tuple[tuple[str, ...], Array]:
+    """Names (I,) of masses, and changes (I, nb) of the base parameters when each one doubles.
+
+    Of a tree of bodies mass and first moments of the last body, where a tool is carried. Masses
+    that act as others do are left out.
+    """
+    size = np.abs(np.asarray(mechanism.base(mechanism.nominal()), dtype=float)) + 1e-12
+    names, rows, basis = [], np.zeros((0, len(size))), np.zeros((0, len(size)))
+    for name, row in _masses(mechanism):
+        scaled = row / size
+        left = scaled - basis.T @ (basis @ scaled)
+        length = float(np.linalg.norm(left))
+        if length > _NEW * float(np.linalg.norm(scaled)):
+            basis, rows = np.vstack([basis, left / length]), np.vstack([rows, row])
+            names.append(name)
+    return tuple(names), rows
+
+
+def _masses(mechanism: Mechanism) -> list[tuple[str, Array]]:
+    """Names and changes of base parameters of all masses, the last ones first."""
+    values = mechanism.nominal()
+    out = []
+    for p in reversed(mechanism.parameters):
+        if p.unit == "kg" and values[p.name] > 0:
+            more = mechanism.base({**values, p.name: 2.0 * values[p.name]})
+            out.append((p.name, np.asarray(more - mechanism.base(values), dtype=float)))
+    if isinstance(mechanism, RigidBodyTree) and not out:
+        first, inertia = 10 * (mechanism.n - 1), mechanism.tree.inertia
+        mass, length = (
+            float(inertia[-1, 0]),
+            max(float(np.abs(mechanism.tree.shift[-1]).max()), 0.1),
+        )
+        for k, name in enumerate(("mass", "mx", "my", "mz")):
+            unit = mass if k == 0 else mass * length
+            out.append((name, unit * mechanism.reduction.regrouping[:, first + k]))
+    return out

@@ -1,0 +1,76 @@
+"""Differences of recordings whose scatter is known: the rate, and which cause is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from frictionid.deploy.monitor.changes import Changes
+from frictionid.deploy.monitor.explanation import cause_tests, explained
+from frictionid.deploy.monitor.scatter import difference_of
+
+D = 6
+CAUSES = {"a": np.array([0, 1, 2]), "b": np.array([3]), "c": np.array([4, 5])}
+SIZE = np.full(D, 1e3)
+rng = np.random.default_rng(0)
+TURN = rng.normal(size=(D, D))
+NOISE = TURN @ TURN.T + 0.1 * np.eye(D)  # strongly correlated, as parts of friction are
+
+
+def recordings(rng, count, off=0.0, noise=1.0, motion=0.0, slope=0.0):
+    """Changes that scatter by themselves (0.5) and by the noise of each estimate."""
+    w = motion + rng.normal(size=(count, 1, 2))
+    root = np.linalg.cholesky(NOISE) * np.sqrt(noise)
+    value = 0.5 * rng.normal(size=(count, D)) + rng.normal(size=(count, D)) @ root.T
+    inverse = np.repeat(noise * NOISE[None], count, axis=0)
+    ones = np.ones((count, D))
+    shift = slope * w[:, 0, :1]
+    return Changes(value + off + shift, inverse, ones, w, ones[:, :1], np.empty((count, 0)))
+
+
+def p_of(healthy, new):
+    return explained(cause_tests(difference_of(healthy, new, SIZE), CAUSES), 0.01)
+
+
+@pytest.mark.parametrize(("count", "noise"), [(20, 1.0), (8, 1.0), (20, 4.0), (20, 0.25)])
+def test_alarms_are_no_more_often_than_the_rate(count, noise):
+    """New recordings may tell more or less than the healthy ones."""
+    rng = np.random.default_rng(1)
+    p = [p_of(recordings(rng, count), recordings(rng, 5, noise=noise)).p for _ in range(200)]
+    assert np.mean(np.array(p) <= 0.05) <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 200)
+
+
+@pytest.mark.parametrize("cause", list(CAUSES))
+def test_the_cause_that_changed_is_named_alone(cause):
+    rng = np.random.default_rng(2)
+    off = np.zeros(D)
+    off[CAUSES[cause][0]] = 6.0
+    said = [p_of(recordings(rng, 20), recordings(rng, 10, off=off)).groups for _ in range(20)]
+    assert sum(groups == ((cause,),) for groups in said) >= 18
+
+
+def test_causes_that_do_the_same_cannot_be_told_apart():
+    """Estimates whose sum alone is known: a change of one is as well one of the other."""
+    blind = np.eye(D)
+    blind[3:5, 3:5] = [[50.0, -49.99], [-49.99, 50.0]]
+    rng = np.random.default_rng(3)
+
+    def drawn(count, off):
+        changes = recordings(rng, count)
+        value = rng.multivariate_normal(np.zeros(D), blind, count) + off
+        return changes._replace(value=value, inverse=np.repeat(blind[None], count, axis=0))
+
+    off = np.array([0.0, 0, 0, 2.0, 0, 0])
+    (group,) = p_of(drawn(20, 0.0), drawn(20, off)).groups
+    assert set(group) == {"b", "c"}
+
+
+def test_what_follows_the_motion_is_no_change():
+    """Slopes are learnt from the healthy recordings' variety."""
+    rng = np.random.default_rng(4)
+    healthy = recordings(rng, 40, noise=0.1, slope=3.0)
+    new = recordings(rng, 10, noise=0.1, motion=1.8, slope=3.0)
+    assert p_of(healthy, new).p > 0.01
+    blind = [x._replace(motion=np.zeros_like(x.motion)) for x in (healthy, new)]
+    with_, without = difference_of(healthy, new, SIZE), difference_of(*blind, SIZE)
+    assert np.abs(with_.mean).max() < 0.2 * np.abs(without.mean).min()
