@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from frictionid.deploy.pooling.pool import over_covariate as over_covariate
     from frictionid.deploy.pooling.pool import pool as pool
     from frictionid.deploy.simulator import Simulator as Simulator
+    from frictionid.deploy.watch.external import external_torque as external_torque
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
     from frictionid.evaluation.folds import make_folds as make_folds

@@ -21,6 +21,7 @@ from frictionid.cli.sensitivity import sensitivity, tune
 from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
 from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
+from frictionid.deploy.watch.cli import watch
 from frictionid.errors import InputError
 from frictionid.rig.cli import align, excite, log, render, simulate_drive, track
 
@@ -44,6 +45,7 @@ for command in (
     report,
     baseline,
     monitor,
+    watch,
     simulate,
     suggest,
     log,

@@ -16,6 +16,7 @@ from fixtures.printed import assert_alike
 PAGES = [
     ROOT / "docs" / "python.md",
     ROOT / "docs" / "monitoring.md",
+    ROOT / "docs" / "watching.md",
     *sorted((ROOT / "docs" / "python").glob("*.md")),
 ]
 

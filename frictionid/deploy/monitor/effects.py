@@ -91,8 +91,8 @@ def _masses(mechanism: Mechanism) -> list[tuple[str, Array]]:
     out = []
     for p in reversed(mechanism.parameters):
         if p.unit == "kg" and values[p.name] > 0:
-            more = mechanism.base({**values, p.name: 2.0 * values[p.name]})
-            out.append((p.name, np.asarray(more - mechanism.base(values), dtype=float)))
+            heavier = mechanism.base({**values, p.name: 2.0 * values[p.name]})
+            out.append((p.name, np.asarray(heavier - mechanism.base(values), dtype=float)))
     if isinstance(mechanism, RigidBodyTree) and not out:
         first, inertia = 10 * (mechanism.n - 1), mechanism.tree.inertia
         mass, length = (

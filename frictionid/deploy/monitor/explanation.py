@@ -58,9 +58,9 @@ class CauseTests(NamedTuple):
         before = np.concatenate([np.zeros(0, dtype=int), *(self.causes[c] for c in beside)])
         columns = self.causes[cause]
         k = len(columns)
-        more = self.explained(np.concatenate([before, columns])) - self.explained(before)
+        gained = self.explained(np.concatenate([before, columns])) - self.explained(before)
         free = max(self.freedom - k + 1.0, 1.0)
-        ratio = max(more, 0.0) / self.scale[cause] / k * free / max(self.freedom, 1.0)
+        ratio = max(gained, 0.0) / self.scale[cause] / k * free / max(self.freedom, 1.0)
         return float(fdtrc(k, free, ratio))
 
 

@@ -83,33 +83,33 @@ def judge(
     size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, judged, size)
     tests = cause_tests(difference, causes_of(baseline.reference.effects))
-    found = explained(tests, rate)
-    single = [group[0] for group in found.groups if len(group) == 1]
+    explanation = explained(tests, rate)
+    single = [group[0] for group in explanation.groups if len(group) == 1]
     joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
     parts = tuple(_parts(baseline, tests, single))
-    answer = _answer(baseline, found, joints, parts)
-    if answer == "cannot_tell" and not found.groups:
+    answer = _answer(baseline, explanation, joints, parts)
+    if answer == "cannot_tell" and not explanation.groups:
         notes.append("changes smaller than the friction itself would not be seen: record more")
     return Judgement(
         answer,
         rate,
-        found.p,
-        np.array([found.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
+        explanation.p,
+        np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
         joints,
-        tuple(_causes(baseline, tests, found)),
+        tuple(_causes(baseline, tests, explanation)),
         parts,
         tuple(notes),
     )
 
 
 def _answer(
-    baseline: Baseline, found: Explanation, joints: Sequence[int], parts: Sequence[PartChange]
+    baseline: Baseline, explanation: Explanation, joints: Sequence[int], parts: Sequence[PartChange]
 ) -> Answer:
     if joints:
         return "changed"
-    if any(name.startswith("friction") for group in found.groups for name in group):
+    if any(name.startswith("friction") for group in explanation.groups for name in group):
         return "cannot_tell"
-    if found.groups:
+    if explanation.groups:
         return "other"
     totals = [p for p in parts if p.part == "total"]
     blind = all((p.high - p.low) / 2 > _BLIND * baseline.level[p.joint] for p in totals)
@@ -143,10 +143,10 @@ def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iter
             yield PartChange(j, part, off, off - half, off + half, per_cent)
 
 
-def _causes(baseline: Baseline, tests: CauseTests, found: Explanation) -> Iterator[str]:
+def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
     """Sentences on what changed: each cause with its size, or what it cannot be told from."""
-    single = [group[0] for group in found.groups if len(group) == 1]
-    for group in found.groups:
+    single = [group[0] for group in explanation.groups if len(group) == 1]
+    for group in explanation.groups:
         if len(group) > 1:
             yield f"cannot separate {group[0]} from {' and '.join(group[1:])}"
         else:
@@ -185,8 +185,8 @@ def _notes(
         if 2 * len(off) > len(side):
             yield f"cannot judge: the new recordings are {how} than any healthy one"
         else:
-            some = f"{len(off)} of {len(side)} new recordings"
-            yield f"{some} are {how} than any healthy one: left out"
+            count = f"{len(off)} of {len(side)} new recordings"
+            yield f"{count} are {how} than any healthy one: left out"
     for s in disturbed[:_SHOWN]:
         yield (
             f"disturbed, not friction: {s.recording} from {s.begin:.2f} to {s.end:.2f} s, left out"

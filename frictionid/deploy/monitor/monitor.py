@@ -72,7 +72,9 @@ def baseline(
     (25, 2, 4)
     """
     dataset = chosen_recordings(dataset_of(data), only)
-    friction = fit(dataset, law).friction if model is None else friction_of(model)
+    friction = (
+        fit(dataset, law, method="one_step").friction if model is None else friction_of(model)
+    )
     if friction.theta.ndim != 2 or friction.mechanism:
         raise InputError("the model of a baseline must hold one friction with physics")
     healthy = make_baseline(prepared_data(dataset), friction)

@@ -1,0 +1,112 @@
+"""frictionid watch: external torque and friction while a machine runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from frictionid.cli.options import DataFolder, Json, Replace, Trust, present
+
+
+def watch(
+    model: Annotated[Path, typer.Argument(help="Model file.", callback=present)],
+    dataset: Annotated[
+        Path,
+        typer.Argument(
+            help="Data set of the machine: its columns, and recordings without contact."
+        ),
+    ],
+    follow: Annotated[
+        Path | None, typer.Option(help="Table that is being written (CSV).", callback=present)
+    ] = None,
+    port: Annotated[str, typer.Option(help="Serial port that sends such a table.")] = "",
+    baud: Annotated[int, typer.Option(min=1, help="Of the port.")] = 115200,
+    header: Annotated[
+        str, typer.Option(help="First line of the table, where the stream has none.")
+    ] = "",
+    response: Annotated[float, typer.Option(help="Lag of the external torque [s].")] = 0.1,
+    rate: Annotated[float, typer.Option(help="False contacts per hour.")] = 1.0,
+    idle: Annotated[
+        float | None, typer.Option(help="End after so many seconds without data [never].")
+    ] = None,
+    code: Annotated[Path | None, typer.Option(help="C file of the observer to write.")] = None,
+    data: DataFolder = None,
+    json: Json = False,
+    replace: Replace = False,
+    trust: Trust = False,
+) -> None:
+    """Say which torque acts from outside, and what friction is, while a machine runs."""
+    from frictionid.comparison.registry import friction_of
+    from frictionid.data.readers.dataset import load_dataset
+    from frictionid.deploy.compensation import friction_in
+    from frictionid.deploy.watch.code import write_code
+    from frictionid.deploy.watch.watch import watch_of, watched
+    from frictionid.errors import InputError
+
+    if code is None and (follow is None) == (not port):
+        raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")
+    machine = watch_of(
+        friction_in(friction_of(model)), load_dataset(dataset, data, trust=trust), response, rate
+    )
+    if code is not None:
+        for path in write_code(machine, code, [model], replace=replace):
+            print(f"written to {path}")
+        return
+    show = _Shown(machine.dataset.mechanism.joints, json)
+    stream = watched(machine, dataset, _source(follow, port, baud), idle or float("inf"), header)
+    for seen in stream:
+        show(seen)
+
+
+def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
+    from frictionid.deploy.watch.stream import bytes_of_file
+
+    if follow is not None:
+        return bytes_of_file(follow)
+    from frictionid.rig.log import Port
+
+    opened = Port(port, baud)
+    return lambda: opened.read(0.0)
+
+
+class _Shown:
+    """Prints contacts when they begin, and friction when there is a new estimate."""
+
+    def __init__(self, joints: tuple[str, ...], json: bool) -> None:
+        self.joints, self.json = joints, json
+        self.contact, self.converged = [False] * len(joints), False
+
+    def __call__(self, seen: Any) -> None:
+        for time, torque, band in zip(seen.time, seen.torque, seen.band, strict=True):
+            over = (abs(torque) > band).tolist()
+            for j, (now, before) in enumerate(zip(over, self.contact, strict=True)):
+                if now and not before:
+                    self._contact(float(time), j, float(torque[j]), float(band[j]))
+            self.contact = over
+        if seen.estimate is not None:
+            self._friction(seen.estimate)
+
+    def _contact(self, time: float, j: int, torque: float, band: float) -> None:
+        joint = self.joints[j]
+        text = f"{time:.3f} s: contact at {joint}, {torque:+.3g} N m (band {band:.2g})"
+        self._say(text, {"time": time, "contact": joint, "torque": torque, "band": band})
+
+    def _friction(self, e: Any) -> None:
+        shares = zip(e.share.tolist(), e.band.tolist(), strict=True)
+        each = ", ".join(f"{100 * s:.1f} +- {100 * b:.1f} %" for s, b in shares)
+        news = e.converged and not self.converged
+        self.converged = e.converged
+        text = f"{e.seconds:.0f} s of data: friction of the model's {each}"
+        numbers = {"seconds": e.seconds, "share": e.share, "band": e.band}
+        text += "; converged" * news
+        self._say(text, {**numbers, "converged": e.converged})
+
+    def _say(self, text: str, numbers: dict[str, Any]) -> None:
+        from frictionid.files import json_text
+
+        if self.json:
+            text = " ".join(json_text(numbers).split())
+        print(text, flush=True)

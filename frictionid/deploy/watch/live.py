@@ -1,0 +1,138 @@
+"""A live estimate of friction: what some seconds say at a time, added up, with a band.
+
+Each stretch is fitted as the monitor fits a recording, against the model; their curvatures add up,
+so that what is kept does not grow. The band is by the curvature and by how stretches scatter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal
+from frictionid.deploy.monitor.baseline import Baseline
+from frictionid.deploy.monitor.changes import prepared_data, recording_changes
+from frictionid.deploy.monitor.effects import PARTS
+from frictionid.deploy.watch.stream import Chunk
+from frictionid.errors import InputError
+
+# What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for
+# changes of these, too: 1 % of gain, 2 ms, 5 mrad, 3 % of masses.
+_KNOWN = 0.02
+_FEW = 4  # stretches before which nothing has converged
+_REACH = 1.96  # standard errors of a 95 % band
+
+
+class Live(NamedTuple):
+    """What stretches have said so far.
+
+    stretches : their number; precision (D, D), pull (D,) : sums of curvature, and of it times value
+    squares : sum of the stretches' distances from the mean before each, in units of the noise
+    checkpoint : total (n,) when half of the stretches were in; seconds : of data
+    """
+
+    stretches: int
+    precision: Array
+    pull: Array
+    squares: float
+    checkpoint: Array
+    at: int
+    seconds: float
+
+
+class Estimate(NamedTuple):
+    """Friction of each joint at its usual speed, over that of the model, with half its band (n,).
+
+    converged : whether more data would hardly move it: the band is below `within`, and so is what
+        the second half of the stretches changed
+    """
+
+    share: Array
+    band: Array
+    converged: bool
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFriction:
+    """Adds up what stretches say.
+
+    Attributes
+    ----------
+    baseline : Baseline
+        The model, its speeds and noise.
+    dataset : Dataset
+        Of the machine; its recordings are not used.
+    within : float
+        Half-width of the band, over the usual friction, at which an estimate has converged.
+    """
+
+    baseline: Baseline
+    dataset: Dataset
+    within: float = 0.05
+
+    def start(self) -> Live:
+        """Nothing said so far."""
+        effects = self.baseline.reference.effects
+        size = np.array([e.size * (1.0 if e.name in PARTS else _KNOWN) for e in effects])
+        n = len(self.baseline.joints)
+        return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.full(n, np.nan), 0, 0.0)
+
+    def added(self, live: Live, chunk: Chunk) -> Live:
+        """With what a stretch says; unchanged where it is too short or nothing moves."""
+        angle = Signal(chunk.time, chunk.angle, sigma=self.dataset.recordings[0].angle.sigma)
+        run = Recording("stretch", angle, chunk.torque)
+        data = replace(self.dataset, recordings=(run,), truth=None)
+        base = self.baseline
+        try:
+            said, _ = recording_changes(prepared_data(data), base.reference, (), base.peak)
+        except InputError:
+            return live
+        size = np.array([e.size for e in base.reference.effects])
+        curvature = np.linalg.inv(said.inverse[0]) - np.diag(size**-2.0)
+        value = said.value[0]
+        off = value - np.linalg.solve(live.precision, live.pull)
+        spread = said.inverse[0] + np.linalg.inv(live.precision)
+        squares = float(off @ np.linalg.solve(spread, off)) / len(off) if live.stretches else 0.0
+        # value is shrunk by its prior: what the rows say is curvature-weighted
+        pull = np.linalg.solve(said.inverse[0], value)
+        now = Live(
+            live.stretches + 1,
+            live.precision + curvature,
+            live.pull + pull,
+            live.squares + squares,
+            live.checkpoint,
+            live.at,
+            live.seconds + float(np.ptp(chunk.time)),
+        )
+        if now.stretches >= 2 * max(live.at, 1):
+            now = now._replace(checkpoint=self._total(now)[0], at=now.stretches)
+        return now
+
+    def estimate(self, live: Live) -> Estimate:
+        """Friction with its band, and whether it has converged."""
+        total, band = self._total(live)
+        moved = np.abs(total - live.checkpoint)
+        settled = live.stretches > _FEW <= live.at and bool((moved <= band).all())
+        return Estimate(
+            1.0 + total, band, settled and bool((band <= self.within).all()), live.seconds
+        )
+
+    def _total(self, live: Live) -> tuple[Array, Array]:
+        """Changes (n,) of friction at the usual speed over the model's, and half their bands."""
+        n, parts = len(self.baseline.joints), len(PARTS)
+        covariance = np.linalg.inv(live.precision)
+        value = covariance @ live.pull
+        slow, usual, _ = self.baseline.reference.speeds.T
+        rows = np.zeros((n, len(value)))
+        for j in range(n):
+            weights = (1.0, 1.0, float(np.exp(-((usual[j] / slow[j]) ** 2))), 0.0)
+            rows[j, parts * j : parts * (j + 1)] = weights
+        rows /= self.baseline.level[:, None]
+        excess = max(live.squares / max(live.stretches - 1, 1), 1.0)
+        error = np.sqrt(excess * np.einsum("jp,pq,jq->j", rows, covariance, rows))
+        return rows @ value, _REACH * error

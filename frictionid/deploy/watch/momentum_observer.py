@@ -1,0 +1,247 @@
+"""The momentum observer: the torque that model and friction leave, sample by sample.
+
+With the momentum p = M(q) w and the generalised force f = dL/dq + B u - A' Tf(A w), the torque from
+outside is what makes the momentum differ from the force, through a filter of first order
+[DeLuca2003], [Haddadin2017]:
+
+    r' = K (p' - f - r)
+
+Angles and torques pass the same quick filter of second order first, which gives the velocity; so
+all lag alike, and by little where they enter the mechanics. The observer's filter is of second
+order, too. Filters are integrated exactly: angles are joined by lines, torques held.
+Beside the observer of the fit, members with other parameters run on the same samples: what they
+differ by is what the fit's covariance makes of the torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.coordinates import at_places
+from frictionid.mechanics import Plant
+
+SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
+_QUICK = 6.0  # times the rate, that of the first filter
+
+
+class Members(NamedTuple):
+    """Parameters of S members, the fit's first.
+
+    theta (S, m, P); base (S, nb); gain, bias, offset (S, n); delay (S,) [s]
+    """
+
+    theta: Array
+    base: Array
+    gain: Array
+    bias: Array
+    offset: Array
+    delay: Array
+
+
+class State(NamedTuple):
+    """What a stream remembers: the last sample, and the filters.
+
+    time : of the last sample [s]; angle (n,) there; begin : of the stream [s]
+    first, second : (2 n,), filters of angles and torques; momentum, force : (S, n)
+    stick : (n,), share of friction that rest leaves open; memory : of the friction's law
+    slower, torque : (S + 1, n), the observer's filter, of the members' torques and of `stick`
+    """
+
+    time: float
+    angle: Array
+    begin: float
+    first: Array
+    second: Array
+    momentum: Array
+    force: Array
+    stick: Array
+    memory: Memory
+    slower: Array
+    torque: Array
+
+
+class Observed(NamedTuple):
+    """What the observer says of K samples.
+
+    time (K,); torque (K, S, n) [N m] by each member; stick (K, n) [N m]; settled (K,) of bool
+    """
+
+    time: Array
+    torque: Array
+    stick: Array
+    settled: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MomentumObserver:
+    """Settings of a momentum observer.
+
+    Attributes
+    ----------
+    friction : Friction
+        Its law; parameters are those of the members.
+    plant : Plant
+        Of the machine as it is; base parameters are those of the members.
+    members : Members
+    rate : float
+        K [1/s], of the observer's filter; that of the first one is six times as high.
+    slow : array, shape (m,)
+        Speed below which friction may be anything up to `level` [rad/s]; about a reversal, what
+        the filters' lag makes of the velocity comes on top.
+    level : array, shape (m,)
+        Friction there [N m].
+    """
+
+    friction: Friction
+    plant: Plant
+    members: Members
+    rate: float
+    slow: Array
+    level: Array
+
+    def start(self, time: float, angle: Array, torque: Array) -> State:
+        """State at the first sample: at rest, with its torque (n,)."""
+        S, n = self.members.gain.shape
+        held = np.concatenate([angle, torque])
+        nothing, out = np.zeros((S, n)), np.zeros((S + 1, n))
+        x = self._inputs(held[None], np.zeros((1, n)))
+        memory = self.friction.law.start(self.members.theta, _at(x, 0))
+        state = State(time, angle, time, held, held, nothing, nothing, nothing[0], memory, out, out)
+        momentum, force, stick, _ = self._forces(held[None], held[None], state, np.zeros(1))
+        return state._replace(momentum=momentum[0], force=force[0], stick=stick[0])
+
+    def advance(
+        self, state: State, time: Array, angle: Array, torque: Array
+    ) -> tuple[State, Observed]:
+        """The state after more samples, and what they say.
+
+        Parameters
+        ----------
+        state : State
+        time, angle : arrays, shapes (K,) and (K, n)
+            Of the samples after the last one.
+        torque : array, shape (K, n)
+            Mean of the logged torque over the interval before each sample.
+
+        Raises
+        ------
+        InputError
+            Where time does not increase.
+        """
+        dt = np.diff(np.concatenate([[state.time], time]))
+        if not (dt > 0).all():
+            k = int(np.argmax(~(dt > 0)))
+            raise InputError(
+                f"time = {time[k]:g} s comes after {time[k] - dt[k]:g} s: it must increase"
+            )
+        last = np.concatenate([state.angle[None], angle[:-1]])
+        ends = np.column_stack([last, torque]), np.column_stack([angle, torque])
+        first, second = _filtered(*ends, dt, self.quick, state.first, state.second)
+        momentum, force, stick, memory = self._forces(first, second, state, dt)
+        before = np.concatenate([state.momentum[None], momentum[:-1]])
+        mean = (np.concatenate([state.force[None], force[:-1]]) + force) / 2
+        left = (momentum - before) / dt[:, None, None] - mean
+        open_share = (np.concatenate([state.stick[None], stick[:-1]]) + stick) / 2
+        both = np.concatenate([left, open_share[:, None]], axis=1)
+        slower, out = _filtered(both, both, dt, self.rate, state.slower, state.torque)
+        settled = time - state.begin >= SETTLING / self.rate
+        after = State(
+            float(time[-1]),
+            angle[-1],
+            state.begin,
+            first[-1],
+            second[-1],
+            momentum[-1],
+            force[-1],
+            stick[-1],
+            memory,
+            slower[-1],
+            out[-1],
+        )
+        return after, Observed(time, out[:, :-1], out[:, -1], settled)
+
+    @property
+    def quick(self) -> float:
+        """Rate of the first filter [1/s]."""
+        return _QUICK * self.rate
+
+    def _forces(
+        self, first: Array, second: Array, state: State, dt: Array
+    ) -> tuple[Array, Array, Array, Memory]:
+        """Momentum and force (K, S, n), the open share (K, n) of friction, and the memory."""
+        n, members = len(state.angle), self.members
+        w, u = self.quick * (first - second)[:, :n], second[:, n:]
+        rising = self.quick * (first - second)[:, n:]
+        momentum, slope = self._momentum(second[:, :n], w)
+        logged = u[:, None] - members.delay[:, None] * rising[:, None]
+        motors = self.plant.mechanism.motors
+        driven = (members.gain * logged + members.bias) * motors
+        x = self._inputs(second, w)
+        Tf, memory = self._friction(x, state.memory, dt)
+        A = self.plant.mechanism.friction_map
+        last = self.quick * (state.first - state.second)[None, :n]
+        change = np.abs(np.diff(np.concatenate([last, w]), axis=0)) @ np.abs(A).T
+        within = self.slow + change / (self.quick * np.maximum(dt, 1e-9))[:, None]
+        stick = (self.level * np.exp(-((x.w / within) ** 2))) @ np.abs(A)
+        return momentum, slope + driven - Tf @ A, stick, memory
+
+    def _momentum(self, q: Array, w: Array) -> tuple[Array, Array]:
+        """Momentum and dL/dq (K, S, n); members with the same machine share it."""
+        members, mechanism = self.members, self.plant.mechanism
+        machines = np.column_stack([members.base, members.offset])
+        different, which = np.unique(machines, axis=0, return_inverse=True)
+        nb = members.base.shape[1]
+        p, offset = different[None, :, :nb], different[None, :, nb:]
+        at = q[:, None] - offset
+        terms = mechanism.terms(p, at, np.broadcast_to(w[:, None], at.shape))
+        which = np.ravel(which)
+        return terms.momentum[:, which], terms.dLdq[:, which]
+
+    def _inputs(self, second: Array, w: Array) -> Inputs:
+        """What friction depends on, (K, m): by the fit's calibration."""
+        n, members, plant = w.shape[1], self.members, self.plant
+        q = second[:, :n] - members.offset[0]
+        u = (members.gain[0] * second[:, n:] + members.bias[0]) * plant.mechanism.motors
+        load = plant.load(q, w, u) if self.friction.law.uses_load else u
+        return at_places(plant.mechanism, Inputs(q, w, u, load))
+
+    def _friction(self, x: Inputs, memory: Memory, dt: Array) -> tuple[Array, Memory]:
+        """Friction (K, S, m) along samples, and the memory after them."""
+        law, theta = self.friction.law, self.members.theta
+        if not law.has_memory:
+            return law.torque(theta, x.each(lambda values: values[:, None]), ()), ()
+        out = []
+        for k, step in enumerate(dt):
+            now = _at(x, k)
+            memory = law.advance(theta, now, memory, np.full((1, 1), step)) if step > 0 else memory
+            out.append(law.torque(theta, now, memory))
+        return np.stack(out), memory
+
+
+def _at(x: Inputs, k: int) -> Inputs:
+    """Inputs (1, m) of one sample, for all members."""
+    return x.each(lambda values: values[k : k + 1])
+
+
+def _filtered(
+    begin: Array, end: Array, dt: Array, rate: float, x: Array, y: Array
+) -> tuple[Array, Array]:
+    """Both stages (K, ...) of a critically damped filter, under inputs linear over each dt.
+
+    begin, end : inputs (K, ...) at the ends of each interval; x, y : both stages (...) before
+    """
+    first, second = np.empty_like(begin), np.empty_like(begin)
+    decays, steps = np.exp(-rate * dt).tolist(), (rate * dt).tolist()
+    for k, (a, b, decay, step) in enumerate(zip(begin, end, decays, steps, strict=True)):
+        lag = (b - a) / step
+        off = x - a + lag
+        y = b - 2.0 * lag + decay * (y - a + 2.0 * lag + step * off)
+        x = b - lag + decay * off
+        first[k], second[k] = x, y
+    return first, second

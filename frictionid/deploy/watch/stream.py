@@ -1,0 +1,128 @@
+"""Rows of a table that is still being written: of a file that grows, or of a serial port."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.config import read_toml
+from frictionid.data.readers.dataset_path import dataset_path
+from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
+from frictionid.data.readers.table import read_table
+from frictionid.data.readers.table_recording import recorded
+from frictionid.data.signals import TORQUE_HOLD, Signal, holds
+from frictionid.errors import InputError
+
+_PAUSE = 0.02  # [s] between two looks
+_MOST = 1 << 20  # bytes at a time
+_NAME = "stream.csv"
+
+
+class Chunk(NamedTuple):
+    """Samples on one clock: time (K,) [s], angle (K, n), and the torque's signal."""
+
+    time: Array
+    angle: Array
+    torque: Signal
+
+
+class Columns(NamedTuple):
+    """What the columns of a stream are: by a dataset.toml, and the stream's first line."""
+
+    toml: DatasetToml
+    header: str
+
+    def chunk(self, lines: list[str]) -> Chunk:
+        """Samples of complete lines, in SI units.
+
+        Raises
+        ------
+        InputError
+            For a damaged line, and torques on a clock of their own.
+        """
+        columns = self.toml.columns
+        assert columns is not None
+        asked = self.toml.asked.names()
+        table = read_table("\n".join([self.header, *lines]).encode(), _NAME, asked)
+        signals = recorded(table, self.toml)
+        angle, torque = signals.angle, signals.torque
+        if not np.array_equal(angle.time, torque.time):
+            raise InputError("a stream needs angles and torques on one clock: log them together")
+        torque = torque._replace(hold=torque.hold or TORQUE_HOLD)
+        return Chunk(angle.time, np.asarray(angle.value, dtype=float), torque)
+
+
+def columns_of(dataset: str | Path, header: str) -> Columns:
+    """Columns of a stream with a header, as the dataset.toml of a folder describes them."""
+    file = dataset_path(Path(dataset))
+    toml = check_dataset_toml(read_toml(file), str(file))
+    if toml.columns is None:
+        raise InputError(f"{file}: a stream needs [columns]; this data set has a reader of its own")
+    return Columns(toml, header)
+
+
+def joined(before: Chunk, after: Chunk) -> Chunk:
+    """Two chunks as one."""
+    torque = before.torque._replace(
+        time=np.concatenate([before.torque.time, after.torque.time]),
+        value=np.concatenate([before.torque.value, after.torque.value]),
+    )
+    return Chunk(
+        np.concatenate([before.time, after.time]),
+        np.concatenate([before.angle, after.angle]),
+        torque,
+    )
+
+
+def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
+    """Some of its samples."""
+    rows = slice(first, end)
+    torque = chunk.torque._replace(time=chunk.torque.time[rows], value=chunk.torque.value[rows])
+    return Chunk(chunk.time[rows], chunk.angle[rows], torque)
+
+
+def mean_torques(chunk: Chunk) -> Array:
+    """Mean logged torque (K - 1, n) between neighbouring samples."""
+    value = np.asarray(chunk.torque.value, dtype=float)
+    return value[:-1] if holds(chunk.torque) else (value[:-1] + value[1:]) / 2
+
+
+def bytes_of_file(path: Path) -> Callable[[], bytes]:
+    """A function that gives what was written to a file since it was asked last."""
+    place = 0
+
+    def read() -> bytes:
+        nonlocal place
+        with path.open("rb") as handle:
+            handle.seek(place)
+            new = handle.read(_MOST)
+        place += len(new)
+        return new
+
+    return read
+
+
+def lines_of(read: Callable[[], bytes], idle: float) -> Iterator[list[str]]:
+    r"""Complete lines that came, until nothing has come for `idle` seconds; [] while none comes.
+
+    >>> parts = iter([b"a,b\n1,", b"2\n3,4", b"\n"])
+    >>> list(filter(None, lines_of(lambda: next(parts, b""), 0.0)))
+    [['a,b'], ['1,2'], ['3,4']]
+    """
+    rest, last = b"", time.monotonic()
+    while True:
+        new = read()
+        if new:
+            *whole, rest = (rest + new).split(b"\n")
+            last = time.monotonic()
+            yield [line.decode("utf-8", "replace").strip() for line in whole if line.strip()]
+        elif time.monotonic() - last >= idle:
+            return
+        else:
+            yield []
+            time.sleep(_PAUSE)

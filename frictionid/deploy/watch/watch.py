@@ -1,0 +1,126 @@
+"""Watching a stream: external torque sample by sample, and a live estimate of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
+from frictionid.deploy.monitor.monitor import baseline
+from frictionid.deploy.watch.external import Band, band_of, momentum_observer_of, with_band
+from frictionid.deploy.watch.live import Estimate, Live, LiveFriction
+from frictionid.deploy.watch.momentum_observer import MomentumObserver, State
+from frictionid.deploy.watch.stream import (
+    Chunk,
+    Columns,
+    columns_of,
+    joined,
+    lines_of,
+    mean_torques,
+    part,
+)
+from frictionid.friction import Friction
+
+_STRETCH = 5.0  # [s] that the live estimate takes at a time
+
+
+class Seen(NamedTuple):
+    """What new samples said: time (K,), torque and band (K, n) [N m], and the live estimate.
+
+    estimate : None until a stretch of some seconds is complete
+    """
+
+    time: Array
+    torque: Array
+    band: Array
+    estimate: Estimate | None
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """What watches a stream.
+
+    Attributes
+    ----------
+    dataset : Dataset
+        Of the machine, with recordings without contact.
+    momentum_observer : MomentumObserver
+    band : Band
+    friction : LiveFriction
+    """
+
+    dataset: Dataset
+    momentum_observer: MomentumObserver
+    band: Band
+    friction: LiveFriction
+
+
+def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float) -> Watch:
+    """Watch of a machine by a friction, and recordings without contact."""
+    return Watch(
+        dataset,
+        momentum_observer_of(friction, dataset, 0, response),
+        band_of(friction, dataset, response, rate),
+        LiveFriction(baseline(dataset, model=friction), dataset),
+    )
+
+
+def watched(
+    watch: Watch,
+    place: str | Path,
+    read: Callable[[], bytes],
+    idle: float = np.inf,
+    header: str = "",
+) -> Iterator[Seen]:
+    """What the samples of a stream say, as they come; memory does not grow with its length.
+
+    Parameters
+    ----------
+    watch : Watch
+    place : folder of the dataset.toml that describes the columns
+    read : gives the bytes that came since it was asked last
+    idle : ends after so long without a byte [s]
+    header : first line of the table, where the stream has none
+    """
+    columns: Columns | None = columns_of(place, header) if header else None
+    stream: _Stream | None = None
+    for lines in lines_of(read, idle):
+        if columns is None and lines:
+            columns, lines = columns_of(place, lines[0]), lines[1:]
+        if columns is None or not lines:
+            continue
+        new = columns.chunk(lines)
+        if stream is None:
+            first = np.asarray(new.torque.value[0], dtype=float)
+            state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], first)
+            stream = _Stream(state, part(new, 0, 1), part(new, 0, 1), watch.friction.start())
+            new = part(new, 1)
+        if len(new.time):
+            stream, seen = _stepped(watch, stream, new)
+            yield seen
+
+
+class _Stream(NamedTuple):
+    """Where a stream is: the observer, the last sample, the stretch so far, and the estimate."""
+
+    state: State
+    last: Chunk
+    stretch: Chunk
+    live: Live
+
+
+def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
+    """The stream after new samples, and what these say."""
+    torque = mean_torques(joined(stream.last, new))
+    state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
+    stretch, live, estimate = joined(stream.stretch, new), stream.live, None
+    if stretch.time[-1] - stretch.time[0] >= _STRETCH:
+        live = watch.friction.added(live, stretch)
+        estimate, stretch = watch.friction.estimate(live), part(stretch, -1)
+    seen = Seen(said.time, *with_band(said, watch.band), estimate)
+    return _Stream(state, part(new, -1), stretch, live), seen

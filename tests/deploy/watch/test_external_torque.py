@@ -1,0 +1,230 @@
+"""The momentum observer: what acts from outside comes out, live as in batches, in C too."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import frictionid as fid
+from frictionid.__main__ import main
+from frictionid.deploy.watch.code import write_code
+from frictionid.deploy.watch.external import interval_torques
+from frictionid.deploy.watch.live import LiveFriction
+from frictionid.deploy.watch.stream import Chunk, part
+from frictionid.deploy.watch.watch import watch_of, watched
+from frictionid.friction.laws import CoulombViscous, Dahl
+from frictionid.simulate import (
+    Camera,
+    Curve,
+    Drive,
+    Multisine,
+    Rig,
+    Run,
+    Stribeck,
+    simulate,
+    write_dataset,
+)
+
+PUSH, BEGIN, END = 0.3, 4.0, 5.0  # N m, s
+
+
+def recorded(count=4, seconds=12.0, noise=2e-4, seed=1):
+    """A pendulum with Coulomb and viscous friction, at 200 samples a second."""
+    torque = Multisine(1.2, (0.7, 1.1, 1.6))
+    runs = tuple(Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
+    true = Stribeck(Curve((0.1,), (0.1,), (0.02,)))
+    camera = Camera(int(seconds * 200) + 1, 200.0, noise)
+    parameters = {"mass": 0.5, "length": 0.3}
+    machine = {"kind": "pendulum", "parameters": parameters}
+    drive = Drive(rate=200.0)
+    return simulate(Rig("p", machine, true, camera, runs, drive=drive, seed=seed, substeps=4))
+
+
+def pushed(recording):
+    """The log without a torque that acted: as if somebody had pushed."""
+    value, time = recording.torque.value.copy(), recording.torque.time
+    value[(time >= BEGIN) & (time < END)] -= PUSH
+    return replace(recording, torque=recording.torque._replace(value=value))
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return recorded()
+
+
+@pytest.fixture(scope="module")
+def fit(quiet):
+    return fid.fit(quiet, "coulomb_viscous")
+
+
+@pytest.fixture(scope="module")
+def contact(quiet):
+    return replace(quiet, recordings=(pushed(quiet.recordings[1]),))
+
+
+def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, contact):
+    said = fid.external_torque(fit, contact)
+    (only,) = said.contacts
+    assert BEGIN < only.begin < BEGIN + 0.15
+    assert END < only.end < END + 0.3
+    frame = said.frame
+    within = frame[(frame.time > BEGIN + 0.4) & (frame.time < END)]
+    # friction that rests may hold a part of it
+    assert within.torque1.median() == pytest.approx(PUSH, rel=0.05)
+    assert not fid.external_torque(fit, fit.data).contacts
+
+
+def test_the_lag_is_the_response(fit, contact):
+    """Half of a step is there a little before the response, the mean delay."""
+    said = fid.external_torque(fit, contact, response=0.2)
+    frame = said.frame
+    after = frame[frame.time > BEGIN]
+    half = after.time[after.torque1 > PUSH / 2].iloc[0] - BEGIN
+    assert half == pytest.approx(0.17, abs=0.03)
+
+
+def test_a_model_without_friction_leaves_friction_over(quiet, fit):
+    """What friction does passes for a push; with it a third and less is left."""
+    none = fid.fit(quiet, "none")
+    with_, without = (
+        np.sqrt(np.nanmean(fid.external_torque(x, quiet).torque[0] ** 2)) for x in (fit, none)
+    )
+    assert with_ < without / 3
+
+
+def test_uncertain_parameters_widen_the_band(quiet):
+    plain = fid.fit(quiet, "coulomb_viscous", method="one_step")
+    loose = replace(quiet, mechanism=replace(quiet.mechanism, tolerances={"mass": 5.0}))
+    narrow, wide = (fid.external_torque(plain, x, quiet=x) for x in (quiet, loose))
+    assert (wide.band_of.spread > 2.0 * narrow.band_of.spread).all()
+
+
+@pytest.fixture(scope="module")
+def folder(quiet, contact, tmp_path_factory):
+    place = tmp_path_factory.mktemp("watch")
+    write_dataset(quiet, place / "quiet")
+    write_dataset(contact, place / "contact")
+    return place
+
+
+def in_pieces(content, size):
+    """Reads a content some bytes at a time, then nothing."""
+    parts = iter([content[a : a + size] for a in range(0, len(content), size)])
+    return lambda: next(parts, b"")
+
+
+@pytest.mark.parametrize("size", [50, 4096])
+def test_a_stream_says_what_the_batch_says(fit, folder, size):
+    quiet, new = (fid.load_dataset(folder / name) for name in ("quiet", "contact"))
+    batch = fid.external_torque(fit, new, quiet=quiet)
+    (table,) = (folder / "contact").glob("*.csv")
+    content = table.read_bytes()[: 60_000 if size == 50 else None]
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    seen = list(watched(watch, folder / "quiet", in_pieces(content, size), 0.0))
+    torque, band = (np.concatenate([getattr(s, k) for s in seen]) for k in ("torque", "band"))
+    rows = len(torque)
+    np.testing.assert_allclose(torque, batch.torque[0][:rows], atol=1e-9, equal_nan=True)
+    np.testing.assert_allclose(band, batch.band[0][:rows], atol=1e-9, equal_nan=True)
+
+
+def test_memory_is_that_of_a_stretch(fit, quiet):
+    """What is kept after a stretch is as large as after ten."""
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    live = watch.friction
+    said, size = live.start(), []
+    r = quiet.recordings[0]
+    whole = Chunk(r.angle.time, r.angle.value, r.torque)
+    for a in range(0, 2000, 400):
+        said = live.added(said, part(whole, a, a + 401))
+        size.append(sum(np.size(x) for x in said))
+    assert len(set(size)) == 1
+
+
+def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
+    """Friction 10 % below the model's, live and from all data at once."""
+    less = replace(fit.friction, theta=fit.friction.theta / 0.9)
+    watch = watch_of(less, quiet, 0.1, 1.0)
+    live = watch.friction
+    said, estimates = live.start(), []
+    for r in recorded(8, seed=3).recordings:
+        whole = Chunk(r.angle.time, r.angle.value, r.torque)
+        for a in range(0, 2000, 1000):
+            said = live.added(said, part(whole, a, a + 1001))
+            estimates.append(live.estimate(said))
+    done = next(e for e in estimates if e.converged)
+    batch = estimates[-1].share
+    assert (np.abs(done.share - batch) < done.band).all()
+    assert batch == pytest.approx(0.9, abs=0.02)
+    assert isinstance(live, LiveFriction)
+
+
+def test_the_code_computes_what_the_program_does(fit, quiet, contact, tmp_path):
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    source, _ = write_code(watch, tmp_path / "watch.c", [], replace=False)
+    library = tmp_path / "watch.so"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O2", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, "-o", library, source, "-lm"], check=True)
+    code, (r,) = ctypes.CDLL(str(library)), contact.recordings
+    array, number = ctypes.c_double * 1, ctypes.c_double
+    memory, torques = (number * 32)(), interval_torques(r)
+    base, mechanism = watch.momentum_observer.members.base[0], quiet.mechanism
+    out, q, w, torque, band = [], array(), array(), array(), array()
+    for k in range(len(r.angle.time)):
+        dt = number(r.angle.time[k] - r.angle.time[k - 1] if k else 0.0)
+        u, angle = array(*torques[max(k - 1, 0)]), array(*r.angle.value[k])
+        code.observer_filter(memory, angle, u, dt, q, w)
+        terms = mechanism.terms(base, np.array(q[:]), np.array(w[:]))
+        code.observer_update(memory, array(*terms.momentum), array(*terms.dLdq), dt, torque, band)
+        out.append((torque[0], band[0]))
+    said = fid.external_torque(fit, contact)
+    settled = np.isfinite(said.torque[0][:, 0])
+    mine, mine_band = np.array(out)[1:][settled].T
+    np.testing.assert_allclose(mine, said.torque[0][settled, 0], atol=1e-9)
+    np.testing.assert_allclose(mine_band, said.band[0][settled, 0], rtol=0.1)
+
+
+def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
+    with pytest.raises(fid.InputError, match="name recordings without contact"):
+        fid.external_torque(fit.friction, quiet)
+    with pytest.raises(fid.InputError, match="rate = 0 must be a positive number"):
+        fid.external_torque(fit, quiet, rate=0)
+    r = quiet.recordings[0]
+    cut = r.angle._replace(time=r.angle.time[:90], value=r.angle.value[:90])
+    short = replace(quiet, recordings=(replace(r, angle=cut),))
+    with pytest.raises(fid.InputError, match="too few for a band"):
+        fid.external_torque(fit, quiet, quiet=short)
+    dahl = fid.Friction(Dahl(), np.full((1, len(Dahl().names)), 0.1))
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    other = replace(watch, momentum_observer=replace(watch.momentum_observer, friction=dahl))
+    with pytest.raises(fid.InputError, match="code is for static laws"):
+        write_code(other, tmp_path / "a.c", [], replace=False)
+    assert CoulombViscous().has_memory is False
+
+
+def test_the_command_follows_a_file(fit, folder, tmp_path, monkeypatch, capsys):
+    fit.save(tmp_path / "model.json")
+    (table,) = (folder / "contact").glob("*.csv")
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["frictionid", "watch", *map(str, words)])
+        return main(), *capsys.readouterr()
+
+    machine = (tmp_path / "model.json", folder / "quiet")
+    code, out, _ = run(*machine, "--follow", table, "--idle", 0.05)
+    assert code == 0
+    assert "s: contact at joint 1, +0." in out
+    assert "of data: friction of the model's" in out
+    code, out, _ = run(*machine, "--follow", table, "--idle", 0.05, "--json")
+    assert {"contact", "torque"} < set(json.loads(out.splitlines()[0]))
+    code, out, _ = run(*machine, "--code", tmp_path / "own.c")
+    assert code == 0
+    assert (tmp_path / "own.h").exists()
+    code, _, err = run(*machine)
+    assert code == 2
+    assert "--follow FILE" in err
