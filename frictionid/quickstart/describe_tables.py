@@ -184,6 +184,10 @@ def _corrected(draft: Draft, dataset: Dataset) -> Draft:
     """The draft with the convention that the motion asks for, where it contradicts the guesses."""
     verdict = check(dataset)
     kinds = {finding.kind: finding for finding in verdict.findings}
+    late = [kinds[kind].text for kind in ("late_velocity", "wrong_velocity") if kind in kinds]
+    if late and draft.velocity:
+        said = tuple(f"velocities are left out: {text}" for text in late)
+        draft = replace(draft, velocity=(), evidence=(*draft.evidence, *said))
     fitting = [s for s in verdict.conventions if s.convention.kind in kinds]
     if not fitting:
         return draft

@@ -95,6 +95,9 @@ def _units(draft: Draft) -> Iterator[str]:
     yield "\n[units]"
     yield _line("time", g.time.unit)
     yield _line("angle", g.angle.unit)
+    if draft.velocity:
+        units = [g.angle.unit] if isinstance(g.angle.unit, str) else g.angle.unit
+        yield _line("velocity", _one_or_all([f"{unit}/s" for unit in units]), "as the angles")
     if any(g.torque.columns):
         yield _line("torque", g.torque.unit, "a current, see [motor]" if g.is_current else "")
 

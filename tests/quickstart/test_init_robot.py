@@ -86,8 +86,9 @@ def same(folder, exact):
 
 
 def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
-    _, q, u = exact
-    table = {**named("pos_{}", np.degrees(q)), **named("vel_{}", q), **named("effort_{}", u)}
+    time, q, u = exact
+    w = np.degrees(np.gradient(q, time, axis=0))
+    table = {**named("pos_{}", np.degrees(q)), **named("vel_{}", w), **named("effort_{}", u)}
     document, out = call(dict(reversed(table.items())))
     assert document["mechanism"]["joints"] == ["one", "two", "three"]
     assert document["units"]["angle"] == "deg" and "motor" not in document
@@ -128,6 +129,16 @@ def test_currents_without_constants_count_as_torques_and_say_so(call, exact):
     document, out = call(currents, "--kt", "0.05", "--gear", "60")
     assert document["motor"] == {"kt": 0.05, "gear": 60.0} and "missing: torque" not in out
     same(call.folder, exact)
+
+
+def test_velocities_behind_a_filter_are_left_out(call, exact):
+    time, q, u = exact
+    late = np.gradient(q, time, axis=0)
+    for k in range(1, len(late)):
+        late[k] = late[k - 1] + 0.05 * (late[k] - late[k - 1])  # 0.1 s
+    columns = {**named("q_{}", q), **named("vel_{}", late), **named("tau_{}", u)}
+    document, out = call(columns)
+    assert "velocity" not in document["columns"] and "velocities are left out" in out
 
 
 def test_joints_without_a_torque_are_locked_where_they_are(call, exact):
