@@ -31,7 +31,7 @@ machines: $(CORE) ## every public machine by the same rules (an hour; FRICTIONID
 	@$(BIN)/python comparisons/machines.py $(ARGS)
 
 test: $(TEST) ## add the test tools to .venv, then run all tests (8 minutes on two cores)
-	@$(ONE_THREAD) $(COMPILED) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
+	@$(ONE_THREAD) $(COMPILED) $(BIN)/frictionid warm --quiet
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 damage: $(TEST) ## 10,000 damaged inputs to all commands that read (20 minutes); of readers: ARGS="--readers --count 1000"
@@ -114,7 +114,7 @@ $(CORE): pyproject.toml constraints.txt $(if $(BROKEN),ALWAYS)
 	$(if $(READY),,$(create))
 	$(call install,'.[all]')
 	@pwd -P >.venv/place
-	@$(ONE_THREAD) $(BIN)/python -m frictionid.dynamics.tangent.compile_loops
+	@$(ONE_THREAD) $(BIN)/frictionid warm --quiet
 
 $(TEST): $(CORE)
 	@echo "Adding pytest, MuJoCo, Pinocchio, CasADi, ONNX to .venv: 0.3 GB to download, 0.8 GB on disk, a minute."

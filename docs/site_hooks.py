@@ -20,7 +20,7 @@ def on_files(files: Files, config: Any) -> Files:
     """Add the home page, the gallery with the reports that are there, and linked files."""
     home = (ROOT / "README.md").read_text(encoding="utf-8")
     home = re.sub(r"\]\(docs/", "](", home)
-    home = re.sub(r"\]\((data|comparisons|frictionid)/", r"](../\1/", home)
+    home = re.sub(r"\]\((data/|comparisons/|frictionid/|CONTRIBUTING)", r"](../\1", home)
     files.append(File.generated(config, "index.md", content=home.replace(".ipynb)", ".md)")))
     for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
         for name, content in _notebook(path).items():

@@ -15,11 +15,12 @@ from frictionid.cli.evaluate import evaluate, predict
 from frictionid.cli.fit import fit
 from frictionid.cli.init import init
 from frictionid.cli.kinds import identifiers, laws, mechanisms
-from frictionid.cli.progress import QUIET, without_quiet
+from frictionid.cli.progress import QUIET, said_once, without_quiet
 from frictionid.cli.report import report
 from frictionid.cli.sensitivity import sensitivity, tune
 from frictionid.cli.simulate import simulate
 from frictionid.cli.suggest import suggest
+from frictionid.cli.warm import warm
 from frictionid.deploy.cli import baseline, compensate, export, monitor, pool
 from frictionid.deploy.watch.cli import watch
 from frictionid.errors import InputError
@@ -52,6 +53,7 @@ for command in (
     excite,
     align,
     simulate_drive,
+    warm,
 ):
     app.command()(command)
 app.command()(tune)
@@ -85,7 +87,8 @@ def options(
 
 def main() -> int:
     """Run the command line; a user's mistake ends in one line and exit status 2."""
-    with without_quiet(sys.argv[1:] or ["--help"]) as words, warnings.catch_warnings():
+    words_or_help = sys.argv[1:] or ["--help"]
+    with without_quiet(words_or_help) as words, warnings.catch_warnings(), said_once():
         if not sys.warnoptions:  # overflows of damaged numbers end in results that are refused
             warnings.filterwarnings("ignore", category=RuntimeWarning)
         return _run(words)

@@ -9,6 +9,31 @@ from contextvars import ContextVar
 Listener = Callable[[str, int], None]
 
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
+_COMPILING: ContextVar[Callable[[str], None] | None] = ContextVar("compiling", default=None)
+
+
+def report_compiling(what: str) -> None:
+    """Say that a loop is compiled now, which happens once on a machine."""
+    heard = _COMPILING.get()
+    if heard is not None:
+        heard(what)
+
+
+@contextmanager
+def compiling(heard: Callable[[str], None]) -> Iterator[None]:
+    """A context in which it is heard what is compiled.
+
+    >>> names = []
+    >>> with compiling(names.append):
+    ...     report_compiling("rollout")
+    >>> names
+    ['rollout']
+    """
+    token = _COMPILING.set(heard)
+    try:
+        yield
+    finally:
+        _COMPILING.reset(token)
 
 
 def report_step(what: str, left: int) -> None:

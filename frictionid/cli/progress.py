@@ -10,7 +10,10 @@ from typing import Any
 
 import typer
 
+from frictionid.progress import compiling
+
 QUIET = ("--quiet", "-q")
+COMPILING = "compiling, once on this machine"
 
 
 class _Nowhere(io.StringIO):
@@ -97,7 +100,24 @@ def _bar(total: int | None, title: str, first: str) -> Iterator[tuple[Any, Any]]
         TextColumn("[dim]{task.fields[last]}"),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal or is_quiet()) as bar:
-        yield bar, bar.add_task(_plain(title), total=total, last=_plain(first))
+        task = bar.add_task(_plain(title), total=total, last=_plain(first))
+        with compiling(lambda what: bar.update(task, last=f"{COMPILING}: {_plain(what)}")):
+            yield bar, task
+
+
+@contextmanager
+def said_once() -> Iterator[None]:
+    """A line on a terminal where loops are compiled while no bar is shown."""
+    said = False
+
+    def say(_: str) -> None:
+        nonlocal said
+        if not said and sys.stderr.isatty() and not is_quiet():
+            typer.echo(f"{COMPILING} (frictionid warm does it ahead) ...", err=True)
+        said = True
+
+    with compiling(say):
+        yield
 
 
 @contextmanager

@@ -162,6 +162,8 @@ class Friction:
         InputError
             Where friction depends on the temperature, and none in degC is given.
 
+        Examples
+        --------
         >>> from frictionid.friction.laws import Thermal
         >>> print(Friction(Thermal(), np.array([[0.1, 0.02, -0.01, 0.0]])).at_temperature(35.0))
         CoulombViscous(width=0.02, shape='tanh', symmetric=True)

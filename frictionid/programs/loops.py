@@ -14,6 +14,8 @@ from typing import Any
 
 import numba
 
+from frictionid.progress import report_compiling
+
 # for functions that compiled ones call: small ones, and larger ones
 inlined = numba.njit(error_model="numpy", forceinline=True)
 called = numba.njit(error_model="numpy")
@@ -29,6 +31,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
+        if not fast.signatures and not _indices(fast):
+            report_compiling(function.__name__.strip("_").replace("_", " "))
         try:
             return fast(*arguments)
         except OSError:  # a full disk: it is compiled by now, but could not be kept
@@ -49,13 +53,19 @@ def kept(function: Callable[..., Any]) -> Any:
 
 def _forget_outdated(fast: Any) -> None:
     """Remove what was kept before a file of its room changed."""
-    code = fast.py_func.__code__
     changed = _newest_source(room_of(fast.py_func))
-    name = f"{Path(code.co_filename).stem}.{fast.py_func.__qualname__}-*.nbi"
-    for index in Path(fast.stats.cache_path).glob(name.replace("<", "[<]")):
+    for index in _indices(fast):
         with suppress(OSError):  # another process was faster
             if index.stat().st_mtime <= changed:
                 index.unlink()
+
+
+def _indices(fast: Any) -> list[Path]:
+    """Files that say what is kept of a function; none where it has to be compiled."""
+    if fast.stats.cache_path is None:
+        return []
+    name = f"{Path(fast.py_func.__code__.co_filename).stem}.{fast.py_func.__qualname__}-*.nbi"
+    return list(Path(fast.stats.cache_path).glob(name.replace("<", "[<]")))
 
 
 def room_of(function: Callable[..., Any]) -> str:
