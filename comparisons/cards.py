@@ -36,6 +36,7 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.mujoco import physical_parameters
+from frictionid.deploy.export.nearest import cost_of, cost_sentence, is_coulomb_viscous, nearest
 from frictionid.errors import InputError
 from frictionid.files import shipped, shipped_names, write_json
 from frictionid.friction import Friction
@@ -212,6 +213,7 @@ def made(name: str) -> dict[str, Any]:
         "mechanism": {} if described else mechanism.with_values(values).table,
         "drive": None if drive is None else drive._asdict(),
         "held_out": held._asdict(),
+        "nearest": simplified(friction, dataset),
         "dataset": card.dataset,
         "recordings": [r.name for r in dataset.recordings],
         "seconds": round(sum(float(np.ptp(r.angle.time)) for r in dataset.recordings), 2),
@@ -219,6 +221,15 @@ def made(name: str) -> dict[str, Any]:
         "verdict": sentence,
     }
     return {**model_document(small(friction), LAWS), "machine": machine}
+
+
+def simplified(friction: Friction, dataset: Dataset) -> dict[str, Any] | None:
+    """Coulomb and viscous friction nearest along the recordings, and what it costs there."""
+    model = exported(friction, dataset.mechanism.friction_names, data=dataset)
+    if is_coulomb_viscous(model.law):
+        return None
+    other = nearest(model)
+    return {"theta": other.theta, "cost": cost_sentence(model, cost_of(model, other))}
 
 
 def small(friction: Friction) -> Friction:

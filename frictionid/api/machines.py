@@ -11,6 +11,7 @@ import pandas as pd
 
 from frictionid.api.fitted import Fit
 from frictionid.api.models import friction_of
+from frictionid.arrays import Array
 from frictionid.data.position_control import PositionControl
 from frictionid.files import model_path, read_json, shipped, shipped_names
 from frictionid.friction import Friction
@@ -24,6 +25,13 @@ class HeldOut(NamedTuple):
     without: float
     unit: str
     what: str
+
+
+class Nearest(NamedTuple):
+    """Coulomb and viscous friction (n, 2) nearest to a law along the recordings, and its cost."""
+
+    theta: Array
+    cost: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +49,8 @@ class Machine:
     drive : PositionControl or None
         Position control at the joints, of servos.
     held_out : HeldOut
+    nearest : Nearest or None
+        Of laws that most engines do not hold.
     verdict : str
     published : bool
         Whether the numbers are somebody's and were not fitted here.
@@ -57,6 +67,7 @@ class Machine:
     mechanism: Mechanism | None
     drive: PositionControl | None
     held_out: HeldOut
+    nearest: Nearest | None
     verdict: str
     published: bool
     dataset: str
@@ -103,6 +114,7 @@ def machine(name: str) -> Machine:
     card: dict[str, Any] = read_json(path)["machine"]
     mechanism, drive = card.pop("mechanism"), card.pop("drive")
     numbers: dict[str, Any] = {k: np.asarray(v, dtype=float)[()] for k, v in (drive or {}).items()}
+    nearest = card.pop("nearest", None)
     listed: dict[str, Any] = {key: tuple(card.pop(key)) for key in ("joints", "recordings")}
     return Machine(
         name=name,
@@ -110,6 +122,7 @@ def machine(name: str) -> Machine:
         mechanism=mechanism_of(mechanism) if mechanism else None,
         drive=PositionControl(**numbers) if drive else None,
         held_out=HeldOut(**card.pop("held_out")),
+        nearest=Nearest(np.array(nearest["theta"]), nearest["cost"]) if nearest else None,
         **listed,
         **card,
     )

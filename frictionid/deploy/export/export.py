@@ -140,6 +140,8 @@ def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], C
     if written.held is None:
         return written.lost, None
     if model.data is None:
+        if model.nearest is not None:
+            return (*written.lost, model.nearest.cost), None
         hint = "name a data set (--dataset) to see what that costs in torque and after 1 s"
         return (*written.lost, hint), None
     cost = cost_of(model, written.held)

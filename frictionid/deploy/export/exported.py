@@ -11,7 +11,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from frictionid.api.machines import Machine
+from frictionid.api.machines import Machine, Nearest
 from frictionid.arrays import Array
 from frictionid.config import check_settings
 from frictionid.data.calibration import calibrated_dataset
@@ -60,6 +60,7 @@ class ExportedFriction:
     speeds : greatest speed of each part in the data [rad/s or m/s]; () where they are not known
     data : data set whose motion shows what a target loses, where it is at hand
     mechanism : with friction's joints, where it is known; drive : position control of its motors
+    nearest : Coulomb and viscous friction nearest to it, where a card knows it in place of data
     """
 
     friction: Friction
@@ -68,6 +69,7 @@ class ExportedFriction:
     data: Dataset | None = None
     mechanism: Mechanism | None = None
     drive: PositionControl | None = None
+    nearest: Nearest | None = None
 
     @property
     def driven(self) -> Mapping[str, int]:
@@ -96,6 +98,9 @@ class ExportedFriction:
     def rotor(self) -> float | None:
         """Inertia of the one motor [kg m^2], where it is known."""
         rotor = self.friction.parameters.get("rotor")
+        if rotor is None and self.mechanism is not None and self.data is None:
+            values = self.mechanism.nominal()
+            rotor = values.get("rotor", 0.0) * values.get("gear", 1.0) ** 2 or None
         return None if rotor is None or len(self.joints) != 1 else float(rotor)
 
     @property
@@ -206,10 +211,11 @@ def exported(
     law = LinearOutside(friction.law, reach) if measured else friction.law
     # names stand in comments of code: on one line, whatever a file said
     names = tuple(" ".join(printable(name).split()) for name in names)
-    mechanism, drive = (
-        (card.mechanism, card.drive) if card and not data else _driven(friction, data)
-    )
-    return ExportedFriction(replace(friction, law=law), names, measured, data, mechanism, drive)
+    friction = replace(friction, law=law)
+    if card is not None and data is None:
+        parts = (card.mechanism, card.drive, card.nearest)
+        return ExportedFriction(friction, names, measured, None, *parts)
+    return ExportedFriction(friction, names, measured, data, *_driven(friction, data))
 
 
 def _driven(

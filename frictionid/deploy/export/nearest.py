@@ -44,6 +44,8 @@ def nearest(model: ExportedFriction) -> Friction:
     theta = np.zeros((model.friction.n, 2))
     if is_coulomb_viscous(model.law):
         theta = model.friction.theta
+    elif model.nearest is not None:
+        theta = model.nearest.theta
     else:
         w, torque = sliding(model)
         fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
@@ -132,7 +134,8 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
             f"{target} has a step at w = 0, the model smooths it over {model.law.width:g} rad/s "
             f"({model.law.shape}); {names} are its level and slope"
         ]
-    where = "along the recorded motion" if model.data else "up to the measured speeds, all alike"
+    along_motion = model.data is not None or model.nearest is not None
+    where = "along the recorded motion" if along_motion else "up to the measured speeds, all alike"
     lines = [
         f"{target} holds {names} of each joint, no {type(model.law).__name__}: their level and "
         f"slope are the least squares of the model's torques {where}, without slow samples "

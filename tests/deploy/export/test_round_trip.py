@@ -61,6 +61,17 @@ def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
     np.testing.assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
 
 
+def test_a_card_has_the_friction_of_its_recordings_where_there_are_no_data(tmp_path):
+    card = fid.machine("xl330")
+    done = fid.export("machine:xl330", "mujoco", tmp_path / "xl330.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "xl330.xml"))
+    numbers = [model.dof_frictionloss[0], model.dof_damping[0]]
+    np.testing.assert_array_equal(numbers, card.nearest.theta[0])
+    assert card.nearest.cost in done.lost
+    assert model.dof_armature[0] == card.mechanism.nominal()["rotor"]
+    assert model.actuator_gainprm[0, 0] == card.drive.kp[0]
+
+
 def test_a_servo_for_isaac_has_its_gains_its_limit_and_its_delay(servo):
     friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
     text = isaac(exported(friction, ("hip",), (5.0,), servo), ExportSettings()).files[".py"]
