@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 558_820, 408, 612, 73
-TEST_TOKENS, WORDS = 435_570, 34_900
+TEST_TOKENS, WORDS = 435_570, 34_910
 
 
 def tokens(path):
