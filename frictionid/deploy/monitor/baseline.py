@@ -54,12 +54,12 @@ class Baseline:
     @property
     def level(self) -> Array:
         """Friction (n,) of each part at its usual speed [N m]."""
-        return usual_level(self.reference.friction, self.reference.speeds[:, 1])
+        return level_of(self.reference)
 
     @property
     def peak(self) -> Array:
         """Mean residual (n,) of a tenth of a second beyond which a stretch is disturbed."""
-        return np.asarray(_DISTURBED * self.changes.peak.max(axis=0))
+        return disturbed_from(self.changes)
 
 
 class Arrival(NamedTuple):
@@ -69,6 +69,16 @@ class Arrival(NamedTuple):
     digest: str
     changes: Changes
     log_evidence: float
+
+
+def level_of(reference: Reference) -> Array:
+    """Friction (n,) of each part at its usual speed [N m]."""
+    return usual_level(reference.friction, reference.speeds[:, 1])
+
+
+def disturbed_from(healthy: Changes) -> Array:
+    """Residual (n,) over a tenth of a second that makes a stretch disturbed, see `Changes`."""
+    return np.asarray(_DISTURBED * healthy.peak.max(axis=0))
 
 
 def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
@@ -85,7 +95,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
             f"data set {dataset.name!r}: a baseline needs two or more recordings, to see how "
             "friction scatters between them"
         )
-    reference = _reference(prepared, friction)
+    reference = reference_of(prepared, friction)
     names = _covariates(dataset)
     return Baseline(
         mechanism=dict(dataset.mechanism.table),
@@ -98,7 +108,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
     )
 
 
-def _reference(prepared: Prepared, friction: Friction) -> Reference:
+def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     """The reference with the speeds and the noise of the data."""
     fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
     fast = np.maximum(fast, 1e-9)

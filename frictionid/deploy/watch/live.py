@@ -14,8 +14,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.deploy.monitor.baseline import Baseline
-from frictionid.deploy.monitor.changes import prepared_data, recording_changes
+from frictionid.deploy.monitor.baseline import level_of
+from frictionid.deploy.monitor.changes import Reference, prepared_data, recording_changes
 from frictionid.deploy.monitor.effects import PARTS
 from frictionid.deploy.watch.stream import Chunk
 from frictionid.errors import InputError
@@ -63,23 +63,26 @@ class LiveFriction:
 
     Attributes
     ----------
-    baseline : Baseline
-        The model, its speeds and noise.
     dataset : Dataset
         Of the machine; its recordings are not used.
+    reference : Reference
+        The model, its speeds and noise.
+    peak : array, shape (m,)
+        From which on a stretch is disturbed.
     within : float
         Half-width of the band, over the usual friction, at which an estimate has converged.
     """
 
-    baseline: Baseline
     dataset: Dataset
+    reference: Reference
+    peak: Array
     within: float = 0.05
 
     def start(self) -> Live:
         """Nothing said so far."""
-        effects = self.baseline.reference.effects
+        effects = self.reference.effects
         size = np.array([e.size * (1.0 if e.name in PARTS else _KNOWN) for e in effects])
-        n = len(self.baseline.joints)
+        n = len(self.reference.speeds)
         return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.full(n, np.nan), 0, 0.0)
 
     def added(self, live: Live, chunk: Chunk) -> Live:
@@ -87,12 +90,11 @@ class LiveFriction:
         angle = Signal(chunk.time, chunk.angle, sigma=self.dataset.recordings[0].angle.sigma)
         run = Recording("stretch", angle, chunk.torque)
         data = replace(self.dataset, recordings=(run,), truth=None)
-        base = self.baseline
         try:
-            said, _ = recording_changes(prepared_data(data), base.reference, (), base.peak)
+            said, _ = recording_changes(prepared_data(data), self.reference, (), self.peak)
         except InputError:
             return live
-        size = np.array([e.size for e in base.reference.effects])
+        size = np.array([e.size for e in self.reference.effects])
         curvature = np.linalg.inv(said.inverse[0]) - np.diag(size**-2.0)
         value = said.value[0]
         off = value - np.linalg.solve(live.precision, live.pull)
@@ -124,15 +126,15 @@ class LiveFriction:
 
     def _total(self, live: Live) -> tuple[Array, Array]:
         """Changes (n,) of friction at the usual speed over the model's, and half their bands."""
-        n, parts = len(self.baseline.joints), len(PARTS)
+        n, parts = len(self.reference.speeds), len(PARTS)
         covariance = np.linalg.inv(live.precision)
         value = covariance @ live.pull
-        slow, usual, _ = self.baseline.reference.speeds.T
+        slow, usual, _ = self.reference.speeds.T
         rows = np.zeros((n, len(value)))
         for j in range(n):
             weights = (1.0, 1.0, float(np.exp(-((usual[j] / slow[j]) ** 2))), 0.0)
             rows[j, parts * j : parts * (j + 1)] = weights
-        rows /= self.baseline.level[:, None]
+        rows /= level_of(self.reference)[:, None]
         excess = max(live.squares / max(live.stretches - 1, 1), 1.0)
         error = np.sqrt(excess * np.einsum("jp,pq,jq->j", rows, covariance, rows))
         return rows @ value, _REACH * error

@@ -11,7 +11,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.monitor.monitor import baseline
+from frictionid.deploy.monitor.baseline import disturbed_from, reference_of
+from frictionid.deploy.monitor.changes import prepared_data, recording_changes
 from frictionid.deploy.watch.external import Band, band_of, momentum_observer_of, with_band
 from frictionid.deploy.watch.live import Estimate, Live, LiveFriction
 from frictionid.deploy.watch.momentum_observer import MomentumObserver, State
@@ -66,8 +67,16 @@ def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float)
         dataset,
         momentum_observer_of(friction, dataset, 0, response),
         band_of(friction, dataset, response, rate),
-        LiveFriction(baseline(dataset, model=friction), dataset),
+        live_of(friction, dataset),
     )
+
+
+def live_of(friction: Friction, dataset: Dataset) -> LiveFriction:
+    """Live estimate about a friction, with the speeds and the noise of recordings."""
+    prepared = prepared_data(dataset)
+    reference = reference_of(prepared, friction)
+    quiet, _ = recording_changes(prepared, reference, ())
+    return LiveFriction(dataset, reference, disturbed_from(quiet))
 
 
 def watched(

@@ -149,8 +149,8 @@ def test_memory_is_that_of_a_stretch(fit, quiet):
 def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     """Friction 10 % below the model's, live and from all data at once."""
     less = replace(fit.friction, theta=fit.friction.theta / 0.9)
-    watch = watch_of(less, quiet, 0.1, 1.0)
-    live = watch.friction
+    one = replace(quiet, recordings=quiet.recordings[:1])
+    live = watch_of(less, one, 0.1, 1.0).friction
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
         whole = Chunk(r.angle.time, r.angle.value, r.torque)
