@@ -67,7 +67,10 @@ def _notebook(path: Path) -> dict[str, str | bytes]:
                 pictures[name] = b64decode(data["image/png"])
                 parts.append(f"![what the cell shows]({name})")
             elif "text/html" in data:
-                parts.append(f"<div>{''.join(data['text/html'])}</div>")
+                shown = "".join(data["text/html"]).replace(
+                    '<pre style="', '<pre style="font-size:.52rem;'
+                )
+                parts.append(f"<div>{shown}</div>")
             else:
                 text = "".join(out.get("text") or data["text/plain"])
                 parts.append(f"```text\n{text.rstrip()}\n```")

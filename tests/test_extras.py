@@ -12,6 +12,7 @@ EXTRAS = {
     "drive": ("serial",),
     "tuning": ("optuna",),
     "parquet": ("pyarrow",),
+    "excel": ("openpyxl",),
     "public": ("pooch",),
     "page": ("plotly",),
     "dask": ("dask", "distributed"),
@@ -62,6 +63,7 @@ ASKED = {
     "camera": "import frictionid.rig.camera.track",
     "drive": "import frictionid.rig.log",
     "public": "fid.load_dataset('tx40')",
+    "excel": "from frictionid.data.readers import table; table.numeric_table(b'x', 'a.xlsx')",
 }
 ASK_ALL = f"""
 for asked in {[*ASKED.values()]}:

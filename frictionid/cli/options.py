@@ -109,9 +109,11 @@ def setting(text: str) -> tuple[str, Any]:
     InputError
         Where there is no key, or no equals sign.
 
-    >>> setting("symmetric=false"), setting("shape = arctan")
-    (('symmetric', False), ('shape', ' arctan'))
+    >>> setting("symmetric=false"), setting("shape = arctan"), setting("mass=.4")
+    (('symmetric', False), ('shape', ' arctan'), ('mass', 0.4))
     """
+    import re
+
     from frictionid.config import parse_toml
     from frictionid.errors import InputError
 
@@ -122,6 +124,8 @@ def setting(text: str) -> tuple[str, Any]:
         read = parse_toml(f"x = {value}", "--set")
     except InputError:
         read = {}
+    if re.fullmatch(r"[-+]?(\.\d+|\d+\.)", value.strip()):  # which TOML does not know as numbers
+        return key.strip(), float(value)
     return key.strip(), read["x"] if set(read) == {"x"} else value
 
 
