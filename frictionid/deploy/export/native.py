@@ -2,8 +2,9 @@
 
 Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial).
 A `dcmotor` without a motor holds the bristles of LuGre and Dahl, by the same exact solution as
-ours. A `general` actuator holds position control within a limit, gain and bias of a torque, and a
-delay of what it is told, read between steps from its history [MuJoCo2026].
+ours, or one harmonic of cogging. A `general` actuator holds position control within a limit, gain
+and bias of a torque, and a delay of what it is told, read between steps from its history
+[MuJoCo2026].
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 
 from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.deploy.export.nearest import nearest
-from frictionid.friction import Friction
-from frictionid.friction.laws import Dahl, LuGre, Quadratic
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws import Cogging, CoulombViscous, Dahl, LuGre, Quadratic, Sum
 
 # a motor without constants, as `dcmotor` needs some: its back-EMF is 1e-12 N m s/rad
 _NO_MOTOR = {"input": "none", "motorconst": "1e-06 1e-06", "resistance": "1.0"}
@@ -30,7 +31,19 @@ def is_native(model: ExportedFriction) -> bool:
         isinstance(law, Quadratic)
         or (isinstance(law, Dahl) and not law.motor_load)
         or (isinstance(law, LuGre) and law.symmetric)
+        or cogging_of(law) is not None
     )
+
+
+def cogging_of(law: Law) -> Cogging | None:
+    """Cogging of one harmonic beside Coulomb, viscous friction and drag; None of other laws."""
+    if not isinstance(law, Sum) or len(law.parts) != 2:
+        return None
+    base, other = law.parts
+    plain = isinstance(base, Quadratic) or (isinstance(base, CoulombViscous) and base.symmetric)
+    if not plain or not isinstance(other, Cogging) or len(other.harmonics) != 1:
+        return None
+    return other if float(other.harmonics[0] * other.gear).is_integer() else None
 
 
 def held(model: ExportedFriction) -> Friction:
@@ -58,20 +71,26 @@ def joint_values(friction: Friction, j: int) -> dict[str, str]:
     if isinstance(law, Dahl | LuGre):
         viscous = row[law.names.index("viscous")]
         return {"frictionloss": "0.0", "damping": repr(viscous)}
-    return {"frictionloss": repr(row[0]), "damping": " ".join(map(repr, row[1:]))}
+    slopes = row[1:-2] if cogging_of(law) else row[1:]
+    return {"frictionloss": repr(row[0]), "damping": " ".join(map(repr, slopes))}
 
 
-def bristles(friction: Friction, j: int) -> dict[str, str]:
-    """Attributes of a `dcmotor` that holds bristles; none for laws without these."""
+def passive_motor(friction: Friction, j: int) -> dict[str, str]:
+    """Attributes of a `dcmotor` that holds bristles or cogging; none for laws without these."""
     law = friction.law
+    if (cogging := cogging_of(law)) is not None:
+        cos, sin = map(float, friction.theta[j, -2:])  # it pulls against ours
+        numbers = (math.hypot(cos, sin), math.atan2(-cos, -sin))
+        poles = round(cogging.harmonics[0] * cogging.gear)
+        return {**_NO_MOTOR, "cogging": f"{numbers[0]!r} {poles} {numbers[1]!r}"}
     if not isinstance(law, Dahl | LuGre):
         return {}
     values = dict(zip(law.names, map(float, friction.theta[j]), strict=True))
     level = values["coulomb"]
     top = level + values.get("peak", 0.0)
     velocity = values.get("stribeck_velocity", 1.0)
-    numbers = (top / values["presliding"], 0.0, level, top, velocity)
-    return {**_NO_MOTOR, "lugre": " ".join(map(repr, numbers))} if top else {}
+    row = (top / values["presliding"], 0.0, level, top, velocity)
+    return {**_NO_MOTOR, "lugre": " ".join(map(repr, row))} if top else {}
 
 
 def lost_bristles(model: ExportedFriction) -> list[str]:

@@ -22,6 +22,7 @@ from frictionid.friction.laws import (
     LuGre,
     Quadratic,
     Stribeck,
+    Sum,
 )
 from frictionid.mechanics import Plant, pendulum
 from frictionid.mechanics.mjcf_text import mjcf_of
@@ -214,6 +215,10 @@ MOTIONS = {
     "film_lag": Friction(FilmLag(), np.array([[0.05, 0.03, 0.5, 0.01, 0.02]])),
     "lugre": Friction(LuGre(), np.array([[0.05, 0.03, 0.5, 0.01, 0.002, 0.0, 0.1]])),
     "dahl": Friction(Dahl(), np.array([[0.08, 0.01, 0.002]])),
+    "cogging": Friction(
+        Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]})),
+        np.array([[0.1, 0.02, 0.03, -0.05]]),
+    ),
     "quadratic": Friction(Quadratic(), np.array([[0.1, 0.02, 0.01]])),
 }
 

@@ -19,7 +19,6 @@ from frictionid.arrays import Array
 from frictionid.deploy.export.callback import callback
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.deploy.export.native import (
-    bristles,
     delay_of,
     delay_values,
     drive_values,
@@ -29,6 +28,7 @@ from frictionid.deploy.export.native import (
     is_stiff,
     joint_values,
     lost_bristles,
+    passive_motor,
 )
 from frictionid.deploy.export.nearest import differs, lost_by
 from frictionid.deploy.export.round_trip import RoundTrip, in_mujoco
@@ -121,7 +121,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         for joint, new in zip(joints, values, strict=True)
     ]
     driven, added, said = _drives(model, text, listed)
-    added += _bristles(friction, joints)
+    added += _passive_motors(friction, joints)
     if added:
         block = b"\n    ".join([b"  <actuator>", *added]) + b"\n  </actuator>\n"
         changes.append((listed[0].close, listed[0].close, block))
@@ -223,11 +223,11 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
     return notes
 
 
-def _bristles(friction: Friction, joints: list[Element]) -> list[bytes]:
-    """Passive motors that hold the bristles of the joints."""
+def _passive_motors(friction: Friction, joints: list[Element]) -> list[bytes]:
+    """Passive motors that hold bristles or cogging of the joints."""
     added = []
     for j, joint in enumerate(joints):
-        if values := bristles(friction, j):
+        if values := passive_motor(friction, j):
             place = "joint" if joint.tag == "joint" else "tendon"
             name = {"name": f"friction of {joint.name}", place: joint.name}
             added.append(element("dcmotor", {**name, **values}))
@@ -248,7 +248,7 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
         parameters = physical_parameters(mechanism, calibration.base)
         notes.append("masses and inertias are such that the model's base parameters hold")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
-    step = _FINEST if bristles(model.friction, 0) else _FINE
+    step = _FINEST if passive_motor(model.friction, 0) else _FINE
     text = mjcf_of(mechanism, used, timestep=step)
     if is_stiff(model, step):
         text = text.replace('integrator="RK4"', 'integrator="implicitfast"')
