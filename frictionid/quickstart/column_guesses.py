@@ -166,13 +166,7 @@ def guess_columns(
     (('q',), 'rad', 'A', 'increases in every row, at 50 Hz')
     """
     named = dict(named or {})
-    for quantity, names in named.items():
-        for name in filter(None, names):
-            if name not in table.columns:
-                raise InputError(
-                    f"--{quantity}: {table.file} has no column of numbers {name!r}; "
-                    f"{nearest(name, table.columns)}"
-                )
+    check_named(table, named)
     time = _time(table, named.get("time"))
     angle = _angle(table, kinds, time, named.get("angle"))
     split = _split(table, time.columns[0])
@@ -185,6 +179,17 @@ def guess_columns(
     cells = np.stack([table.columns[name] for name in angle.columns])
     missing = int(np.isnan(cells).any(axis=0).sum())
     return ColumnGuesses(time, angle, torque, hold, unused, missing, split)
+
+
+def check_named(table: Table, named: Mapping[str, Sequence[str]]) -> None:
+    """Refuse names of columns that a table does not have, by quantity."""
+    for quantity, names in named.items():
+        for name in filter(None, names):
+            if name not in table.columns:
+                raise InputError(
+                    f"--{quantity}: {table.file} has no column of numbers {name!r}; "
+                    f"{nearest(name, table.columns)}"
+                )
 
 
 def _unknown(table: Table, quantity: str, fault: str) -> InputError:

@@ -18,7 +18,14 @@ from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
-from frictionid.quickstart.column_guesses import UNMEASURED, WORDS, is_measured, quantity_of, words
+from frictionid.quickstart.column_guesses import (
+    UNMEASURED,
+    WORDS,
+    check_named,
+    is_measured,
+    quantity_of,
+    words,
+)
 
 _READ = {"urdf": read_urdf, "mjcf": read_mjcf}
 _SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured
@@ -104,6 +111,7 @@ def robot_columns(
     base, movable = _movable(robot)
     movable = [j for j in movable if only is None or j.name in only]
     named = dict(named or {})
+    check_named(table, named)
     by = {
         kind: _assigned(movable, named.get(kind) or [n for n in table.columns if _is(n, kind)])
         for kind in ("angle", "torque", "current", "velocity", "target")

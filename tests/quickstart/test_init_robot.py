@@ -209,3 +209,5 @@ def test_columns_that_fit_no_joint_are_one_line(tmp_path):
     table = Table("a.csv", np.arange(3), {"t": np.arange(3.0), "q9": np.arange(3.0)})
     with pytest.raises(InputError, match=r"q9 look like angles.* joints one, two, three: name"):
         robot_columns(robot_file(tmp_path).robot, table)
+    with pytest.raises(InputError, match="--angle: a.csv has no column of numbers 'q8'"):
+        robot_columns(robot_file(tmp_path).robot, table, named={"angle": ["q8"]})
