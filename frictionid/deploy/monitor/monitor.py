@@ -68,8 +68,8 @@ def baseline(
     Examples
     --------
     >>> healthy = baseline("acrobot_clean", law="coulomb_viscous")
-    >>> healthy.changes.parts.shape  # recordings, joints, parts of friction
-    (25, 2, 4)
+    >>> healthy.changes.value.shape  # recordings, and what may change
+    (25, 16)
     """
     dataset = chosen_recordings(dataset_of(data), only)
     friction = (
