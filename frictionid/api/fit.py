@@ -118,8 +118,8 @@ def usual_method(dataset: Dataset, identifier: Identifier) -> str:
     """Method of `METHODS` that a fit takes where none is named.
 
     Shooting, whose inertia, bias and delay are free where the data tell them. For arms inverse
-    dynamics: three joints or more, each with a sampled torque; networks of arms, and what uses no
-    physics, are fitted in one step.
+    dynamics: three joints or more, each with a sampled torque. In one step networks of arms,
+    networks with memory, which take minutes by shooting, and what uses no physics.
 
     Examples
     --------
@@ -127,12 +127,13 @@ def usual_method(dataset: Dataset, identifier: Identifier) -> str:
     >>> usual_method(dataset_of("acrobot_clean"), Frictionless())
     'shooting'
     """
-    if not identifier.uses_mechanism:
+    law: Any = getattr(identifier, "law", None)
+    network = getattr(law, "is_network", False)
+    if not identifier.uses_mechanism or (network and law.has_memory):
         return "one_step"
     driven = np.any([np.any(r.torque.value, axis=0) for r in dataset.recordings], axis=0)
     if dataset.mechanism.n < _ARM or not (driven.all() and torque_is_sampled(dataset)):
         return "shooting"
-    network = getattr(getattr(identifier, "law", None), "is_network", False)
     return "one_step" if network else "inverse_dynamics"
 
 

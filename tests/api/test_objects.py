@@ -166,7 +166,9 @@ def test_an_arm_is_fitted_to_its_torques(tmp_path):
     arm = fid.Dataset.from_arrays({"run": run}, fid.mechanisms.urdf(tmp_path / "arm.urdf"))
     assert usual_method(arm, identifier_of("stribeck")) == "inverse_dynamics"
     assert usual_method(arm, identifier_of("mlp")) == "one_step"
-    assert usual_method(fid.load_dataset("acrobot_clean"), identifier_of("mlp")) == "shooting"
+    acrobot = fid.load_dataset("acrobot_clean")
+    assert usual_method(acrobot, identifier_of("mlp")) == "shooting"
+    assert usual_method(acrobot, identifier_of("lstm")) == "one_step"
 
 
 def test_a_late_torque_is_no_friction(data):
