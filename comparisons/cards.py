@@ -8,8 +8,8 @@ Every card is made by the defaults, from public recordings:
   one that the rule of the verdict chooses, fitted to what was compared;
 - arms whose controller is in no log: Coulomb and viscous friction by inverse dynamics, fitted to
   the first 70 % of the motion and judged by the torque that is left on the rest;
-- servos and robots that follow targets: laws by shooting with their controller, fitted to some of
-  the motion and judged on the rest, every second log or the last third;
+- a servo that follows targets: laws by shooting with its controller, fitted to every second log and
+  judged on the others;
 - published models: as they stand, judged on our recordings. These may have been fitted to them.
 
 Without names all cards are made that are not there, and all are run in MuJoCo. Prints the tables of
@@ -48,6 +48,7 @@ from frictionid.report.figures.style import COLOURS, panel_grid, png
 DATA = Path(__file__).parent.parent / "data"
 PICTURE = DATA.parent / "docs" / "pictures" / "machine_cards.png"
 AHEAD = 0.5  # [s]
+SERVO_LAWS = ("coulomb_viscous", "stribeck", "motor_load")
 
 
 class Card(NamedTuple):
@@ -66,7 +67,7 @@ CARDS = {
     "xl330": Card(
         "Dynamixel XL330-M288, a small servo; drive at firmware gain 100, kp in proportion",
         "bam_xl330_whole",
-        "targets",
+        "servo",
     ),
     "dfki_c1": Card("double pendulum C.1 of DFKI, two AK80-6 drives", "dfki_c1"),
     "dfki_a0": Card("double pendulum A.0 of DFKI, two AK80-6 drives", "dfki_a0"),
@@ -74,7 +75,6 @@ CARDS = {
     "simple_pendulum": Card("torque-limited pendulum of DFKI, direct drive", "simple_pendulum"),
     "tx40": Card("Staubli TX40, an arm of six joints", "tx40", "arm"),
     "tiago": Card("PAL Robotics TIAGo, four joints of the arm", "tiago", "arm"),
-    "go2": Card("Unitree Go2, a quadruped held in the air", "go2", "targets"),
     "xl330_m1": Card("Dynamixel XL330-M288, BAM's M1", "bam_xl330_whole", "published", "m1"),
     "xl330_m6": Card("Dynamixel XL330-M288, BAM's M6", "bam_xl330_whole", "published", "m6"),
 }
@@ -87,13 +87,6 @@ class Held(NamedTuple):
     without: float
     unit: str
     what: str
-
-
-def part(dataset: Dataset, first: float, last: float) -> Dataset:
-    """All recordings, from one share of their time to another."""
-    spans = [float(np.ptp(r.angle.time)) for r in dataset.recordings]
-    pairs = zip(dataset.recordings, spans, strict=True)
-    return replace(dataset, recordings=tuple(within(r, first * s, last * s) for r, s in pairs))
 
 
 def quick(dataset: Dataset) -> tuple[Friction, Held, str]:
@@ -127,47 +120,28 @@ def arm(dataset: Dataset) -> tuple[Friction, Held, str]:
     return fid.fit(dataset, **method).friction, held, sentence
 
 
-def targets(dataset: Dataset) -> tuple[Friction, Held, str]:
-    """The law that predicts best what its fit has not seen: every second log, or the last third."""
-    runs = dataset.recordings
-    if len(runs) > 1:
-        halves = runs[::2], runs[1::2]
-        first, last = (replace(dataset, recordings=half, hashes={}) for half in halves)
-        laws, of = ("coulomb_viscous", "stribeck", "motor_load"), "every second log"
-        free = ["friction", "target_delay"]  # masses and lengths are known
-    else:
-        first, last = part(dataset, 0, 2 / 3), part(dataset, 2 / 3, 1)
-        laws, of, free = ("coulomb_viscous",), "the last third", None
-    fits = {law: shot(first, law, free) for law in laws}
+def servo(dataset: Dataset) -> tuple[Friction, Held, str]:
+    """The law that predicts best the logs that its fit has not seen, every second one."""
+    halves, laws = (dataset.recordings[::2], dataset.recordings[1::2]), SERVO_LAWS
+    first, last = (replace(dataset, recordings=half, hashes={}) for half in halves)
+    fits = {law: shot(first, law) for law in laws}
     errors = ahead({**fits, "none": without_friction(fits[laws[0]])}, last)
     best = min(laws, key=lambda law: errors[law])
-    what = f"median of predictions after {AHEAD:g} s, {of}"
+    what = f"median of predictions after {AHEAD:g} s, every second log"
     held = Held(errors[best], errors["none"], "rad", what)
-    said = [f"{law} {errors[law]:.3g} rad" for law in laws if law != best]
-    if said:
-        return shot(dataset, best, free), held, f"{best} predicts best: {', '.join(said)}."
-    said_free = f"{1e3 * free_run(fits[best], last):.3g} mrad (RMS) off in its free run"
-    return fits[best], held, f"{best}, fitted to the first two thirds; {said_free}."
+    said = ", ".join(f"{law} {errors[law]:.3g} rad" for law in laws if law != best)
+    return shot(dataset, best), held, f"{best} predicts best: {said}."
 
 
-def shot(dataset: Dataset, law: str, free: list[str] | None) -> Friction:
-    """A law by shooting."""
-    print("  ", law, flush=True)
-    dt = 0.01 if free is None else 0.005
-    return fid.fit(dataset, law, method="shooting", free=free, sample_time=dt).friction
+def shot(dataset: Dataset, law: str) -> Friction:
+    """A law by shooting, with its controller; masses and lengths are known."""
+    free = ["friction", "target_delay"]
+    return fid.fit(dataset, law, method="shooting", free=free, sample_time=0.005).friction
 
 
 def without_friction(friction: Friction) -> Friction:
     """The same machine without friction."""
     return replace(friction, law=NoFriction(), theta=np.zeros((friction.n, 0)), constraints=None)
-
-
-def free_run(model: Any, dataset: Dataset) -> float:
-    """Root mean square [rad] of free runs of whole recordings, over all joints."""
-    runs = fid.predict(model, dataset, whole=True)
-    joints = range(1, dataset.mechanism.n + 1)
-    off = [runs[f"q{j}"] - runs[f"measured_q{j}"] for j in joints]
-    return float(np.sqrt(np.nanmean(np.square(off))))
 
 
 def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
@@ -194,9 +168,7 @@ def made(name: str) -> dict[str, Any]:
         file = DATA / "bam_xl330" / f"{card.file}.json"
         friction, held, sentence = published(dataset, file)
     else:
-        friction, held, sentence = {"quick": quick, "arm": arm, "targets": targets}[card.how](
-            dataset
-        )
+        friction, held, sentence = {"quick": quick, "arm": arm, "servo": servo}[card.how](dataset)
     mechanism, calibration = dataset.mechanism, friction.calibration
     described = mechanism.kind in ("urdf", "mjcf")
     values = {k: v for k, v in friction.parameters.items() if k in mechanism.nominal()}

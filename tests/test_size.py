@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 559_200, 408, 612, 73
-TEST_TOKENS, WORDS = 435_690, 34_950
+TEST_TOKENS, WORDS = 435_690, 34_980
 
 
 def tokens(path):
