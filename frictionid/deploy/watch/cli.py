@@ -66,10 +66,18 @@ def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
 
     if follow is not None:
         return bytes_of_file(follow)
-    from frictionid.rig.log import Port
+    from frictionid.errors import InputError
+    from frictionid.rig.log import Port, UnpluggedError
 
     opened = Port(port, baud)
-    return lambda: opened.read(0.0)
+
+    def read() -> bytes:
+        try:
+            return opened.read(0.0)
+        except UnpluggedError:
+            raise InputError(f"port {port} is gone: plug it in, and watch again") from None
+
+    return read
 
 
 class _Shown:
