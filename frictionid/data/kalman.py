@@ -144,7 +144,8 @@ def _by_series(series: Series) -> tuple[Array, ...]:
 
 def _of_series(rho: Array) -> Array:
     """Jerk ratios (..., S) as (G, S)."""
-    return np.ascontiguousarray(rho.reshape(-1, rho.shape[-1]), dtype=float)
+    # a copy: for views that cannot be written loops would be compiled again
+    return np.array(rho.reshape(-1, rho.shape[-1]), dtype=float, order="C")
 
 
 def initial_state(value: Array, dt: Array) -> tuple[Array, Array]:

@@ -70,6 +70,14 @@ def _scratch(tree: Any) -> Any:
     return pi, rotor, R, o, S, bodies, v, np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6))
 
 
+@inlined
+def _copy(source: Any, target: Any) -> None:
+    """Set a matrix; as a slice that takes a second to compile, for the words of its error."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
 @compiled
 def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
     """Mass matrices M (K, n, n)."""
@@ -80,7 +88,7 @@ def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
         placements(tree, q[k], R, o, S)
         world_inertias(pi, R, o, bodies)
         add_to_parents(tree.parent, bodies, 10)
-        M[k] = rotor
+        _copy(rotor, M[k])
         add_mass_matrix(tree.parent, S, bodies, M[k])
 
 
@@ -99,7 +107,7 @@ def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -
         for i in range(len(rate)):
             h[k, i] = -h[k, i]
         add_to_parents(tree.parent, bodies, 10)
-        M[k] = rotor
+        _copy(rotor, M[k])
         add_mass_matrix(tree.parent, S, bodies, M[k])
 
 
@@ -114,7 +122,7 @@ def lagrangian(tree: Geometry, p: Array, q: Array, w: Array, slope: Array, energ
         placements(tree, q[k], R, o, S)
         world_inertias(pi, R, o, bodies)
         motion(tree, S, w[k], w[k], v, dS, a)
-        carried[:] = bodies
+        _copy(bodies, carried)
         add_to_parents(tree.parent, carried, 10)
         energy[k] = lagrangian_slopes(tree, S, v, dS, bodies, carried, moving, slope[k])
 
