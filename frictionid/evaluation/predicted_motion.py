@@ -131,7 +131,7 @@ class HorizonErrors(NamedTuple):
 def read_errors(document: Mapping[str, Any]) -> HorizonErrors:
     """Errors of predictions by the document of them that a result folder has."""
     kinds = {"held_out": bool} | {
-        f"{of}{name}": int for of in ("", "torque_") for name in ("recording", "fold")
+        f"{kind}{name}": int for kind in ("", "torque_") for name in ("recording", "fold")
     }
     arrays = {k: np.asarray(v, dtype=kinds.get(k, float)) for k, v in document.items()}
     return HorizonErrors(**arrays)
