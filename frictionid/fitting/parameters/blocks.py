@@ -29,6 +29,7 @@ from frictionid.mechanics import Mechanism, configurations
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
 _LEAST = 0.05  # of where a motor's constant begins: it stays positive
+_HEAVIEST = 30.0  # of the largest inertia of a joint: a rotor, seen at the joint
 _KEPT = 0.05  # of the nominal mass matrix that is left in any direction
 
 
@@ -110,13 +111,14 @@ class InertiaBlock(ParameterBlock):
         base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
         rotors = {p.name for p in mechanism.parameters if p.rotor}
         tolerances = mechanism.base_tolerances()
-        nominal = mechanism.nominal_base
+        nominal, most = mechanism.nominal_base, heaviest_rotors(mechanism)
         names = zip(mechanism.base_names, mechanism.base_units, strict=True)
         for i, (name, unit) in enumerate(names):
             low, tolerance = 0.0 if name in rotors else -np.inf, float(tolerances[i])
             mean = float(nominal[i]) if np.isfinite(tolerance) else None
             value = float(base[i])
-            yield Parameter(self.name, name, unit, value, low, FREE, tolerance, (i,), mean)
+            high = max(float(most[i]), value)
+            yield Parameter(self.name, name, unit, value, low, high, tolerance, (i,), mean)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         new = np.array(estimate.calibration.base, dtype=float)
@@ -124,6 +126,22 @@ class InertiaBlock(ParameterBlock):
             new[parameter.place] = value
         base = inside(estimate.mechanism, estimate.mechanism.nominal_base, new)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))
+
+
+def heaviest_rotors(mechanism: Mechanism) -> Array:
+    """Largest plausible base parameters (nb,): a rotor outweighs its joint 30 times; others inf.
+
+    A joint that a huge rotor holds fast shows nothing any more, and a fit would not come back.
+    """
+    rotors, base = {p.name for p in mechanism.parameters if p.rotor}, mechanism.nominal_base
+    q, out = configurations(mechanism.n, 9), np.full(len(base), np.inf)
+    inertia = np.diagonal(mechanism.inertia(base, q), axis1=-2, axis2=-1)
+    for i, name in enumerate(mechanism.base_names):
+        if name in rotors:
+            more = mechanism.inertia(base + np.eye(len(base))[i], q)
+            by = (np.diagonal(more, axis1=-2, axis2=-1) - inertia).max(axis=0)
+            out[i] = np.min(_HEAVIEST * inertia.max(axis=0)[by > 0] / by[by > 0])
+    return out
 
 
 def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:

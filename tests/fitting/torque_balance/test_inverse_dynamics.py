@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixtures import driven_wrist as wrist
 from fixtures.command_line import run_command
 
 from frictionid.arrays import times
@@ -26,6 +27,7 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
+from frictionid.fitting.parameters.blocks import heaviest_rotors
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,
     free_blocks,
@@ -283,3 +285,15 @@ def test_the_command_line_fits_by_it(tmp_path, monkeypatch, capsys):
     assert (code, "inertia_11" in out) == (0, True)
     code, _, err = call("--replace", "--by", "inverse", "--free", "friction")
     assert (code, "did you mean 'inverse_dynamics'" in err) == (2, True)
+
+
+def test_rotors_end_where_they_would_hold_a_joint_fast(tmp_path):
+    """Far above what they are, in proportion to the arm's inertia; other parameters are free."""
+    arm = wrist.mechanism(tmp_path)
+    most = dict(zip(arm.base_names, heaviest_rotors(arm), strict=True))
+    rotors = {name: most[name] for name in wrist.PARAMETERS if name in most}
+    assert rotors and all(10 * wrist.PARAMETERS[n] < v < 1e3 for n, v in rotors.items())
+    assert all(np.isinf(v) for n, v in most.items() if n not in rotors)
+    arm = arm.with_values({"rotor_three": 2 * wrist.PARAMETERS["rotor_three"]})
+    heavier = dict(zip(arm.base_names, heaviest_rotors(arm), strict=True))
+    assert all(heavier[n] >= v for n, v in rotors.items())
