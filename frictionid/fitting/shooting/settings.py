@@ -103,11 +103,13 @@ def applicable(
     """The blocks without those that are offered and mean nothing here.
 
     A delay is that of sampled torques, or of held targets; backlash is between a joint and the
-    encoder of its servo; there is a bias where a motor drives. Beside a network, which would take
-    up what these show, only delays are offered.
+    encoder of its servo; there is a bias where a motor drives, not beside levels of each
+    direction. Beside a network, which would take up what these show, only delays are offered.
     """
     sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
     means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
+    if law is not None and any(name.endswith("_negative") for name in law.names):
+        means["bias"] = False  # levels of each direction are the same
     if law is not None and law.is_network:
         means |= {"inertia": False, "backlash": False, "bias": False}
     return tuple(b for b in blocks if not b.offered or means.get(b.name, True))

@@ -112,3 +112,13 @@ def test_by_default_nothing_is_offered_that_no_recording_shows():
     passive = refine(START, tiny.dataset(recordings=still), settings=SHORT)
     names = [p.name for p in passive.covariance.parameters if p.block != "friction"]
     assert names == ["inertia"]  # only its ratio to gravity shows
+
+
+def test_no_bias_is_offered_beside_levels_of_each_direction():
+    """Both say the same: u + b, and levels that differ by 2 b."""
+    names = {
+        symmetric: [b.name for b in applicable(DEFAULT_BLOCKS, tiny.dataset(), law)]
+        for symmetric in (True, False)
+        for law in [CoulombViscous(symmetric=symmetric)]
+    }
+    assert set(names[True]) - set(names[False]) == {"bias"}
