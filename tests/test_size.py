@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 559_530, 408, 612, 73
-TEST_TOKENS, WORDS = 435_940, 35_000
+TEST_TOKENS, WORDS = 435_950, 35_000
 
 
 def tokens(path):

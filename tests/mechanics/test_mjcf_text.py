@@ -140,7 +140,10 @@ def absolute():
     """The second angle is measured against the vertical, not against the first link."""
     a, b, mass = sp.symbols("a b mass")
     return from_bodies(
-        [Body(mass, sp.sin(a), -sp.cos(a)), Body(mass, sp.sin(a) + sp.sin(b), -sp.cos(a))],
+        [
+            Body(mass, sp.sin(a), -sp.cos(a)),
+            Body(mass, sp.sin(a) + sp.sin(b), -sp.cos(a) - sp.cos(b)),
+        ],
         [Joint("first", a), Joint("second", b)],
         [Parameter("mass", 1.0, "kg", "of each bob")],
     )

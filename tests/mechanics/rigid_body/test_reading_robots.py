@@ -137,7 +137,12 @@ WRONG = {
     "no XML": ("<robot", {}, "is no XML"),
     "other XML": ("<sdf/>", {}, "is not <robot>"),
     "entities": (f'<!DOCTYPE r [<!ENTITY a "b">]>{text(*ARM)}', {}, "entities"),
-    "xacro": (f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{ARM[0]}</robot>', {}, "xacro"),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        f'<xacro:property name="mass" value="2"/>{ARM[0]}</robot>',
+        {},
+        "is a xacro file; make a URDF of it first",
+    ),
     "empty": (text(), {}, "no <link>"),
     "nothing moves": (text(link("a")), {}, "no joint moves"),
     "twice a link": (text(*ARM, link("hand")), {}, "two links are called 'hand'"),
