@@ -136,8 +136,8 @@ def machines() -> pd.DataFrame:
 
     Examples
     --------
-    >>> machines().loc["xl330_m6", ["law", "published"]].tolist()
-    ['gear_load', True]
+    >>> machines().loc["xl330_m6", ["law", "unit"]].tolist()
+    ['gear_load', 'rad']
     """
     columns = ["title", "law", "joints", "error", "without", "unit", "published", "licence"]
     rows = {}

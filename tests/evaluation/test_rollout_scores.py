@@ -128,14 +128,14 @@ def test_starts_know_nothing_of_what_comes_later():
 
 
 def test_memory_at_the_start_knows_nothing_of_what_comes_later():
-    from frictionid.evaluation.predicted_motion import _memory
+    from frictionid.evaluation.predicted_motion import memory_at
 
     data = dataset()
     late = tuple(disturbed(r, 0.8) for r in data.recordings)
     both = [starts_of(d) for d in (data, replace(data, recordings=late))]
     early = times_of(both[0], data) < 0.8 - 1e-9
     theta = np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1))
-    known, other = (_memory(Friction(FilmLag(), theta), s)[0] for s in both)
+    known, other = (memory_at(Friction(FilmLag(), theta), s)[0] for s in both)
     np.testing.assert_array_equal(known[early], other[early])
     assert np.abs(known - other)[~early].max() > 0.1
 
@@ -280,14 +280,14 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     ids=["film lag", "sampled"],
 )
 def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
-    from frictionid.evaluation.predicted_motion import _memory
+    from frictionid.evaluation.predicted_motion import memory_at
 
     data = dataset()
     starts = starts_of(data)
     S = len(starts.recording)
     theta = np.array(numbers) * np.linspace(0.5, 1.5, 3)[:, None, None]  # three folds, one joint
     owner = np.arange(S) % 3
-    found = _memory(Friction(law, theta)[owner], starts)
+    found = memory_at(Friction(law, theta)[owner], starts)
     steps = memory_along(Friction(law, theta), starts.nodes)
     for s in range(S):
         expected = steps[starts.index[s]]

@@ -173,11 +173,16 @@ class _Check(NamedTuple):
         )
         self.require(np.isfinite(torque).all(), "torque must be finite along the nodes")
         memory = friction.law.start(theta[:, None], x)
+        both = np.zeros(shape)
         for sign in (1.0, -1.0):
             limit = friction.law.limit(theta[:, None], x._replace(w=sign + 0.0 * x.w), memory)
             fills = _fills(np.shape(limit), shape)
             self.require(fills, f"limit must be {shape} at the nodes, not {np.shape(limit)}")
-            self.require((np.asarray(limit) >= 0).all(), "limit must not be negative")
+            both = both + np.asarray(limit)
+        # a torque of position, such as cogging, takes from one what it adds to the other
+        self.require(
+            (both >= -1e-12).all(), "limit must not be negative, of both directions together"
+        )
         copy = self.torque(self.copy(friction, "its friction"))
         self.require(np.array_equal(copy, torque), "pickled friction must give the same torque")
 

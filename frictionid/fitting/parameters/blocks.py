@@ -138,8 +138,8 @@ def heaviest_rotors(mechanism: Mechanism) -> Array:
     inertia = np.diagonal(mechanism.inertia(base, q), axis1=-2, axis2=-1)
     for i, name in enumerate(mechanism.base_names):
         if name in rotors:
-            more = mechanism.inertia(base + np.eye(len(base))[i], q)
-            by = (np.diagonal(more, axis1=-2, axis2=-1) - inertia).max(axis=0)
+            unit = mechanism.inertia(base + np.eye(len(base))[i], q)
+            by = (np.diagonal(unit, axis1=-2, axis2=-1) - inertia).max(axis=0)
             out[i] = np.min(_HEAVIEST * inertia.max(axis=0)[by > 0] / by[by > 0])
     return out
 
