@@ -20,7 +20,7 @@ help: ## this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /|/' | while IFS='|' read -r name text; do \
 	  printf '  make %-12s %s\n' "$$name" "$$text"; done
 
-compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (2 minutes)
+compare: $(CORE) ## set up .venv, then compare friction models on the simulated acrobot (4 minutes on two cores)
 	@$(BIN)/frictionid compare comparisons/acrobot.toml $(ARGS)
 
 compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on two cores); goes on where it stopped
