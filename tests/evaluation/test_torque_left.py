@@ -112,3 +112,8 @@ def test_nothing_is_said_of_motion_without_torque():
     rig = fid.mechanisms.pendulum(mass=1.0, length=0.4)
     data = fid.Dataset.from_arrays({"a": swing}, rig)
     assert fid.fit(data, "coulomb_viscous").torque_left.empty
+
+
+def test_masses_alone_are_fitted_to_torques_too_and_leave_the_friction(data):
+    left_over = fid.fit(data, "none", method="inverse_dynamics").torque_left["left"]
+    assert left_over.iloc[-1] > 10 * NOISE

@@ -157,7 +157,7 @@ class TorqueProblem:
         batch = friction.law, np.asarray(friction.theta)[None]
         at_nodes = torque_gradient(type(friction)(*batch), problem)[0]
         S, n, P = at_nodes.shape
-        return problem.mean(at_nodes.reshape(S, n * P)).reshape(-1, n, P)
+        return problem.mean(at_nodes.reshape(S, n * P)).reshape(len(problem.r), n, P)
 
 
 @dataclass(frozen=True)
