@@ -4,7 +4,7 @@
 
 Each mistake is made in a copy of a simulated acrobot whose friction is known; Stribeck friction
 with a level in each direction is then fitted in one step, and by shooting with inertia and delay
-free. A bias of the torque could not be told from the difference of the levels.
+free. A bias of the torque and the difference of the levels say the same.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial).
 A `dcmotor` without a motor holds the bristles of LuGre and Dahl, by the same exact solution as
 ours, or one harmonic of cogging. A `general` actuator holds position control within a limit, gain
-and bias of a torque, and a delay of what it is told, read between steps from its history
+and bias of a torque, and a delay of its command, read between steps from its history
 [MuJoCo2026].
 """
 
@@ -143,7 +143,7 @@ def _affine(gain: float, bias: tuple[float, float, float]) -> dict[str, str]:
 
 
 def delay_of(model: ExportedFriction) -> float:
-    """Delay [s] of what actuators are told: of a servo's targets, else of the torque."""
+    """Delay [s] of the actuators' commands: of a servo's targets, else of the torque."""
     calibration = model.friction.calibration
     if model.drive is not None:
         return float(model.drive.delay)

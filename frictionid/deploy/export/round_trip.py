@@ -121,8 +121,10 @@ def replayed(
     joints = [engine.joint(name) for name in model.joints[: initial.q.shape[1]]]
     places, dofs = ([int(getattr(j, x)[0]) for j in joints] for x in ("qposadr", "dofadr"))
     place = {joint.id: k for k, joint in enumerate(joints)}
-    told = np.flatnonzero(engine.actuator_ctrlnum == 1)
-    pairs = [(int(a), place[j]) for a in told if (j := int(engine.actuator_trnid[a, 0])) in place]
+    commanded = np.flatnonzero(engine.actuator_ctrlnum == 1)
+    pairs = [
+        (int(a), place[j]) for a in commanded if (j := int(engine.actuator_trnid[a, 0])) in place
+    ]
     memory = memory_at(model.friction[None][np.zeros(len(initial.q), dtype=int)], initial)
     bent = [(int(a), place[int(engine.actuator_trnid[a, 0])]) for a in _with_bristles(engine)]
     step, out, state = float(engine.opt.timestep), np.empty_like(initial.q), mujoco.MjData(engine)
@@ -177,7 +179,7 @@ def _run(
 
 
 def logged(model: ExportedFriction, recording: Recording) -> Signal:
-    """What the actuators are told: logged targets in the calibration's angles, else torques."""
+    """Commands of the actuators: logged targets in the calibration's angles, else torques."""
     servo, calibration = recording.servo, model.friction.calibration
     if model.drive is None or servo is None:
         return recording.torque

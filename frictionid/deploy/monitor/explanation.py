@@ -25,7 +25,7 @@ class Explanation(NamedTuple):
 
     p : probability of a difference like this if nothing has changed
     p_of_cause : of each cause alone, corrected for their number
-    groups : causes that changed; several in a group cannot be told apart, the likeliest first
+    groups : causes that changed; those of a group cannot be separated, the likeliest first
     """
 
     p: float

@@ -144,7 +144,7 @@ def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iter
 
 
 def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
-    """Sentences on what changed: each cause with its size, or what it cannot be told from."""
+    """Sentences on what changed: each cause with its size, or what it cannot be separated from."""
     single = [group[0] for group in explanation.groups if len(group) == 1]
     for group in explanation.groups:
         if len(group) > 1:
