@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -34,6 +35,21 @@ def without_quiet(words: Sequence[str]) -> Iterator[list[str]]:
         return
     with redirect_stdout(_Nowhere()):
         yield rest
+
+
+def show(
+    text: object, document: Mapping[str, Any], written: Iterable[Path | None] = (), *, json: bool
+) -> None:
+    """Print a result and the files that were written: in words, or with `json` all its numbers."""
+    from frictionid.files import json_text
+
+    paths = [path for path in written if path is not None]
+    if json:
+        print(json_text({**document, **({"written": paths} if paths else {})}), end="")
+        return
+    for line in (str(text), *(f"written to {path}" for path in paths)):
+        if line:
+            print(line)
 
 
 @contextmanager

@@ -20,7 +20,8 @@ def simulate(
 ) -> None:
     """Simulate recordings of a rig with known friction."""
     from frictionid.api.simulate import simulate as simulated
-    from frictionid.files import json_text, read_bytes
+    from frictionid.cli.progress import show
+    from frictionid.files import read_bytes
     from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
 
     check_dataset_folder(out, replace=replace)
@@ -30,10 +31,7 @@ def simulate(
     same = seed in (None, settings.seed) and not noise_free
     write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {})
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
-    if json:
-        names = [recording.name for recording in dataset.recordings]
-        said = {"dataset": dataset.name, "recordings": names, "samples": samples}
-        print(json_text(said | {"written": [out]}), end="")
-        return
-    print(f"{dataset.name}: {len(dataset.recordings)} recordings, {samples} samples")
-    print(f"written to {out}")
+    names = [recording.name for recording in dataset.recordings]
+    numbers = {"dataset": dataset.name, "recordings": names, "samples": samples}
+    text = f"{dataset.name}: {len(names)} recordings, {samples} samples"
+    show(text, numbers, [out], json=json)

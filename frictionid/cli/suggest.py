@@ -94,7 +94,8 @@ def suggest(
 
 
 def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
-    from frictionid.files import json_text, write_bytes, write_text
+    from frictionid.cli.progress import show
+    from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
         command_csv,
         described,
@@ -107,12 +108,7 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
         write_text(path, command_csv(design, number))
     if figure is not None:
         write_bytes(figure, png(lambda: design_figure(design)))
-    if json:
-        written = [*places, *([figure] if figure is not None else [])]
-        print(json_text(design_document(design) | {"written": written}), end="")
-        return
-    print(described(design))
-    print(f"written to {', '.join(map(str, places))}")
+    show(described(design), design_document(design), (*places, figure), json=json)
 
 
 def _suggest_trajectories(
@@ -126,8 +122,8 @@ def _suggest_trajectories(
 ) -> None:
     """Write trajectories for limits and prior friction, of a number, length, effort and seed."""
     from frictionid.api.suggest import suggest_trajectories
-    from frictionid.cli.progress import counted
-    from frictionid.files import json_text, write_bytes, write_text
+    from frictionid.cli.progress import counted, show
+    from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
         trajectory_csv,
         trajectory_document,
@@ -151,12 +147,8 @@ def _suggest_trajectories(
         write_text(path, trajectory_csv(design, number, rate))
     if figure is not None:
         write_bytes(figure, png(lambda: trajectory_figure(design)))
-    written = [*places, *([figure] if figure is not None else [])]
-    if json:
-        print(json_text(trajectory_document(design) | {"written": written}), end="")
-        return
-    print(trajectory_text(design))
-    print(f"written to {', '.join(map(str, written))}")
+    text, numbers = trajectory_text(design), trajectory_document(design)
+    show(text, numbers, (*places, figure), json=json)
 
 
 def _places(out: Path, recordings: int) -> list[Path]:

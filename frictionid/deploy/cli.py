@@ -55,10 +55,10 @@ def export(
     trust: Trust = False,
 ) -> None:
     """Write a fitted friction in the format of a simulator, a controller or a drive."""
+    from frictionid.cli.progress import show
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.export.export import export as write
     from frictionid.deploy.export.exported import ExportSettings
-    from frictionid.files import json_text
 
     named = tuple(name.strip() for name in joints.split(",") if name.strip())
     chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
@@ -66,16 +66,8 @@ def export(
     done = write(
         model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
     )
-    if json:
-        cost = None if done.cost is None else done.cost._asdict()
-        back = None if done.round_trip is None else done.round_trip._asdict()
-        document = {"lost": done.lost, "notes": done.notes, "cost": cost, "round_trip": back}
-        print(json_text(document | {"written": done.paths}), end="")
-        return
-    for sentence in (*done.lost, *done.notes):
-        print(sentence)
-    for path in done.paths:
-        print(f"written to {path}")
+    numbers = {name: getattr(done, name) for name in ("lost", "notes", "cost", "round_trip")}
+    show("\n".join((*done.lost, *done.notes)), numbers, done.paths, json=json)
 
 
 def compensate(
@@ -99,12 +91,13 @@ def compensate(
     replace: Replace = False,
 ) -> None:
     """Write the torque that cancels friction along a reference, over the reference's velocity."""
+    from frictionid.cli.progress import show
     from frictionid.comparison.registry import friction_of
     from frictionid.deploy.compensation import Compensation, compensating, compensation_table
     from frictionid.deploy.export.export import export
     from frictionid.deploy.export.exported import ExportSettings
     from frictionid.errors import InputError
-    from frictionid.files import json_text, write_bytes
+    from frictionid.files import write_bytes
     from frictionid.outputs import check_outputs
 
     friction = friction_of(model)
@@ -123,11 +116,7 @@ def compensate(
         table = compensation_table(friction, settings, speeds)
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
         written = (out,)
-    if json:
-        print(json_text({"written": written}), end="")
-        return
-    for path in written:
-        print(f"written to {path}")
+    show("", {}, written, json=json)
 
 
 STATUS = {"unchanged": 0, "other": 0, "changed": 1, "cannot_tell": 3}
@@ -153,26 +142,15 @@ def monitor(
 
     Exit status: 0 friction has not changed, 1 it has, 3 the recordings cannot tell.
     """
+    from frictionid.cli.progress import show
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.monitor.monitor import monitor as judged
     from frictionid.deploy.monitor.monitored import write_monitoring
-    from frictionid.files import json_text
 
     sets = [load_dataset(path, data, trust=trust) for path in new]
-    monitored = judged(
-        baseline,
-        sets,
-        rate=rate,
-        state=state,
-        only=only or (),
-    )
+    monitored = judged(baseline, sets, rate=rate, state=state, only=only or ())
     page = None if out is None else write_monitoring(out, monitored, replace=replace)
-    if json:
-        print(json_text(monitored.document), end="")
-    else:
-        print(monitored)
-        if page is not None:
-            print(f"written to {page}")
+    show(monitored, monitored.document, [page], json=json)
     raise typer.Exit(STATUS[monitored.answer])
 
 
@@ -192,27 +170,23 @@ def baseline(
     trust: Trust = False,
 ) -> None:
     """Record the friction of a healthy machine, for `frictionid monitor`."""
-    from frictionid.cli.progress import heard
+    from frictionid.cli.progress import heard, show
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.deploy.monitor.changes import totals
     from frictionid.deploy.monitor.monitor import baseline as make
-    from frictionid.files import json_text
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     loaded = load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
         healthy = make(loaded, out, law=law, model=model, only=only or ())
-    count = len(healthy.names)
     scatter = totals(healthy.changes, len(healthy.joints)).std(axis=0, ddof=1) / healthy.level
     shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
-    if json:
-        print(json_text({"recordings": healthy.names, "scatter": shares, "written": [out]}), end="")
-        return
-    print(f"{count} healthy recordings of {', '.join(healthy.joints)}")
+    lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]
     for joint, share in shares.items():
-        print(f"friction of {joint} scatters by {100.0 * share:.2g} % between them")
-    print(f"written to {out}")
+        lines.append(f"friction of {joint} scatters by {100.0 * share:.2g} % between them")
+    numbers = {"recordings": healthy.names, "scatter": shares}
+    show("\n".join(lines), numbers, [out], json=json)
 
 
 def pool(
@@ -236,10 +210,10 @@ def pool(
     replace: Replace = False,
 ) -> None:
     """Pool fitted models of several specimens: means, spread, and ranges of another specimen."""
+    from frictionid.cli.progress import show
     from frictionid.deploy.pooling.pool import pool as pool_models
-    from frictionid.deploy.pooling.pool import show_pooled
     from frictionid.errors import InputError
-    from frictionid.files import json_text, write_json
+    from frictionid.files import write_json
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
 
@@ -257,13 +231,7 @@ def pool(
     pooled.save(out)
     if ranges is not None:
         write_json(ranges, {"format": "frictionid ranges 1", "ranges": pooled.ranges()})
-    if json:
-        print(json_text(pooled.several._asdict()), end="")
-        return
-    show_pooled(pooled.several)
-    for path in (out, ranges):
-        if path is not None:
-            print(f"written to {path}")
+    show(pooled, pooled.several._asdict(), (out, ranges), json=json)
 
 
 def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: bool) -> None:

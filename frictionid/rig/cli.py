@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from frictionid.cli.options import DatasetPath, Json, Replace, present
-
-if TYPE_CHECKING:
-    from frictionid.rig.camera.angles import Angles
 
 Port = Annotated[str, typer.Option(help="Serial port, e.g. /dev/ttyUSB0.")]
 LogFile = Annotated[Path, typer.Option(help="Log to write (CSV).")]
@@ -47,7 +44,7 @@ def track(
         return _propose(video, rig, replace, json)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
-    from frictionid.cli.progress import counted
+    from frictionid.cli.progress import counted, show
     from frictionid.outputs import check_outputs
     from frictionid.rig.camera.marker_setup import load_marker_setup
     from frictionid.rig.camera.source import open_source
@@ -65,23 +62,15 @@ def track(
         tracked.save_sheet(sheet)
     if overlay is not None:
         tracked.save_overlay(overlay)
-    if json:
-        written = [p for p in (out, sheet, overlay) if p is not None]
-        print(_as_json(tracked.angles, written), end="")
-        return None
-    print(tracked)
-    print(f"written to {out}")
-    if sheet is not None:
-        print(f"contact sheet in {sheet}")
-    if overlay is not None:
-        print(f"overlay in {overlay}")
+    show(tracked, tracked.document, (out, sheet, overlay), json=json)
     return None
 
 
 def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     import tomllib
 
-    from frictionid.files import json_text, write_text
+    from frictionid.cli.progress import show
+    from frictionid.files import write_text
     from frictionid.outputs import check_outputs
     from frictionid.rig.camera.marker_setup import marker_setup_text
     from frictionid.rig.camera.propose import propose
@@ -95,33 +84,13 @@ def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     ]
     text = marker_setup_text(markers, notes)
     write_text(rig, text)
-    if json:
-        print(json_text(tomllib.loads(text) | {"written": [rig]}), end="")
-        return
+    lines = []
     for marker in markers.markers:
         dot = f"hue {marker.hue or 0:.0f} deg, radius {marker.radius:.1f} px"
         place = f"at {marker.at[0]:.1f}, {marker.at[1]:.1f}" if marker.at else ""
-        print(f"{marker.name}: {place if marker.hue is None else dot}")
+        lines.append(f"{marker.name}: {place if marker.hue is None else dot}")
     lengths = ", ".join(f"{p:.1f}" for p in markers.links.pixels or ())
-    print(f"links: {lengths} px\nwritten to {rig}")
-
-
-def _as_json(angles: Angles, written: list[Path]) -> str:
-    """Number of frames by state, median standard deviation [rad] of each joint, and the camera."""
-    import numpy as np
-
-    from frictionid.files import json_text
-    from frictionid.rig.camera.angles import FOUND, LOST, PREDICTED
-
-    return json_text(
-        {
-            "frames": len(angles.state),
-            "states": {s: angles.state.count(s) for s in (FOUND, PREDICTED, LOST)},
-            "sigma": np.nanmedian(angles.sigma, axis=0),
-            "plane": list(angles.calibration.plane.shape),
-            "written": written,
-        }
-    )
+    show("\n".join([*lines, f"links: {lengths} px"]), tomllib.loads(text), [rig], json=json)
 
 
 def render(
@@ -185,8 +154,7 @@ def align(
     json: Json = False,
 ) -> None:
     """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""
-    import json as texts
-
+    from frictionid.cli.progress import show
     from frictionid.rig.align.recording_folder import align as align_recording
 
     aligned = align_recording(
@@ -198,14 +166,8 @@ def align(
         folder=out,
         replace=replace,
     )
-    if json:
-        print(texts.dumps(aligned.document, indent=1))
-        return
-    print(aligned)
-    print(
-        f"written to {out}: {aligned.name}, {len(aligned.angle.time)} angles, "
-        f"{len(aligned.torque.time)} torques"
-    )
+    counts = f"{aligned.name}: {len(aligned.angle.time)} angles, {len(aligned.torque.time)} torques"
+    show(f"{aligned}\n{counts}", aligned.document, [out], json=json)
 
 
 def log(

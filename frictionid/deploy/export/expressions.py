@@ -1,7 +1,7 @@
 """Programs as a person would write them: expressions, with names for what is used more than once.
 
 All languages with infix operators are written from here: C, structured text, Python and LaTeX
-differ in their `Form` of each operation and in how they write numbers.
+differ in their `Form` of each operation, in how they write numbers, and in their templates.
 """
 
 from __future__ import annotations
@@ -286,6 +286,14 @@ class Function(NamedTuple):
     program: Program
     says: str
 
+    def blocks(self, prefix: str = "v") -> tuple[Block, ...]:
+        """What is computed for each joint; names of values begin with the prefix."""
+        return blocks(self.program, prefix)
+
+    def places(self, language: Language) -> dict[str, str]:
+        """Where the inputs stand, by their names in the program."""
+        return {name: language.place(name) for name in self.program.inputs}
+
     def reads(self, code: tuple[Block, ...]) -> list[str]:
         """The inputs that the code reads, in the program's order."""
         todo: list[Expression] = [s.expression for block in code for s in block.statements]
@@ -314,3 +322,21 @@ def functions(model: ExportedFriction) -> tuple[Function, ...]:
         Function("torque", (*x, "memory"), programs.torque, torque),
         Function("advance", (*x, "memory", "dt"), programs.advance, advance),
     )
+
+
+def rendered(
+    template: str, model: ExportedFriction, language: Language, context: Mapping[str, Any]
+) -> bytes:
+    """Text of a template of this room, which knows the friction, its functions and the language."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("frictionid.deploy.export"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"folded": folded, "repr": repr}
+    known = {"model": model, "n": len(model.joints), "language": language}
+    return environment.get_template(template).render(known | dict(context)).encode()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -40,12 +40,23 @@ class Tracked:
     angles: Angles
     source: Source
 
-    def __repr__(self) -> str:
+    @property
+    def document(self) -> dict[str, Any]:
+        """Number of frames by state, median standard deviation [rad] of joints, and the camera."""
         angles = self.angles
-        counts = {s: angles.state.count(s) for s in (FOUND, PREDICTED, LOST)}
-        states = ", ".join(f"{c} {s}" for s, c in counts.items() if c or s == FOUND)
-        lines = [f"{len(angles.state)} frames: {states}"]
-        for j, sigma in enumerate(np.nanmedian(angles.sigma, axis=0), start=1):
+        return {
+            "frames": len(angles.state),
+            "states": {s: angles.state.count(s) for s in (FOUND, PREDICTED, LOST)},
+            "sigma": np.nanmedian(angles.sigma, axis=0),
+            "plane": list(angles.calibration.plane.shape),
+        }
+
+    def __repr__(self) -> str:
+        angles, numbers = self.angles, self.document
+        counts = numbers["states"].items()
+        states = ", ".join(f"{count} {s}" for s, count in counts if count or s == FOUND)
+        lines = [f"{numbers['frames']} frames: {states}"]
+        for j, sigma in enumerate(numbers["sigma"], start=1):
             lines.append(f"q{j}: median standard deviation {np.degrees(sigma):.3f} deg")
         shape = angles.calibration.plane.shape
         if any(shape):

@@ -13,11 +13,13 @@ from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 
 _HELPERS = {
-    "exp": "{name} := EXP(MAX(MIN(a, {top}), -{top}));",
-    "log1p": "{name} := LN(1.0 + a);",
-    "sign": "{name} := SEL(a < 0.0, SEL(a > 0.0, 0.0, 1.0), -1.0);",
-    "tanh": "b := EXP(-2.0 * MIN(ABS(a), 20.0));\n"
-    "{name} := SEL(a < 0.0, 1.0, -1.0) * (1.0 - b) / (1.0 + b);",
+    "exp": ["RESULT := EXP(MAX(MIN(a, {top}), -{top}));"],
+    "log1p": ["RESULT := LN(1.0 + a);"],
+    "sign": ["RESULT := SEL(a < 0.0, SEL(a > 0.0, 0.0, 1.0), -1.0);"],
+    "tanh": [
+        "b := EXP(-2.0 * MIN(ABS(a), 20.0));",
+        "RESULT := SEL(a < 0.0, 1.0, -1.0) * (1.0 - b) / (1.0 + b);",
+    ],
 }
 _TOP = {"LREAL": "700.0", "REAL": "80.0"}  # of EXP
 
@@ -25,97 +27,17 @@ _TOP = {"LREAL": "700.0", "REAL": "80.0"}  # of EXP
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A function block, and the functions that it calls."""
     real = "LREAL" if settings.precision == "double" else "REAL"
-    language = _language(settings.name, real)
     functions = ex.functions(model)
-    code = [ex.blocks(f.program, f"{f.name}_v") for f in functions]
-    lines = {
-        f.name: _lines(f, parts, model, language) for f, parts in zip(functions, code, strict=True)
+    context = {"name": settings.name, "real": real, "comment": _comment, "functions": functions}
+    context["code"] = {f.name: f.blocks(f"{f.name}_v") for f in functions}
+    context["helpers"] = {
+        name: [line.format(top=_TOP[real]) for line in lines] for name, lines in _HELPERS.items()
     }
-    block = "\n".join(
-        [
-            f"FUNCTION_BLOCK {settings.name}",
-            *_declarations(model, code, real),
-            *_body(lines),
-            "END_FUNCTION_BLOCK",
-        ]
-    )
-    facts = _comment("\n".join(model.facts))
-    parts = [f"(*\n{settings.name}: friction of {len(model.joints)} parts.\n\n{facts}\n*)"]
-    for name, body in _HELPERS.items():
-        if f"{settings.name}_{name}(" in block:
-            parts.append(_helper(f"{settings.name}_{name}", real, body))
+    text = ex.rendered("block.st.j2", model, _language(settings.name, real), context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
     call = ", ".join(f"{x} := {x}" for x in arguments)
     note = f"{settings.name}({call}); once a cycle, then read Tf"
-    return Written({".st": ("\n\n".join([*parts, block]) + "\n").encode()}, notes=(note,))
-
-
-def _helper(name: str, real: str, body: str) -> str:
-    lines = body.format(name=name, top=_TOP[real]).replace("\n", "\n    ")
-    return (
-        f"FUNCTION {name} : {real}\nVAR_INPUT\n    a : {real};\nEND_VAR\n"
-        f"VAR\n    b : {real};\nEND_VAR\n    {lines}\nEND_FUNCTION"
-    )
-
-
-def _declarations(
-    model: ExportedFriction, functions: list[tuple[ex.Block, ...]], real: str
-) -> list[str]:
-    """Variables of the block: inputs, outputs, memory, and the named values of all functions."""
-    n, entries = len(model.joints), model.programs.memory
-    inputs = [f"{x} : ARRAY[1..{n}] OF {real};" for x in model.programs.inputs]
-    variables = []
-    if entries:
-        time, table = model.law.sample_time, f"ARRAY[1..{entries}, 1..{n}] OF {real};"
-        cycle = "time since the last call" if time is None else f"{time:g} s, the law's samples"
-        inputs += [f"dt : {real}; (* [s], {cycle} *)", "reset : BOOL; (* a motion begins *)"]
-        variables = ["is_started : BOOL;", f"memory : {table}", f"after : {table}"]
-    statements = [s for code in functions for block in code for s in block.statements]
-    variables += [f"{s.name} : {'BOOL' if s.is_truth else real};" for s in statements]
-    declared = {
-        "VAR_INPUT": inputs,
-        "VAR_OUTPUT": [f"Tf : ARRAY[1..{n}] OF {real};"],
-        "VAR": variables,
-    }
-    return [
-        line
-        for kind, lines in declared.items()
-        if lines
-        for line in (kind, *(f"    {x}" for x in lines), "END_VAR")
-    ]
-
-
-def _body(functions: dict[str, list[str]]) -> list[str]:
-    """Statements of the block from those of its functions, by name."""
-    if "start" not in functions:
-        return functions["torque"]
-    return [
-        "IF reset OR NOT is_started THEN",
-        *functions["start"],
-        "    is_started := TRUE;",
-        "ELSE",
-        *functions["advance"],
-        "END_IF;",
-        "memory := after;",
-        *functions["torque"],
-    ]
-
-
-def _lines(
-    function: ex.Function,
-    code: tuple[ex.Block, ...],
-    model: ExportedFriction,
-    language: ex.Language,
-) -> list[str]:
-    """Statements of a function; new memory goes to `after`, as all of the old is read before."""
-    lines, places = [], {name: language.place(name) for name in function.program.inputs}
-    for joint, block in enumerate(code):
-        lines.append(f"    (* {_comment(model.joints[joint])} *)")
-        for target, text, kind in language.lines(block, joint, places):
-            if kind == "output":
-                target = language.place(target).replace("memory", "after")
-            lines.append(ex.folded(f"{target} := {text};"))
-    return lines
+    return Written({".st": text}, notes=(note,))
 
 
 def _comment(text: str) -> str:
