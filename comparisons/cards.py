@@ -245,7 +245,7 @@ def engine_table() -> Iterator[str]:
             back = done.round_trip
             if back is not None:
                 lost = card.fit.law if done.cost else ""
-                sizes = (back.apart, back.median, back.error, back.ours)
+                sizes = (back.mean_apart, back.apart, back.held, back.model)
                 numbers = " | ".join(f"{x:.2g} {back.unit}" for x in sizes)
                 yield f"| `{name}` | {card.fit.law} | {lost} | {numbers} |"
 

@@ -63,8 +63,8 @@ def row(
         exec(code, vars(module))
         called = in_mujoco(own, made[".xml"], module.Friction, starts)
         assert called is not None
-    distances = (alone.apart, called.error, called.apart)
-    return Row(data.name, name, alone.ours, alone.error, *distances, alone.predictions)
+    distances = (alone.mean_apart, called.held, called.mean_apart)
+    return Row(data.name, name, alone.model, alone.held, *distances, alone.predictions)
 
 
 def halves(data: Dataset) -> tuple[Dataset, Dataset]:

@@ -17,8 +17,8 @@ from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.deploy.export import FORMATS
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written, exported
-from frictionid.deploy.export.nearest import Cost, cost_of, cost_sentence
-from frictionid.deploy.export.round_trip import RoundTrip, sentence
+from frictionid.deploy.export.nearest import Replay, cost_of, cost_sentence
+from frictionid.deploy.export.round_trip import sentence
 from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
 from frictionid.files import model_path, write_bytes
@@ -40,8 +40,8 @@ class Exported(NamedTuple):
     paths: tuple[Path, ...]
     lost: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    cost: Cost | None = None
-    round_trip: RoundTrip | None = None
+    cost: Replay | None = None
+    round_trip: Replay | None = None
 
 
 def export(
@@ -135,7 +135,7 @@ def _at(friction: Friction, temperature: float | None) -> Friction:
     return friction.at_temperature(temperature)
 
 
-def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Cost | None]:
+def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Replay | None]:
     """Sentences on what is lost, and what that costs on the data's motion."""
     if written.held is None:
         return written.lost, None

@@ -154,24 +154,52 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
 _MOST = 200  # rollouts: more say no more of a median
 
 
-class Cost(NamedTuple):
-    """What another friction costs on recorded motion.
+class Replay(NamedTuple):
+    """Predictions by what a target holds, beside the model's, on recorded motion.
 
-    torque : (n,) RMS difference of the torques along the motion [N m or N]
-    model, held : median error 1 s ahead of the model's predictions, and of the other's, in `unit`
-    apart : median distance of the two predictions
+    model, held : median error at the horizon of the model's predictions, and of the target's, in
+        `unit`
+    apart, mean_apart : median and mean distance of the two, whose mean a joint that just misses
+        upright rules
     predictions : their number, from states that a filter estimates
+    torque : (n,) RMS difference of the torques along the motion [N m or N], of a friction
+    engine : name and version of what predicted, of a file
     """
 
-    torque: tuple[float, ...]
     model: float
     held: float
     apart: float
+    mean_apart: float
     unit: str
     predictions: int
+    torque: tuple[float, ...] = ()
+    engine: str = ""
 
 
-def cost_of(model: ExportedFriction, held: Friction) -> Cost:
+def replayed(model: ExportedFriction, initial: InitialStates, held: Array) -> Replay:
+    """A target's predictions (S, n) at the horizon, beside the model's from the same states."""
+    data = model.prepared
+    assert data is not None
+    ours = predictions(model, model.friction, initial)
+    measured, units = at_horizon(initial.measured, initial), data.position_units
+    sizes = joint_sizes(units, data.initial_states.measured)
+    pairs = ((ours, measured), (held, measured), (ours, held))
+    norms = [norm_of(a - b, units, sizes) for a, b in pairs]
+    # a motion that has diverged is far away, no number that is left out
+    errors = [np.nan_to_num(error, nan=np.inf) for error, _ in norms]
+    medians = (float(np.median(error)) for error in errors)
+    return Replay(*medians, float(errors[-1].mean()), norms[0][1], len(measured))
+
+
+def predictions(model: ExportedFriction, friction: Friction, initial: InitialStates) -> Array:
+    """Angles (S, n) at the horizon, by a friction with the model's machine."""
+    assert model.prepared is not None
+    plant = model.prepared.plant[initial.recording]
+    copies = np.zeros(len(initial.q), dtype=int)
+    return at_horizon(predict(plant, friction[None][copies], initial).q, initial)
+
+
+def cost_of(model: ExportedFriction, held: Friction) -> Replay:
     """Cost of a friction in place of the model's, on the motion of its data.
 
     Raises
@@ -182,26 +210,11 @@ def cost_of(model: ExportedFriction, held: Friction) -> Cost:
     data = model.prepared
     if data is None:
         raise InputError("what is lost shows on recorded motion: name a data set")
-    frictions, nodes = (model.friction, held), data.integral.nodes
-    torques = [along(friction, nodes) for friction in frictions]
+    torques = [along(friction, data.integral.nodes) for friction in (model.friction, held)]
     rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
     initial = reaching(data.initial_states)
-    plant = data.plant[initial.recording]
-    copies = np.zeros(len(initial.q), dtype=int)
-    ahead, other = (
-        at_horizon(predict(plant, friction[None][copies], initial).q, initial)
-        for friction in frictions
-    )
-    measured = at_horizon(initial.measured, initial)
-    sizes = joint_sizes(data.position_units, data.initial_states.measured)
-    errors = [
-        norm_of(off, data.position_units, sizes)
-        for off in (ahead - measured, other - measured, ahead - other)
-    ]
-    # a prediction that has diverged is far away, no number that is left out
-    first, second, apart = (float(np.median(np.nan_to_num(e, nan=np.inf))) for e, _ in errors)
-    torque, unit = tuple(map(float, rms)), errors[0][1]
-    return Cost(torque, first, second, apart, unit, len(measured))
+    replay = replayed(model, initial, predictions(model, held, initial))
+    return replay._replace(torque=tuple(map(float, rms)))
 
 
 def reaching(initial: InitialStates) -> InitialStates:
@@ -217,13 +230,13 @@ def at_horizon(q: Array, initial: InitialStates) -> Array:
     return q[initial.last[-1], np.arange(q.shape[1])]
 
 
-def cost_sentence(exported: ExportedFriction, cost: Cost) -> str:
+def cost_sentence(exported: ExportedFriction, cost: Replay) -> str:
     """The cost in words.
 
     >>> from frictionid.deploy.export.exported import exported
     >>> from frictionid.friction.laws import NoFriction
     >>> model = exported(Friction(NoFriction(), np.zeros((1, 0))), ["hip"])
-    >>> cost_sentence(model, Cost((0.01,), 0.05, 0.06, 0.02, "rad", 40))
+    >>> cost_sentence(model, Replay(0.05, 0.06, 0.02, 0.03, "rad", 40, (0.01,)))
     "on the data's motion its torques are 0.01 N m off (RMS of hip); 1 s ahead its predictions err \
 by 0.06 rad where the model's err by 0.05, 0.02 from these (medians of 40)"
     """

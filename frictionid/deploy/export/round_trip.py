@@ -3,42 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.nearest import at_horizon, reaching
+from frictionid.deploy.export.nearest import Replay, reaching, replayed
 from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.predicted_motion import memory_at, predict
+from frictionid.evaluation.predicted_motion import memory_at
 
 _MOST = 48  # predictions
 
 
-class RoundTrip(NamedTuple):
-    """An engine's predictions beside ours.
-
-    apart, median : distance at the horizon, in `unit`: mean, which a joint that just misses
-        upright rules, and median; error, ours : median errors of both
-    predictions : their number; engine : its name and version
-    """
-
-    apart: float
-    median: float
-    error: float
-    ours: float
-    unit: str
-    predictions: int
-    engine: str
-
-
 def in_mujoco(
     model: ExportedFriction, xml: str, passive: Any = None, most: int = _MOST
-) -> RoundTrip | None:
+) -> Replay | None:
     """An MJCF replayed from the states that a filter estimates, under what was logged.
 
     Actuators get the logged targets of servos, else the logged torques; gain, bias and delay are
@@ -56,35 +38,21 @@ def in_mujoco(
     initial = _alike(model, reaching(data.initial_states), most)
     if not len(initial.q):
         return None
-    copies = np.zeros(len(initial.q), dtype=int)
-    plant = data.plant[initial.recording]
-    ours = at_horizon(predict(plant, model.friction[None][copies], initial).q, initial)
-    engine = replayed(mujoco.MjModel.from_xml_string(xml), model, initial, passive)
-    measured = at_horizon(initial.measured, initial)
-    units = data.position_units
-    sizes = joint_sizes(units, data.initial_states.measured)
-    pairs = ((engine, ours), (engine, measured), (ours, measured))
-    norms = [norm_of(a - b, units, sizes) for a, b in pairs]
-    # a motion that has diverged is far away, no number that is left out
-    apart, *errors = (np.nan_to_num(norm, nan=np.inf) for norm, _ in norms)
-    median, error, error_of_ours = (float(np.median(x)) for x in (apart, *errors))
-    engine_name = f"MuJoCo {mujoco.__version__}"
-    return RoundTrip(
-        float(apart.mean()), median, error, error_of_ours, norms[0][1], len(ours), engine_name
-    )
+    held = run_by_engine(mujoco.MjModel.from_xml_string(xml), model, initial, passive)
+    return replayed(model, initial, held)._replace(engine=f"MuJoCo {mujoco.__version__}")
 
 
-def sentence(back: RoundTrip, horizon: float) -> str:
+def sentence(replay: Replay, horizon: float) -> str:
     """The comparison in words.
 
-    >>> sentence(RoundTrip(0.0009, 0.0002, 0.073, 0.072, "rad", 48, "MuJoCo 4.0.0"), 1.0)
+    >>> sentence(Replay(0.072, 0.073, 0.0002, 0.0009, "rad", 48, engine="MuJoCo 4.0.0"), 1.0)
     'run as it is in MuJoCo 4.0.0, it is 0.0009 rad from our predictions after 1 s (mean of 48; \
 median 0.0002), and errs by 0.073 where ours err by 0.072'
     """
     return (
-        f"run as it is in {back.engine}, it is {back.apart:.2g} {back.unit} from our predictions "
-        f"after {horizon:g} s (mean of {back.predictions}; median {back.median:.2g}), and errs by "
-        f"{back.error:.3g} where ours err by {back.ours:.3g}"
+        f"run as it is in {replay.engine}, it is {replay.mean_apart:.2g} {replay.unit} from our "
+        f"predictions after {horizon:g} s (mean of {replay.predictions}; median "
+        f"{replay.apart:.2g}), and errs by {replay.held:.3g} where ours err by {replay.model:.3g}"
     )
 
 
@@ -111,7 +79,7 @@ def _clock(initial: InitialStates, s: int) -> Array:
     return np.asarray(initial.time[s] + np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def replayed(
+def run_by_engine(
     engine: Any, model: ExportedFriction, initial: InitialStates, passive: Any = None
 ) -> Array:
     """Angles (S, n) at the horizon, by the engine's steps, shortened to end there."""

@@ -30,8 +30,8 @@ from frictionid.deploy.export.native import (
     lost_bristles,
     passive_motor,
 )
-from frictionid.deploy.export.nearest import differs, lost_by
-from frictionid.deploy.export.round_trip import RoundTrip, in_mujoco
+from frictionid.deploy.export.nearest import Replay, differs, lost_by
+from frictionid.deploy.export.round_trip import in_mujoco
 from frictionid.deploy.export.xml_text import (
     Element,
     by_name,
@@ -135,7 +135,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     return Written(files, tuple(lost), friction if lost else None, tuple(notes))
 
 
-def replay(model: ExportedFriction, written: Written) -> RoundTrip | None:
+def replay(model: ExportedFriction, written: Written) -> Replay | None:
     """How far predictions of the written file are from ours, without its callback."""
     return in_mujoco(model, written.files[".xml"].decode())
 
