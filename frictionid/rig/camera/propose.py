@@ -11,6 +11,7 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
@@ -22,7 +23,7 @@ from frictionid.rig.camera.marker_setup import (
     MarkerSetup,
     hue_distance,
 )
-from frictionid.rig.camera.source import Frame, Image, Source
+from frictionid.rig.camera.source import Image, Source
 
 with needs("camera"):
     import cv2
@@ -37,24 +38,20 @@ _TRIES = 400  # random circles
 _COMPACT = 0.55  # least share of its bounding box that a dot fills
 
 
-class ColourRegion(NamedTuple):
-    """A colourful part of a frame: index of the frame, place [px], area [px^2], colour."""
-
-    frame: int
-    x: float
-    y: float
-    area: float
-    hue: float
-    saturation: float
-    value: float
+# of a colourful part of a frame: index of the frame, place [px], area [px^2], colour
+_COLUMNS = ("frame", "x", "y", "area", "hue", "saturation", "value")
 
 
 class Circle(NamedTuple):
-    """Centre (2,), radius [px], and the region of each frame that lies on it (-1: none)."""
+    """Centre (2,), radius [px], the dots on it, one of a frame, and their share of all frames.
+
+    score : the share, less how far dots lie beside the circle
+    """
 
     centre: Array
     radius: float
-    chosen: Array
+    dots: pd.DataFrame
+    score: float
 
 
 def propose(source: Source) -> MarkerSetup:
@@ -66,23 +63,27 @@ def propose(source: Source) -> MarkerSetup:
         Where no moving dot is found, or none moves on a circle.
     """
     pictures = _first_frames(source)
-    regions = [b for k, image in enumerate(pictures) for b in _colour_regions(image, k)]
-    groups = _colours(regions, len(pictures))
+    rows = [row for k, image in enumerate(pictures) for row in _colour_regions(image, k)]
+    groups = _colours(pd.DataFrame(rows, columns=list(_COLUMNS)), len(pictures))
     moving = [g for g in groups if _moves(g)]
     if not moving:
         raise InputError(
             f"{source.name}: nothing colourful moves in the first {_SECONDS:g} s; use dots of "
             "strong colours, light them better, or write rig.toml by hand"
         )
-    first, group = _elbow(moving, len(pictures), source)
-    circled = [group[k] for k in first.chosen if k >= 0]
-    chain, used = [{b.frame: b for b in circled}], {id(b) for b in circled}
-    pixels = [first.radius]
+    circles = [_circle(group, len(pictures), np.array(source.size)) for group in moving]
+    first = max(circles, key=lambda circle: circle.score)
+    if first.score < _SEEN:
+        raise InputError(
+            f"{source.name}: no dot moves on a circle in the first {_SECONDS:g} s; let the first "
+            "link swing further there, or write rig.toml by hand"
+        )
+    chain, pixels, used = [first.dots], [first.radius], first.dots.index
     while (child := _next(chain[-1], moving, used)) is not None:
-        dots, length, taken = child
-        chain.append(dots)
+        regions, length = child
+        chain.append(regions.drop_duplicates("frame", keep="last"))
         pixels.append(length)
-        used |= {id(b) for b in taken}
+        used = used.append(regions.index)
     names = ["elbow", "tip"] if len(chain) == 2 else [f"joint{k + 2}" for k in range(len(chain))]
     if len(chain) == 1:
         names = ["tip"]
@@ -105,17 +106,14 @@ def _merged_hues(markers: Sequence[Marker]) -> list[Marker]:
 def _first_frames(source: Source) -> list[Image]:
     """Pictures spread over the first seconds."""
     count = int(_SECONDS * source.rate) if source.rate > 0 else _FRAMES
-    step = max(count // _FRAMES, 1)
-    frames: Iterator[Frame] = islice(source.frames(), 0, count, step)
-    return [f.image for f in frames]
+    return [f.image for f in islice(source.frames(), 0, count, max(count // _FRAMES, 1))]
 
 
-def _colour_regions(image: Image, frame: int) -> Iterator[ColourRegion]:
+def _colour_regions(image: Image, frame: int) -> Iterator[tuple[float, ...]]:
     """Colourful, compact parts of a picture."""
     smooth = cv2.GaussianBlur(image, (5, 5), 1.5)
-    b, g, r = cv2.split(smooth)
-    top = cv2.max(cv2.max(b, g), r)
-    chroma = cv2.subtract(top, cv2.min(cv2.min(b, g), r))
+    top = smooth.max(axis=2)
+    chroma = top - smooth.min(axis=2)
     mask = ((chroma > _CHROMA) & (chroma > cv2.multiply(top, _SATURATION))).astype(np.uint8)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=4)
     limit = image.shape[0] * image.shape[1] / 200
@@ -127,96 +125,65 @@ def _colour_regions(image: Image, frame: int) -> Iterator[ColourRegion]:
         strong = part[np.argsort(-(part.max(1).astype(int) - part.min(1)))[: max(area // 3, 4)]]
         bgr = strong.astype(np.float32).mean(axis=0) / 255
         hsv = cv2.cvtColor(bgr[None, None], cv2.COLOR_BGR2HSV)[0, 0].astype(float)
-        cx, cy = centres[k]
-        yield ColourRegion(frame, float(cx), float(cy), float(area), *hsv.tolist())
+        yield frame, *centres[k], float(area), *hsv
 
 
-def _colours(regions: Sequence[ColourRegion], frames: int) -> list[list[ColourRegion]]:
+def _colours(left: pd.DataFrame, frames: int) -> list[pd.DataFrame]:
     """Regions grouped by colour, for the colours that are seen in most frames."""
-    left, groups = sorted(regions, key=lambda b: b.hue), []
-    while left:
-        # the densest hue first
-        hues = np.array([b.hue for b in left])
+    left, groups = left.sort_values("hue", kind="stable"), []
+    while len(left):
+        hues = left["hue"].to_numpy()
         near = np.abs((hues[:, None] - hues + 180) % 360 - 180) < _HUES
-        densest = hues[np.argmax(near.sum(axis=1))]
-        colour = [b for b in left if hue_distance(b.hue, densest) < _HUES]
-        left = [b for b in left if hue_distance(b.hue, densest) >= _HUES]
-        if len({b.frame for b in colour}) >= _SEEN * frames:
-            groups.append(colour)
+        alike = near[near.sum(axis=1).argmax()]  # the densest hue first
+        if left["frame"][alike].nunique() >= _SEEN * frames:
+            groups.append(left[alike])
+        left = left[~alike]
     return groups
 
 
-def _moves(group: Sequence[ColourRegion]) -> bool:
-    places = np.array([[b.x, b.y] for b in group])
-    radius = np.sqrt(np.median([b.area for b in group]) / np.pi)
-    return bool(np.ptp(places, axis=0).max() > 3 * radius)
+def _places(group: pd.DataFrame) -> Array:
+    return group[["x", "y"]].to_numpy()
 
 
-def _elbow(
-    moving: Sequence[list[ColourRegion]], frames: int, source: Source
-) -> tuple[Circle, list[ColourRegion]]:
-    """The circle on which most places of one dot lie, and the regions of that dot's colour."""
-    best: tuple[float, Circle, list[ColourRegion]] | None = None
-    for group in moving:
-        circle, score = _circle(group, frames, source.size)
-        if circle is not None and (best is None or score > best[0]):
-            best = score, circle, group
-    if best is None or best[0] < _SEEN:
-        raise InputError(
-            f"{source.name}: no dot moves on a circle in the first {_SECONDS:g} s; let the first "
-            "link swing further there, or write rig.toml by hand"
-        )
-    return best[1], best[2]
+def _moves(group: pd.DataFrame) -> bool:
+    radius = np.sqrt(np.median(group["area"]) / np.pi)
+    return bool(np.ptp(_places(group), axis=0).max() > 3 * radius)
 
 
-def _circle(
-    group: Sequence[ColourRegion], frames: int, size: tuple[int, int]
-) -> tuple[Circle | None, float]:
-    """Best circle through random triples (RANSAC), and its score: share of frames less misfit."""
+def _circle(group: pd.DataFrame, frames: int, size: Array) -> Circle:
+    """Best circle through random triples (RANSAC); its score is zero where there is none."""
     rng = np.random.default_rng(0)
-    places = np.array([[b.x, b.y] for b in group])
-    frame = np.array([b.frame for b in group])
-    best, score = None, 0.0
-    for _ in range(_TRIES):
-        three = places[rng.choice(len(places), 3, replace=False)] if len(places) > 3 else places
-        centre, radius = _through(three)
-        if not np.isfinite(radius) or not 15 < radius < size[1]:
+    places, frame = _places(group), group["frame"].to_numpy()
+    best, score = np.zeros(len(places), dtype=bool), 0.0
+    for _ in range(_TRIES if len(places) > 2 else 0):
+        centre, radius = _fitted(places[rng.choice(len(places), 3, replace=False)])
+        if not (15 < radius < size[1] and (centre > 0).all() and (centre < size).all()):
             continue
-        if not ((centre > 0) & (centre < np.array(size))).all():
-            continue
-        off = np.abs(np.hypot(*(places - centre).T) - radius)
-        on = off < 1.5 + 0.02 * radius
+        off, width = _off(places, centre, radius), 1.5 + 0.02 * radius
+        on = off < width
         if not on.any() or _arc(places[on], centre) < 0.5:
             continue
-        share = len(set(frame[on].tolist())) / frames
-        now = share - 0.2 * float(np.mean(off[on])) / (1.5 + 0.02 * radius)
+        now = len(np.unique(frame[on])) / frames - 0.2 * float(np.mean(off[on])) / width
         if now > score:
-            best, score = (centre, radius, on), now
-    if best is None:
-        return None, 0.0
-    centre, radius = _fitted(places[best[2]])
-    off = np.abs(np.hypot(*(places - centre).T) - radius)
-    chosen = np.full(frames, -1)
-    for k in np.argsort(-off):  # the nearest of a frame is written last
-        if off[k] < 3.0 + 0.03 * radius:
-            chosen[frame[k]] = k
-    return Circle(centre, radius, chosen), score
+            best, score = on, now
+    if not best.any():
+        return Circle(np.zeros(2), 0.0, group[best], score)
+    centre, radius = _fitted(places[best])
+    off = _off(places, centre, radius)
+    dots = group.iloc[np.argsort(off, kind="stable")[: (off < 3.0 + 0.03 * radius).sum()]]
+    return Circle(centre, radius, dots.drop_duplicates("frame"), score)
 
 
-def _through(three: Array) -> tuple[Array, float]:
-    """Centre and radius of the circle through three points (3, 2)."""
-    a = 2 * (three[1:] - three[0])
-    if abs(np.linalg.det(a)) < 1e-6:
-        return np.zeros(2), np.inf
-    centre = np.linalg.solve(a, (three[1:] ** 2).sum(1) - (three[0] ** 2).sum())
-    return centre, float(np.hypot(*(three[0] - centre)))
+def _off(places: Array, centre: Array, radius: float) -> Array:
+    """Distances of places from a circle."""
+    return np.abs(np.hypot(*(places - centre).T) - radius)
 
 
 def _fitted(places: Array) -> tuple[Array, float]:
     """Centre and radius of the circle nearest to places, by linear least squares."""
     a = np.column_stack([2 * places, np.ones(len(places))])
     x = np.linalg.lstsq(a, (places**2).sum(axis=1), rcond=None)[0]
-    return x[:2], float(np.sqrt(x[2] + x[:2] @ x[:2]))
+    return x[:2], float(np.sqrt(max(x[2] + x[:2] @ x[:2], 0.0)))
 
 
 def _arc(places: Array, centre: Array) -> float:
@@ -227,43 +194,41 @@ def _arc(places: Array, centre: Array) -> float:
 
 
 def _next(
-    parent: dict[int, ColourRegion], moving: Sequence[list[ColourRegion]], used: set[int]
-) -> tuple[dict[int, ColourRegion], float, list[ColourRegion]] | None:
-    """The dot that keeps its distance to the one before, the distance, and its regions."""
+    parent: pd.DataFrame, moving: Sequence[pd.DataFrame], used: pd.Index
+) -> tuple[pd.DataFrame, float] | None:
+    """Regions of the dot that keeps its distance to the one before, and that distance."""
     best, most = None, _SEEN
     for group in moving:
-        free = [b for b in group if id(b) not in used and b.frame in parent]
-        if not free:
+        free = group[~group.index.isin(used) & group["frame"].isin(parent["frame"])]
+        if not len(free):
             continue
-        gap = np.array([np.hypot(b.x - parent[b.frame].x, b.y - parent[b.frame].y) for b in free])
+        before = _places(parent.set_index("frame").loc[free["frame"]])
+        gap = np.hypot(*(_places(free) - before).T)
         near = np.abs(gap[:, None] - gap) < 2.0 + 0.03 * gap
-        length = float(np.median(gap[near[np.argmax(near.sum(axis=1))]]))
-        fits = [b for b, g in zip(free, gap, strict=True) if abs(g - length) < 3.0 + 0.04 * length]
-        share = len({b.frame for b in fits}) / max(len(parent), 1)
+        length = float(np.median(gap[near[near.sum(axis=1).argmax()]]))
+        fits = free[np.abs(gap - length) < 3.0 + 0.04 * length]
+        share = fits["frame"].nunique() / len(parent)
         if share > most and length > 10:
-            best, most = ({b.frame: b for b in fits}, length, fits), share
+            best, most = (fits, length), share
     return best
 
 
-def _marker(name: str, dots: dict[int, ColourRegion]) -> Marker:
-    regions = list(dots.values())
+def _marker(name: str, dots: pd.DataFrame) -> Marker:
     # blur by motion enlarges a dot: those that look smaller are nearer the truth
-    radius = float(np.sqrt(np.quantile([b.area for b in regions], 0.3) / np.pi))
-    x, y = (np.mean(f(np.radians([b.hue for b in regions]))) for f in (np.cos, np.sin))
-    hue = float(np.degrees(np.arctan2(y, x)) % 360)
-    saturation, value = (
-        float(np.clip(np.median([getattr(b, what) for b in regions]), 0.16, 1.0))
-        for what in ("saturation", "value")
-    )
+    radius = float(np.sqrt(np.quantile(dots["area"], 0.3) / np.pi))
+    turned = np.exp(1j * np.radians(dots["hue"].to_numpy())).mean()
+    hue = float(np.degrees(np.angle(turned)) % 360)
+    saturation, value = np.clip(
+        np.median(dots[["saturation", "value"]], axis=0), 0.16, 1.0
+    ).tolist()
     return Marker(name=name, hue=hue, saturation=saturation, value=value, radius=radius)
 
 
-def _pivot(centre: Array, groups: Sequence[list[ColourRegion]]) -> Marker:
+def _pivot(centre: Array, groups: Sequence[pd.DataFrame]) -> Marker:
     """The pivot: a dot that stays there, else the centre of the circle."""
     for group in groups:
-        near = {
-            b.frame: b for b in group if np.hypot(b.x - centre[0], b.y - centre[1]) < 2 * _STILL
-        }
-        if len(near) > 0.5 * len({b.frame for b in group}) and not _moves(list(near.values())):
+        near = group[np.hypot(*(_places(group) - centre).T) < 2 * _STILL]
+        near = near.drop_duplicates("frame", keep="last")
+        if len(near) > 0.5 * group["frame"].nunique() and not _moves(near):
             return _marker("pivot", near).model_copy(update={"moves": False})
-    return Marker(name="pivot", at=[float(v) for v in centre])
+    return Marker(name="pivot", at=centre.tolist())
