@@ -275,7 +275,7 @@ NUMBERS = (short, fixed, percent, factor, signed, seconds, divergence_limit, wit
 
 def render_page(template: str, context: Mapping[str, Any]) -> str:
     """HTML of a template with the values of its context, in which every name is plain text."""
-    return _environment(escape=True).get_template(template).render(context)
+    return environment(escape=True).get_template(template).render(context)
 
 
 def lines_of(text: str) -> list[str]:
@@ -288,27 +288,27 @@ def render(template: str, context: Mapping[str, Any], *, markup: bool = True) ->
 
     markup : whether names are marked as code and escaped for Markdown; else they stay plain
     """
-    environment = _environment(escape=False)
-    environment.globals["inf"] = float("inf")
-    environment.filters |= {
+    templates = environment()
+    templates.globals["inf"] = float("inf")
+    templates.filters |= {
         "text": escape_markdown if markup else str,
         "code": code if markup else str,
         "table": markdown,
     }
-    return environment.get_template(template).render(context)
+    return templates.get_template(template).render(context)
 
 
-def _environment(*, escape: bool) -> Any:
-    """The templates' environment, with the filters of numbers; text ends as its template does."""
+def environment(package: str = "frictionid.report", *, escape: bool = False) -> Any:
+    """Environment of a room's templates, with the filters of numbers; text ends as they do."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
-        loader=PackageLoader("frictionid.report"),
+    templates = Environment(
+        loader=PackageLoader(package),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
         keep_trailing_newline=not escape,
         autoescape=escape,
     )
-    environment.filters |= {function.__name__: function for function in NUMBERS}
-    return environment
+    templates.filters |= {function.__name__: function for function in NUMBERS}
+    return templates

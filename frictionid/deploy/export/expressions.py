@@ -325,18 +325,16 @@ def functions(model: ExportedFriction) -> tuple[Function, ...]:
 
 
 def rendered(
-    template: str, model: ExportedFriction, language: Language, context: Mapping[str, Any]
+    template: str,
+    model: ExportedFriction,
+    language: Language,
+    context: Mapping[str, Any],
+    filters: Mapping[str, Callable[[Any], str]] | None = None,
 ) -> bytes:
     """Text of a template of this room, which knows the friction, its functions and the language."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from frictionid.report.tables import environment
 
-    environment = Environment(
-        loader=PackageLoader("frictionid.deploy.export"),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {"folded": folded, "repr": repr}
+    templates = environment("frictionid.deploy.export")
+    templates.filters |= {"folded": folded, "repr": repr, **(filters or {})}
     known = {"model": model, "n": len(model.joints), "language": language}
-    return environment.get_template(template).render(known | dict(context)).encode()
+    return templates.get_template(template).render(known | dict(context)).encode()

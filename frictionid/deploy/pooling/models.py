@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,14 @@ from frictionid.friction import Friction, Groups
 from frictionid.friction.provenance import Estimate, Pooled, PooledEstimate, Provenance
 
 Key = tuple[str, str, int | None]  # block, name without the joint's, and joint
-Row = tuple[str, Key, Estimate, str]  # name of a model, key, estimate, and why it is none
+
+
+class Row(NamedTuple):
+    """An estimate of a model, by its name; reason : why it is none, "" where it is one."""
+
+    model: str
+    estimate: Estimate
+    reason: str
 
 
 def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ()) -> Friction:
@@ -38,26 +46,17 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
         Where the models are not alike, have no intervals, or one is given twice.
     """
     check_alike(models, names, equal)
-    rows = [
-        (label, *row)
-        for model, label in zip(models, names, strict=True)
-        for row in estimates(model, label)
-    ]
-    first = models[0]
+    groups, first = estimates(models, names), models[0]
     theta = np.median([model.theta for model in models], axis=0)
     entries, sentences = [], []
-    titles = {key: e.name for _, key, e, _ in reversed(rows)}
-    for key in dict.fromkeys(key for _, key, _, _ in rows):
-        alike = _alike(rows, key, equal)
-        usable = [(label, e) for label, _, e, reason in alike if not reason]
-        block, name, joint = key
-        mine = block == "friction" and joint is not None and name in first.law.names
-        place = (joint, first.law.names.index(name)) if mine else None
+    for key, rows in groups.items():
+        alike, place = _alike(groups, key, equal), place_of(first, *key)
+        usable = [row for row in alike if not row.reason]
         stays = "" if place is None else f", it stays at the median, {theta[place]:.3g}"
-        if alike[0][1] == key:  # said once of equal joints
+        if alike[0].estimate is rows[0].estimate:  # said once of equal joints
             sentences += _sentences(alike, len(usable), stays)
         if len(usable) > 1:
-            entries.append(entry(first, usable, titles[key], joint))
+            entries.append(entry(first, usable, rows[0].estimate.name, key[2]))
             if place is not None:
                 theta[place] = entries[-1].value
     if not entries:
@@ -70,28 +69,36 @@ def pooled(models: Sequence[Friction], names: Sequence[str], equal: Groups = ())
     )
 
 
-def _alike(rows: Sequence[Row], key: Key, equal: Groups) -> list[Row]:
+def _alike(groups: Mapping[Key, Sequence[Row]], key: Key, equal: Groups) -> Sequence[Row]:
     """Estimates of a parameter; of all joints equal to its own, with these in the models' names."""
-    block, name, joint = key
+    *name, joint = key
     group = next((g for g in equal if joint is not None and joint + 1 in g), ())
     if not group:
-        return [row for row in rows if row[1] == key]
-    return [
-        (f"{label} ({joint_name(e)})", k, e, reason)
-        for label, k, e, reason in rows
-        if k[:2] == (block, name) and k[2] is not None and k[2] + 1 in group
-    ]
+        return groups[key]
+    order = {row.model: k for k, row in enumerate(groups[key])}
+    rows = [row for (*n, j), each in groups.items() for row in each if n == name and j is not None]
+    rows = [row for row in rows if (row.estimate.joint or 0) + 1 in group]
+    rows.sort(key=lambda row: order.get(row.model, len(order)))
+    return [row._replace(model=f"{row.model} ({joint_name(row.estimate)})") for row in rows]
 
 
-def entry(
-    first: Friction, usable: Sequence[tuple[str, Estimate]], title: str, joint: int | None
-) -> PooledEstimate:
-    """A pooled parameter of its estimates (model's name, estimate).
+def place_of(
+    friction: Friction, block: str, name: str, joint: int | None
+) -> tuple[int, int] | None:
+    """Place in theta (n, P) of a parameter of the law; None of others."""
+    names = friction.law.names
+    if block != "friction" or joint is None or name not in names:
+        return None
+    return joint, names.index(name)
+
+
+def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None) -> PooledEstimate:
+    """A pooled parameter of its estimates.
 
     Intervals and the range are cut to the bounds of the law.
     """
-    e = usable[0][1]
-    values, errors = (tuple(getattr(e, part) for _, e in usable) for part in ("value", "error"))
+    listed = [row.estimate for row in usable]
+    e, values, errors = listed[0], [e.value for e in listed], [e.error for e in listed]
     effects = random_effects(np.array(values), np.array(errors))
     ends = bounds_of(first, e.block, e.parameter)
     inner, outer, beyond = (
@@ -105,9 +112,9 @@ def entry(
         tau_95=(effects.tau_low, effects.tau_high),
         Q=effects.Q,
         p_value=effects.p_value,
-        models=tuple(label for label, _ in usable),
-        values=values,
-        errors=errors,
+        models=tuple(row.model for row in usable),
+        values=tuple(values),
+        errors=tuple(errors),
     )
 
 
@@ -119,22 +126,27 @@ def bounds_of(friction: Friction, block: str, name: str) -> tuple[float, float]:
     return -np.inf, np.inf
 
 
-def estimates(model: Friction, name: str) -> list[tuple[Key, Estimate, str]]:
-    """Estimates of a fitted model by their keys, with why one is none, "" where it is one.
+def estimates(models: Sequence[Friction], names: Sequence[str]) -> dict[Key, list[Row]]:
+    """Estimates of fitted models by parameters, one or none of each model.
 
     Raises
     ------
     InputError
-        Where the model has no intervals, or is pooled.
+        Where a model has no intervals, or is pooled.
     """
-    source = model.provenance
-    if source.pooled is not None:
-        raise InputError(f"pool: {name} is pooled itself: give the models that it was made of")
-    if source.refined is None and source.half_widths is None:
-        raise InputError(
-            f"pool: {name} has no intervals of its parameters: fit it by frictionid fit"
-        )
-    return [((e.block, e.parameter, e.joint), e, _reason(model, e)) for e in estimates_of(model)]
+    out: dict[Key, list[Row]] = {}
+    for model, name in zip(models, names, strict=True):
+        source = model.provenance
+        if source.pooled is not None:
+            raise InputError(f"pool: {name} is pooled itself: give the models that it was made of")
+        if source.refined is None and source.half_widths is None:
+            raise InputError(
+                f"pool: {name} has no intervals of its parameters: fit it by frictionid fit"
+            )
+        for e in estimates_of(model):
+            row = Row(name, e, _reason(model, e))
+            out.setdefault((e.block, e.parameter, e.joint), []).append(row)
+    return out
 
 
 def _reason(model: Friction, e: Estimate) -> str:
@@ -153,13 +165,13 @@ def joint_name(e: Estimate) -> str:
 
 def _sentences(rows: Sequence[Row], count: int, stays: str) -> list[str]:
     """What is left out of a parameter's estimates."""
-    out, title = [], rows[0][2].name
+    out, title = [], rows[0].estimate.name
     end = f"pooled over the other {count}" if count > 1 else f"not pooled{stays}"
-    for reason in dict.fromkeys(row[3] for row in rows if row[3]):
-        where = ", ".join(row[0] for row in rows if row[3] == reason)
+    for reason in dict.fromkeys(row.reason for row in rows if row.reason):
+        where = ", ".join(row.model for row in rows if row.reason == reason)
         out.append(f"{title} {reason} in {where}: {end}")
     if count == len(rows) == 1:
-        out.append(f"{title} is free in {rows[0][0]} only: not pooled{stays}")
+        out.append(f"{title} is free in {rows[0].model} only: not pooled{stays}")
     return out
 
 
@@ -212,7 +224,9 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
 
 def joint_names(friction: Friction, name: str) -> list[str]:
     """Names of the joints, as the parameters of a fitted model have them."""
-    named = {e.joint: joint_name(e) for _, e, _ in estimates(friction, name)}
+    named = {
+        key[2]: joint_name(row.estimate) for key, (row,) in estimates([friction], [name]).items()
+    }
     return [named.get(j) or f"joint {j + 1}" for j in range(friction.n)]
 
 

@@ -19,18 +19,18 @@ from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.deploy.pooling.models import (
     Key,
-    bounds_of,
     check_alike,
     estimates,
     joint_names,
+    place_of,
     pooled,
 )
-from frictionid.deploy.pooling.random_effects import Regression, meta_regression, sampled
+from frictionid.deploy.pooling.random_effects import Regression, meta_regression, pooled_draws
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
-from frictionid.friction.provenance import Estimate, Provenance
 from frictionid.friction.provenance import Pooled as Specimens
+from frictionid.friction.provenance import Provenance
 from frictionid.report.console import console, printed
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
@@ -123,7 +123,13 @@ class Pooled:
 
         Each parameter is drawn by itself; those that were not pooled stay at their medians.
         """
-        return sampled(self.friction, whole("count", count), whole("seed", seed))
+        friction, several = self.friction, self.several
+        draws = pooled_draws(several, whole("count", count), whole("seed", seed))
+        theta = np.repeat(np.asarray(friction.theta, dtype=float)[None], count, axis=0)
+        for e, values in zip(several.parameters, draws.T, strict=True):
+            if (place := place_of(friction, e.block, e.parameter, e.joint)) is not None:
+                theta[:, *place] = values
+        return replace(friction, theta=theta, constraints=None)
 
     def save(self, path: str | Path) -> None:
         """Write a model file (JSON).
@@ -262,10 +268,9 @@ class OverCovariate:
                 "there, too"
             )
         theta, law = np.array(self.median.theta, dtype=float), self.median.law
-        for (block, name, joint), fitted in self.lines.items():
-            if block == "friction" and joint is not None and name in law.names:
-                bounds = bounds_of(self.median, block, name)
-                theta[joint, law.names.index(name)] = np.clip(fitted.at(value), *bounds)
+        for key, fitted in self.lines.items():
+            if (place := place_of(self.median, *key)) is not None:
+                theta[place] = np.clip(fitted.at(value), *law.bounds[place[1]])
         return replace(self.median, theta=theta)
 
 
@@ -312,20 +317,16 @@ def over_covariate(
     if values is None:
         values = [_mean(fit, name, covariate) for fit, name in zip(fits, names, strict=True)]
     x = _checked(values, len(fits), covariate)
-    rows: dict[Key, list[tuple[float, Estimate, str]]] = {}
-    for friction, name, at in zip(frictions, names, x.tolist(), strict=True):
-        for key, estimate, reason in estimates(friction, name):
-            rows.setdefault(key, []).append((at, estimate, reason))
-    lines, units, left_out = {}, {}, []
-    for key, alike in rows.items():
-        usable = [(at, e.value, e.error) for at, e, reason in alike if not reason]
-        if len(usable) < 3 or len({at for at, *_ in usable}) < 2:
-            title = alike[0][1].name
-            left_out.append(f"{title}: {len(usable)} of {len(fits)} fits tell it, no line")
+    value_of, lines, units, left_out = dict(zip(names, x.tolist(), strict=True)), {}, {}, []
+    for key, rows in estimates(frictions, names).items():
+        usable = [(value_of[row.model], row.estimate) for row in rows if not row.reason]
+        at, first = [at for at, _ in usable], rows[0].estimate
+        if len(usable) < 3 or len(set(at)) < 2:
+            left_out.append(f"{first.name}: {len(usable)} of {len(fits)} fits tell it, no line")
             continue
-        at, value, error = np.array(usable).T
-        lines[key], units[key] = meta_regression(value, error, at), alike[0][1].unit
-    source = {f"over_{covariate}": dict(zip(names, x.tolist(), strict=True))}
+        value, error = np.array([(e.value, e.error) for _, e in usable]).T
+        lines[key], units[key] = meta_regression(value, error, np.array(at)), first.unit
+    source = {f"over_{covariate}": value_of}
     median = replace(
         frictions[0],
         theta=np.median([f.theta for f in frictions], axis=0),

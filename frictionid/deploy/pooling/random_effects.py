@@ -24,17 +24,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import (  # scipy.stats takes half a second
-    chdtrc,
-    chdtri,
-    ndtr,
-    stdtr,  # scipy.stats takes half a second
-    stdtrit,
-)
+from scipy.special import chdtrc, chdtri, ndtr, stdtr, stdtrit  # scipy.stats takes half a second
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
-from frictionid.friction import Friction
 from frictionid.friction.provenance import Pooled
 
 _POINTS = 400  # of the mixture
@@ -112,35 +104,40 @@ def random_effects(values: Array, errors: Array) -> RandomEffects:
         raise ValueError(f"{len(y)} values: at least 2, with errors that are finite and positive")
     freedom = len(y) - 1
     levels = np.append((np.arange(_POINTS) + 0.5) / _POINTS, [0.025, 0.975])
-    variance = between(y, s, np.append(chdtri(freedom, 1.0 - levels), freedom))
-    mean, weight = weighted(y, s, variance)
-    homogeneous = float(_statistic(y, s, np.zeros(1))[0])
+    X = np.ones((len(y), 1))
+    variance = between(X, y, s, np.append(chdtri(freedom, 1.0 - levels), freedom))
+    line, covariance, _ = weighted(X, y, s, variance)
+    homogeneous = float(weighted(X, y, s, np.zeros(1))[2][0])
     return RandomEffects(
-        mean=float(mean[-1]),
-        error=float(weight[-1] ** -0.5),
+        mean=float(line[-1, 0]),
+        error=float(covariance[-1, 0, 0] ** 0.5),
         freedom=freedom,
         tau=float(np.sqrt(variance[-1])),
         tau_low=float(np.sqrt(variance[-2])),
         tau_high=float(np.sqrt(variance[-3])),
         Q=homogeneous,
         p_value=float(chdtrc(freedom, homogeneous)),
-        means=mean[:_POINTS],
-        deviations=np.sqrt(1.0 / weight + variance)[:_POINTS],
+        means=line[:_POINTS, 0],
+        deviations=np.sqrt(covariance[:, 0, 0] + variance)[:_POINTS],
     )
 
 
-def weighted(y: Array, s: Array, variance: Array) -> tuple[Array, Array]:
-    """Weighted mean (N,) and sum of the weights (N,) at variances tau^2 (N,)."""
+def weighted(X: Array, y: Array, s: Array, variance: Array) -> tuple[Array, Array, Array]:
+    """Weighted least squares of y (k,) on X (k, p) at variances tau^2 (N,).
+
+    Coefficients (N, p), their covariance (N, p, p), and Q (N,), which falls as tau^2 grows.
+    """
     w = 1.0 / (variance[:, None] + s**2)
-    total = w.sum(axis=1)
-    return (w @ y) / total, total
+    covariance = np.linalg.inv(np.einsum("nk,ki,kj->nij", w, X, X))
+    line = np.einsum("nij,kj,nk->ni", covariance, X, w * y)
+    return line, covariance, (w * (y - line @ X.T) ** 2).sum(axis=1)
 
 
-def between(y: Array, s: Array, level: Array) -> Array:
+def between(X: Array, y: Array, s: Array, level: Array) -> Array:
     """Variances tau^2 (N,) at which Q is as large as levels (N,); zero where it never is."""
     low, high = np.zeros(len(level)), np.sum((y - y.mean()) ** 2) / level  # Q is below there
-    low, high = np.where(_statistic(y, s, low) <= level, [low, low], [low, high])
-    return _bisected(lambda x: _statistic(y, s, x) > level, low, high)
+    low, high = np.where(weighted(X, y, s, low)[2] <= level, [low, low], [low, high])
+    return _bisected(lambda x: weighted(X, y, s, x)[2] > level, low, high)
 
 
 def _bisected(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
@@ -149,12 +146,6 @@ def _bisected(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
         middle = (low + high) / 2
         low, high = np.where(is_below(middle), [middle, high], [low, middle])
     return (low + high) / 2
-
-
-def _statistic(y: Array, s: Array, variance: Array) -> Array:
-    """Q (N,) at variances tau^2 (N,); it falls as these grow."""
-    mean, _ = weighted(y, s, variance)
-    return np.sum((y - mean[:, None]) ** 2 / (variance[:, None] + s**2), axis=1)
 
 
 _GRID = 501  # points of a distribution between the ends of its range
@@ -173,28 +164,6 @@ def pooled_draws(pooled: Pooled, count: int, seed: int) -> Array:
         below = effects.probability(x)
         out[:, k] = np.interp(random.uniform(below[0], below[-1], count), below, x)
     return out
-
-
-def sampled(friction: Friction, count: int, seed: int = 0) -> Friction:
-    """Friction of so many further specimens, theta (count, n, P), of a pooled friction.
-
-    Raises
-    ------
-    InputError
-        Where the friction is not pooled.
-    """
-    pooled = friction.provenance.pooled
-    if pooled is None:
-        raise InputError("sample: the model is not pooled: frictionid pool makes one of several")
-    theta = np.repeat(np.asarray(friction.theta, dtype=float)[None], count, axis=0)
-    draws = pooled_draws(pooled, count, seed)
-    for e, values in zip(pooled.parameters, draws.T, strict=True):
-        if e.block == "friction" and e.joint is not None and e.parameter in friction.law.names:
-            theta[:, e.joint, friction.law.names.index(e.parameter)] = values
-    return Friction(
-        *(friction.law, theta, friction.parameters, friction.provenance, friction.position_units),
-        load_unit=friction.load_unit,
-    )
 
 
 class Regression(NamedTuple):
@@ -254,17 +223,8 @@ def meta_regression(values: Array, errors: Array, covariate: Array) -> Regressio
     centre = float(x.mean())
     X = np.stack([np.ones_like(x), x - centre], axis=1)
     freedom = len(y) - 2
-    variance, high = 0.0, float(np.sum((y - y.mean()) ** 2)) / freedom  # Q is below its mean there
-    if _fit(X, y, s, 0.0)[2] > freedom:
-        variance = float(_bisected(lambda x: _fit(X, y, s, x)[2] > freedom, 0.0, high))
-    line, covariance, Q = _fit(X, y, s, variance)
-    covariance = covariance * max(1.0, Q / freedom)
-    return Regression(centre, float(line[0]), float(line[1]), covariance, freedom, variance**0.5)
-
-
-def _fit(X: Array, y: Array, s: Array, variance: float) -> tuple[Array, Array, float]:
-    """Line (2,), its covariance (2, 2) and Q at a variance tau^2."""
-    w = 1.0 / (variance + s**2)
-    covariance = np.linalg.inv(X.T @ (w[:, None] * X))
-    line = covariance @ (X.T @ (w * y))
-    return line, covariance, float((w * (y - X @ line) ** 2).sum())
+    variance = between(X, y, s, np.array([float(freedom)]))
+    line, covariance, Q = (part[0] for part in weighted(X, y, s, variance))
+    covariance = covariance * max(1.0, float(Q) / freedom)
+    tau = float(variance[0]) ** 0.5
+    return Regression(centre, float(line[0]), float(line[1]), covariance, freedom, tau)

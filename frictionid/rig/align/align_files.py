@@ -21,7 +21,7 @@ from frictionid.data.two_clock_table import joint_columns
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
-from frictionid.rig.align.alignment_text import alignment_document, alignment_text
+from frictionid.report.tables import render
 from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
 from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
@@ -41,12 +41,6 @@ class Rig:
     mechanism: Mechanism
     settings: RigSettings
     tables: dict[str, Any]
-
-    @property
-    def measured(self) -> list[str]:
-        """Column of the log with the measured torque of each motor."""
-        names = zip(self.settings.motors, self.settings.torque_columns(), strict=True)
-        return [motor.torque or name for motor, name in names]
 
     @property
     def exposure(self) -> float:
@@ -94,19 +88,46 @@ class Aligned:
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        text = alignment_text(self.alignment, self.mechanism, self.marker, self.responses)
-        return "\n".join([text, *(f"warning  {warning}" for warning in self.warnings)])
+        return render("alignment.j2", vars(self), markup=False).rstrip("\n")
 
     @property
     def document(self) -> dict[str, Any]:
-        """All numbers: offset, drift, responses of the motors, and hashes of the files."""
-        return alignment_document(self.alignment, self.marker, self.responses, self.sources)
+        """All numbers in SI units, intervals of 95 %: clock, responses, and hashes of the files."""
+        a, marker = self.alignment, self.marker
+        clock, t = a.clock, a.t_quantile
+        offset, drift = t * a.error_at(clock.at), t * a.drift_error
+        out: dict[str, Any] = {
+            "clock": {
+                "offset": clock.offset,
+                "offset_interval": [clock.offset - offset, clock.offset + offset],
+                "at": clock.at,
+                "drift": clock.drift,
+                "drift_interval": [clock.drift - drift, clock.drift + drift],
+                "span": list(a.span),
+                "converged": a.converged,
+            },
+            "sources": self.sources,
+        }
+        if not a.marker_only:
+            slope = a.viscous_slope.tolist()
+            out["viscous"] = {"estimate": a.viscous.tolist(), "per_second_of_offset": slope}
+        if marker is not None:
+            out["marker"] = {k: float(v) for k, v in marker._asdict().items()}
+        out["command"] = [_response_table(r) for r in self.responses if r is not None]
+        return out
 
     @cached_property
     def dataset(self) -> Dataset:
         """The recording as a data set."""
         recording = Recording(self.name, self.angle, self.torque)
         return Dataset(self.name, self.mechanism, (recording,))
+
+
+def _response_table(r: DriveResponse) -> dict[str, Any]:
+    levels = {
+        name: level for name, level in (("low", r.low), ("high", r.high)) if np.isfinite(level)
+    }
+    return {"gain": r.gain, "bias": r.bias, "delay": r.delay, "errors": r.error.tolist(), **levels}
 
 
 def load_rig(path: Path) -> Rig:
@@ -156,7 +177,7 @@ def align_files(
         For damaged files, and where the clocks cannot be aligned.
     """
     seen, led = read_angles(angles, rig.tables.get("angles", {}), rig.mechanism.n, marker)
-    raw = read_log(log, [*rig.measured, *([marker] if marker else [])])
+    raw = read_log(log, [*rig.settings.torque_columns(), *([marker] if marker else [])])
     _check_spans(seen, raw)
     protocol = rig.settings.protocol
     rows, runs, uncertainty = raw.unified(protocol.wrap * SECOND[protocol.unit])
@@ -208,7 +229,9 @@ def _aligned(
 def _torque(rows: Log, rig: Rig, hold: str) -> Signal:
     """Measured torque of all joints, zero where there is no motor."""
     value = np.zeros((len(rows.columns["time"]), rig.mechanism.n))
-    for j, name in zip(np.flatnonzero(rig.mechanism.driven), rig.measured, strict=True):
+    for j, name in zip(
+        np.flatnonzero(rig.mechanism.driven), rig.settings.torque_columns(), strict=True
+    ):
         value[:, j] = rows.columns[name]
     return Signal(rows.columns["time"], value, hold)
 
@@ -227,7 +250,7 @@ def _responses(rows: Log, rig: Rig, span: tuple[float, float]) -> list[DriveResp
     time = rows.columns["time"]
     moves = (time >= span[0]) & (time <= span[1])
     out = []
-    for motor, name in zip(rig.settings.motors, rig.measured, strict=True):
+    for motor, name in zip(rig.settings.motors, rig.settings.torque_columns(), strict=True):
         if motor.command in rows.columns:
             command = rows.columns[motor.command][moves] * motor.per_command
             out.append(drive_response(time[moves], command, rows.columns[name][moves]))

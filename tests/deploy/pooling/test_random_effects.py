@@ -55,8 +55,8 @@ def test_other_units_and_another_order_change_nothing():
 
 def test_the_statistic_falls_with_the_spread():
     levels = np.array([0.5, 2.0, 5.0, 8.0])
-    assert (np.diff(between(Y, S, levels)) < 0).all()
-    assert between(Y, S, np.array([1e9])) == 0.0
+    assert (np.diff(between(np.ones((6, 1)), Y, S, levels)) < 0).all()
+    assert between(np.ones((6, 1)), Y, S, np.array([1e9])) == 0.0
 
 
 @pytest.mark.parametrize(("specimens", "tau"), [(2, 1.0), (3, 3.0), (5, 1.0), (10, 0.5)])

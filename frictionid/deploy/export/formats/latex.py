@@ -49,15 +49,26 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         )
     plain = replace(model, friction=replace(model.friction, law=model.law), speeds=())
     functions = [f for f in ex.functions(plain) if f.name != "start"]
-    facts = (settings.name, *model.facts, "Needs amsmath and booktabs.")
-    parts = ["\n".join(f"% {line}" for line in facts)]
-    for j, (name, unit) in enumerate(zip(model.joints, model.units, strict=True)):
-        body = " \\\\\n".join(f"  {line}" for f in functions for line in _lines(f, j))
-        torque = model.torque_units[j].replace(" ", "\\,")
-        says = rf"\paragraph{{{_escaped(name)}}} $\omega$ in {unit}/s, $T$ in {torque}:"
-        parts.append(f"{says}\n\\begin{{align*}}\n{body}\n\\end{{align*}}")
+    joints, friction = range(len(model.joints)), model.friction
+    has = model.law.has_parameters(friction.n)
+    estimates = (e for e in estimates_of(friction) if e.block == "friction")
+    noise_alone = friction.provenance.noise_alone
+    context = {
+        "name": settings.name,
+        "equations": [[line for f in functions for line in _lines(f, j)] for j in joints],
+        "parameters": [
+            zip(model.law.names, friction.units_at(j), friction.theta[j], has[j], strict=True)
+            for j in joints
+        ],
+        "interval": "interval of the noise alone" if noise_alone else r"95\,\% interval",
+        "intervals": {
+            (e.joint, e.parameter): e.interval_95 for e in estimates if np.isfinite(e.error)
+        },
+    }
+    filters = {"escaped": _escaped, "number": _number}
+    text = ex.rendered("equations.tex.j2", model, LANGUAGE, context, filters)
     note = rf"\input{{{settings.stem}}}, with amsmath and booktabs"
-    return Written({".tex": ("\n".join([*parts, _table(model)]) + "\n").encode()}, notes=(note,))
+    return Written({".tex": text}, notes=(note,))
 
 
 def _lines(function: ex.Function, joint: int) -> Iterator[str]:
@@ -91,31 +102,6 @@ def _number(value: float) -> str:
 
 
 LANGUAGE = ex.Language(ex.forms(_SYNTAX), _number)
-
-
-def _table(model: ExportedFriction) -> str:
-    """Parameters of each joint, with 95 % intervals where the model has them."""
-    friction, ends, rows = model.friction, _intervals(model), []
-    has = model.law.has_parameters(friction.n)
-    for j, name in enumerate(model.joints):
-        rows.append(r"\midrule")
-        parameters = zip(model.law.names, friction.units_at(j), friction.theta[j], strict=True)
-        for (parameter, unit, value), is_used in zip(parameters, has[j], strict=True):
-            if is_used:
-                end = ends.get((j, parameter))
-                shown = "" if end is None else rf"$[{_number(end[0])}, {_number(end[1])}]$"
-                cells = (_escaped(name), _escaped(parameter), f"${_number(value)}$", shown, unit)
-                rows.append(" & ".join(cells) + r" \\")
-    what = "interval of the noise alone" if friction.provenance.noise_alone else r"95\,\% interval"
-    head = rf"joint & parameter & value & {what} & unit \\"
-    lines = [r"\begin{tabular}{llrll}", r"\toprule", head, *rows, r"\bottomrule"]
-    return "\n".join([*lines, r"\end{tabular}"])
-
-
-def _intervals(model: ExportedFriction) -> dict[tuple[int | None, str], tuple[float, float]]:
-    """Ends of 95 % intervals by joint and parameter: of shooting, or of the noise of a fit."""
-    entries = (e for e in estimates_of(model.friction) if e.block == "friction")
-    return {(e.joint, e.parameter): e.interval_95 for e in entries if np.isfinite(e.error)}
 
 
 def _escaped(text: str) -> str:
