@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import json
 import math
@@ -121,16 +120,6 @@ def written_beside(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             beside.unlink(missing_ok=True)
-
-
-def exchange(path: Path, other: Path) -> bool:
-    """Exchange two files or folders in one step, or return False where the system cannot."""
-    here, swap = -100, 2  # AT_FDCWD, RENAME_EXCHANGE of renameat2 (Linux)
-    try:
-        rename = ctypes.CDLL(None).renameat2
-    except (AttributeError, OSError, TypeError):
-        return False
-    return bool(rename(here, os.fsencode(path), here, os.fsencode(other), swap) == 0)
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -29,7 +29,7 @@ def simulate(
     dataset = simulated(settings, seed, noise_free=noise_free)
     # the rig.toml is kept only with the data that it makes as it stands
     same = seed in (None, settings.seed) and not noise_free
-    write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {})
+    write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {}, replace=replace)
     samples = sum(len(recording.angle.time) for recording in dataset.recordings)
     names = [recording.name for recording in dataset.recordings]
     numbers = {"dataset": dataset.name, "recordings": names, "samples": samples}

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -29,10 +25,10 @@ from frictionid.data.two_clock_table import (
     two_clock_csv,
 )
 from frictionid.errors import InputError
-from frictionid.files import exchange, read_bytes
-from frictionid.outputs import check_writable
+from frictionid.files import read_bytes, write_bytes
+from frictionid.outputs import check_writable, replace_files
 from frictionid.simulate.rig import Rig
-from frictionid.simulate.simulation import COMMAND_DECIMALS, ORIGIN
+from frictionid.simulate.simulation import COMMAND_DECIMALS
 
 Settings = TypeVar("Settings")
 
@@ -159,37 +155,34 @@ ROBOT_FILES = ("urdf", "mjcf")  # keys of a [mechanism] table that name a file
 
 
 def write_dataset(
-    dataset: Dataset, folder: str | Path, others: Mapping[str, bytes] | None = None
+    dataset: Dataset,
+    folder: str | Path,
+    others: Mapping[str, bytes] | None = None,
+    *,
+    replace: bool = False,
 ) -> None:
-    """Write the folder of a simulated data set, as a whole or not at all.
+    """Write the folder of a simulated data set.
 
     Parameters
     ----------
     dataset : Dataset, as `simulate` returns it
     folder : str or Path
-        Created, or replaced where it holds nothing but a simulated data set.
+        Created; files of an earlier set are replaced, or removed.
     others : mapping of str to bytes, optional
-        Other files of the folder by name, such as its rig.toml.
+        Other files of the folder by name, such as its rig.toml; they stay where a later set has
+        none.
+    replace : bool
+        Whether files may be replaced that are not of an earlier set, or were changed.
 
     Raises
     ------
     InputError
-        Where the folder holds something else, or cannot be written.
+        Where such a file is in the way, or the folder cannot be written.
     """
-    target = Path(folder).resolve()
-    _check_replaceable(target)
-    files = {**(others or {}), **_files(dataset)}
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        # next to the target: renaming is atomic only within one file system
-        with _new_folder(target) as new:
-            for name, content in files.items():
-                (new / name).write_bytes(content)
-            _swap(new, target)
-    except OSError as error:
-        raise InputError(
-            f"{target} cannot be written ({error.strerror}); name another folder"
-        ) from None
+    for name, content in (others or {}).items():
+        write_bytes(Path(folder) / name, content)
+    # dataset.toml last: its hashes show a set that is not complete
+    replace_files(Path(folder), _files(dataset), replace=replace)
 
 
 def _files(dataset: Dataset) -> dict[str, bytes]:
@@ -232,7 +225,7 @@ def _document(dataset: Dataset, driven: tuple[bool, ...]) -> dict[str, Any]:
         "mechanism": m.table,
         "columns": columns,
         **({"units": {k: list(v) for k, v in units.items()}} if "m" in m.position_units else {}),
-        "recordings": {"patterns": ["*.csv"]},
+        "recordings": {"patterns": [f"{r.name}.csv" for r in dataset.recordings]},
     }
 
 
@@ -282,72 +275,12 @@ def check_dataset_folder(folder: Path, *, replace: bool = False) -> None:
     Raises
     ------
     InputError
-        Where the folder holds a data set or something else, or cannot be written.
+        Where the folder holds a data set, or cannot be written.
     """
-    target = folder.resolve()
-    check_writable(target)
-    _check_replaceable(target)
-    if not replace and (target / "dataset.toml").exists():
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; name a folder")
+    check_writable(folder)
+    if not replace and (folder / "dataset.toml").exists():
         raise InputError(
             f"{folder} holds a data set: name another folder, or --replace to simulate it anew"
         )
-
-
-def _check_replaceable(target: Path) -> None:
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise InputError(f"{target} is a file; name a folder")
-    foreign = {path.name for path in target.iterdir()} - {"rig.toml"} - _written(target)
-    if foreign:
-        raise InputError(
-            f"{target} holds {min(foreign)!r}, which is no part of a simulated data set, or was "
-            "changed; name a new or empty folder"
-        )
-
-
-def _written(folder: Path) -> set[str]:
-    """Names of the files of an earlier `write_dataset` that are unchanged."""
-    try:
-        document = read_toml(folder / "dataset.toml")
-    except InputError:
-        return set()
-    if document.get("origin") != ORIGIN:
-        return set()
-    paths = {name: folder / name for name in document.get("sha256", {})}
-    same = {
-        name
-        for name, path in paths.items()
-        if path.is_file()
-        and hashlib.sha256(read_bytes(path)).hexdigest() == document["sha256"][name]
-    }
-    return {"dataset.toml"} | same
-
-
-@contextlib.contextmanager
-def _new_folder(target: Path) -> Iterator[Path]:
-    """An empty folder next to the target, removed at the end."""
-    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as outer:
-        new = Path(outer) / "new"
-        new.mkdir()
-        yield new
-
-
-def _swap(new: Path, target: Path) -> None:
-    """Replace the target by the new folder; its rig.toml stays where the new one has none."""
-    if not target.exists():
-        os.replace(new, target)
-        return
-    kept = target / "rig.toml"
-    if kept.exists() and not (new / kept.name).exists():
-        shutil.copy2(kept, new)
-    if exchange(new, target):  # one of the two is there at any instant
-        return
-    old = target.with_name(f".{target.name}.old-{os.getpid()}")
-    os.replace(target, old)
-    try:
-        os.replace(new, target)
-    except OSError:
-        os.replace(old, target)
-        raise
-    shutil.rmtree(old)

@@ -34,7 +34,7 @@ from frictionid.simulate import (
     simulate,
     write_dataset,
 )
-from frictionid.simulate.dataset_folder import rig_of
+from frictionid.simulate.dataset_folder import check_dataset_folder, rig_of
 
 RUNS = (
     Run("fall", (2.0, 0.3)),
@@ -201,55 +201,62 @@ def test_a_written_data_set_reads_back(rig, tmp_path):
     assert (tmp_path / "set" / "rig.toml").read_bytes() == b"# settings"
 
 
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 def test_writing_again_replaces_all_of_the_old_set(tmp_path):
-    write_dataset(simulate(RIG), tmp_path / "set", {"rig.toml": b"# settings"})
-    write_dataset(simulate(replace(RIG, recordings=RUNS[:1])), tmp_path / "set")
-    names = {path.name for path in (tmp_path / "set").iterdir()}
-    assert names == {"fall.csv", "dataset.toml", "rig.toml"}
-    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+    write_dataset(simulate(RIG), tmp_path, {"rig.toml": b"# settings"})
+    write_dataset(simulate(replace(RIG, recordings=RUNS[:1])), tmp_path)
+    assert set(files(tmp_path)) == {"fall.csv", "dataset.toml", "rig.toml", "SHA256SUMS"}
 
 
 def test_a_failed_write_leaves_the_old_set(tmp_path, monkeypatch):
-    write_dataset(simulate(RIG), tmp_path / "set")
-    before = {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()}
+    write_dataset(simulate(RIG), tmp_path)
+    before, original, count = files(tmp_path), Path.write_bytes, iter(range(9))
 
     def full(self, content):
-        if self.name == "sine.csv":
+        if next(count) == 2:
             raise OSError(28, "No space left on device")
         return original(self, content)
 
-    original = Path.write_bytes
     monkeypatch.setattr(Path, "write_bytes", full)
-    for folder in ("set", "new"):
-        with pytest.raises(InputError, match="No space left on device"):
-            write_dataset(simulate(RIG, seed=9), tmp_path / folder)
-    assert {path.name: path.read_bytes() for path in (tmp_path / "set").iterdir()} == before
-    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+    with pytest.raises(InputError, match="No space left on device"):
+        write_dataset(simulate(RIG, seed=9), tmp_path)
+    assert files(tmp_path) == before
 
 
-def test_an_old_or_the_new_set_is_there_at_any_instant(tmp_path, monkeypatch):
-    write_dataset(simulate(RIG), tmp_path / "set")
+def test_a_set_that_was_interrupted_is_refused_until_it_is_written_again(tmp_path, monkeypatch):
+    write_dataset(simulate(RIG), tmp_path)
+    original = os.replace
 
-    def watched(source, target):
-        assert (tmp_path / "set" / "dataset.toml").exists()
-        os.rename(source, target)
-        assert (tmp_path / "set" / "dataset.toml").exists()
+    def killed(source, target):
+        if Path(target).name == "dataset.toml":
+            raise KeyboardInterrupt
+        original(source, target)
 
-    monkeypatch.setattr(os, "replace", watched)
-    write_dataset(simulate(RIG, seed=9), tmp_path / "set")
-    assert list(tmp_path.iterdir()) == [tmp_path / "set"]
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            write_dataset(simulate(RIG, seed=9), tmp_path)
+    with pytest.raises(InputError, match="is not the described file: its SHA-256"):
+        load_dataset(tmp_path)
+    write_dataset(simulate(RIG, seed=9), tmp_path)
+    assert load_dataset(tmp_path).truth == simulate(RIG, seed=9).truth
 
 
 def test_foreign_files_are_never_replaced(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="holds 'notes.txt', which is no part"):
+    write_dataset(simulate(RIG), tmp_path)
+    (tmp_path / "measured.csv").write_text("mine")
+    (tmp_path / "sine.csv").write_text("mine")
+    with pytest.raises(InputError, match=r"sine\.csv was changed, or is none that was written"):
         write_dataset(simulate(RIG), tmp_path)
-    write_dataset(simulate(RIG), tmp_path / "set")
-    (tmp_path / "set" / "measured.csv").write_text("mine")
-    with pytest.raises(InputError, match=r"holds 'measured\.csv'"):
-        write_dataset(simulate(RIG), tmp_path / "set")
+    write_dataset(simulate(RIG), tmp_path, replace=True)
+    assert [files(tmp_path)[name] for name in ("notes.txt", "measured.csv")] == [b"mine"] * 2
+    assert len(load_dataset(tmp_path).recordings) == 3
     with pytest.raises(InputError, match=r"notes\.txt is a file"):
-        write_dataset(simulate(RIG), tmp_path / "notes.txt")
+        check_dataset_folder(tmp_path / "notes.txt")
 
 
 # Settings
