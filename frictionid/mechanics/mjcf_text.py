@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from xml.sax.saxutils import quoteattr
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -70,26 +71,34 @@ def mjcf_of(
     tree = links.tree
     single = (np.abs(tree.rotors) > 0).sum(axis=1) == 1
     armature = (tree.rotors[single] ** 2 * links.rotors[single, None]).sum(axis=0)
-    root = [j for j in range(tree.n) if tree.parent[j] < 0]
-    lines = [
-        f"<mujoco model={quoteattr(mechanism.kind)}>",
-        '  <compiler angle="radian"/>',
-        f'  <option timestep="{float(timestep)!r}" integrator="RK4" '
-        f'gravity="{_text(tree.gravity)}"/>',
-        "  <worldbody>",
-        *(line for j in root for line in _body(links, armature, j, "    ")),
-        "  </worldbody>",
-    ]
-    if (~single).any():
-        lines += ["  <tendon>"]
-        for k in np.flatnonzero(~single):
-            lines += _tendon(tree.rotor_names[k], links.rotors[k], tree.rotors[k], tree.joints)
-        lines += ["  </tendon>"]
     driven = [name for name, motor in zip(tree.joints, mechanism.driven, strict=True) if motor]
-    if driven:
-        motors = (f"    <motor name={quoteattr(j)} joint={quoteattr(j)}/>" for j in driven)
-        lines += ["  <actuator>", *motors, "  </actuator>"]
-    return "\n".join([*lines, "</mujoco>"])
+    context = {
+        "kind": mechanism.kind,
+        "timestep": timestep,
+        "tree": tree,
+        "links": links,
+        "armature": armature,
+        "coupled": np.flatnonzero(~single).tolist(),
+        "driven": driven,
+        "inertial": _inertial,
+        "quaternion": _quaternion,
+    }
+    return _template().render(context)
+
+
+@cache
+def _template() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("frictionid.mechanics"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        autoescape=True,
+    )
+    environment.filters["numbers"] = _text
+    return environment.get_template("mjcf.xml.j2")
 
 
 def _links(mechanism: Mechanism, values: Mapping[str, float]) -> Links:
@@ -104,26 +113,8 @@ def _links(mechanism: Mechanism, values: Mapping[str, float]) -> Links:
     )
 
 
-def _body(links: Links, armature: Array, j: int, indent: str) -> list[str]:
-    tree = links.tree
-    kind = "slide" if tree.prismatic[j] else "hinge"
-    spring = ""
-    if links.stiffness[j]:
-        spring = f' stiffness="{float(links.stiffness[j])!r}" springref="{float(links.slack[j])!r}"'
-    beyond = [k for k in range(tree.n) if tree.parent[k] == j]
-    return [
-        f'{indent}<body name={quoteattr(tree.bodies[j])} pos="{_text(tree.shift[j])}" '
-        f'quat="{_text(_quaternion(tree.turn[j]))}">',
-        f'{indent}  <joint name={quoteattr(tree.joints[j])} type="{kind}" '
-        f'axis="{_text(tree.axis[j])}" armature="{float(armature[j])!r}"{spring}/>',
-        f"{indent}  {_inertial(tree.inertia[j], tree.bodies[j])}",
-        *(line for k in beyond for line in _body(links, armature, k, indent + "  ")),
-        f"{indent}</body>",
-    ]
-
-
-def _inertial(inertia: Array, name: str) -> str:
-    """The inertial element of inertial parameters (10,) about the joint's frame."""
+def _inertial(inertia: Array, name: str) -> tuple[Array, float, Array]:
+    """Centre of mass (3,), mass and inertia (6,) about it, of parameters (10,) about the joint."""
     mass = inertia[0]
     centre = inertia[1:4] / mass if mass > 0 else np.zeros(3)
     about_centre = matrix_of(inertia[4:]) - mass * (
@@ -139,21 +130,7 @@ def _inertial(inertia: Array, name: str) -> str:
         )
     about_centre = about_centre + max(short, 0.0) * np.eye(3)
     six = about_centre[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return (
-        f'<inertial pos="{_text(centre)}" mass="{max(float(mass), _LEAST)!r}" '
-        f'fullinertia="{_text(six)}"/>'
-    )
-
-
-def _tendon(name: str, inertia: float, row: Array, joints: tuple[str, ...]) -> list[str]:
-    """A tendon that moves with several joints, and whose armature is a rotor's inertia."""
-    turns = (
-        f'      <joint joint={quoteattr(joint)} coef="{float(turn)!r}"/>'
-        for joint, turn in zip(joints, row, strict=True)
-        if turn
-    )
-    head = f'    <fixed name={quoteattr(name)} armature="{float(inertia)!r}">'
-    return [head, *turns, "    </fixed>"]
+    return centre, max(float(mass), _LEAST), six
 
 
 def _quaternion(R: Array) -> Array:
@@ -169,5 +146,5 @@ def _quaternion(R: Array) -> Array:
     return K[k] / np.linalg.norm(K[k])
 
 
-def _text(values: Array) -> str:
-    return " ".join(repr(float(v) + 0.0) for v in values)
+def _text(values: Array | float) -> str:
+    return " ".join(repr(float(v) + 0.0) for v in np.ravel(values))
