@@ -336,5 +336,5 @@ def rendered(
 
     templates = environment("frictionid.deploy.export")
     templates.filters |= {"folded": folded, "repr": repr, **(filters or {})}
-    known = {"model": model, "n": len(model.joints), "language": language}
-    return templates.get_template(template).render(known | dict(context)).encode()
+    names = {"model": model, "n": len(model.joints), "language": language, **context}
+    return templates.get_template(template).render(names).encode()
