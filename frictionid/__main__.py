@@ -15,6 +15,7 @@ from frictionid.cli.evaluate import evaluate, predict
 from frictionid.cli.fit import fit
 from frictionid.cli.init import init
 from frictionid.cli.kinds import identifiers, laws, mechanisms
+from frictionid.cli.options import add_command
 from frictionid.cli.progress import QUIET, said_once, without_quiet
 from frictionid.cli.report import report
 from frictionid.cli.sensitivity import sensitivity, tune
@@ -54,14 +55,15 @@ for command in (
     align,
     simulate_drive,
     warm,
+    tune,
+    sensitivity,
+    track,
+    render,
+    mechanisms,
+    laws,
+    identifiers,
 ):
-    app.command()(command)
-app.command()(tune)
-app.command()(sensitivity)
-app.command()(track)
-app.command()(render)
-for listing in (mechanisms, laws, identifiers):
-    app.command()(listing)
+    add_command(app, command)
 app.add_typer(data, name="data")
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import inspect
+import re
+from collections.abc import Callable, Iterable
+from copy import copy
+from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -76,6 +80,27 @@ Consistent = Annotated[
 ]
 
 
+def add_command(app: typer.Typer, command: Callable[..., None]) -> None:
+    """Add a command: positional parameters are arguments, keyword-only ones options.
+
+    The help of each stands in the section Parameters of the docstring, unless its type brings one;
+    truths are flags that turn something on.
+    """
+    summary, _, section = (inspect.getdoc(command) or "").partition("\n\nParameters\n----------\n")
+    texts = dict(re.findall(r"^(\w+) : (.*(?:\n +.*)*)", section, re.MULTILINE))
+    hints = get_type_hints(command, include_extras=True)
+    for name, parameter in inspect.signature(command).parameters.items():
+        hint = hints[name]
+        kind, *infos = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        flag = [f"--{name.replace('_', '-')}"] if kind is bool else []
+        is_option = parameter.kind is Parameter.KEYWORD_ONLY
+        info = copy(infos[0]) if infos else typer.Option(*flag) if is_option else typer.Argument()
+        if name in texts:
+            info.help = " ".join(texts[name].split())
+        command.__annotations__[name] = Annotated[kind, info]
+    app.command(help=summary)(command)
+
+
 def settings(texts: Iterable[str]) -> dict[str, Any]:
     """Settings by key; a dot in a key leads into a table, as in TOML.
 
@@ -112,8 +137,6 @@ def setting(text: str) -> tuple[str, Any]:
     >>> setting("symmetric=false"), setting("shape = arctan"), setting("mass=.4")
     (('symmetric', False), ('shape', ' arctan'), ('mass', 0.4))
     """
-    import re
-
     from frictionid.config import parse_toml
     from frictionid.errors import InputError
 

@@ -11,14 +11,23 @@ from frictionid.cli.options import Json, Replace, present
 
 
 def simulate(
-    rig: Annotated[Path, typer.Argument(help="Settings of the rig, a rig.toml.", callback=present)],
-    out: Annotated[Path, typer.Option(help="Folder of the data set to write.")],
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed, in place of the rig's.")] = None,
-    noise_free: Annotated[bool, typer.Option("--noise-free", help="Exact angles.")] = False,
+    rig: Annotated[Path, typer.Argument(callback=present)],
+    *,
+    out: Path,
+    seed: Annotated[int | None, typer.Option(min=0)] = None,
+    noise_free: bool = False,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
-    """Simulate recordings of a rig with known friction."""
+    """Simulate recordings of a rig with known friction.
+
+    Parameters
+    ----------
+    rig : Settings of the rig, a rig.toml.
+    out : Folder of the data set to write.
+    seed : Seed, in place of the rig's.
+    noise_free : Exact angles.
+    """
     from frictionid.api.simulate import simulate as simulated
     from frictionid.cli.progress import show
     from frictionid.files import read_bytes

@@ -24,37 +24,35 @@ from frictionid.deploy.export import FORMATS
 
 def export(
     model: ModelPath,
-    to: Annotated[
-        str,
-        typer.Option(help=f"Format: {', '.join(FORMATS)}; see docs/export.md."),
-    ],
-    out: Annotated[Path, typer.Option(help="File to write; others stand beside it.")],
-    dataset: Annotated[
-        Path | None,
-        typer.Option(help="Data set that names the joints and shows what is lost."),
-    ] = None,
-    into: Annotated[
-        Path | None, typer.Option(help="File of a mechanism whose joints are given friction.")
-    ] = None,
-    name: Annotated[str, typer.Option(help="Prefix of names in code.")] = "friction",
-    precision: Annotated[
-        Literal["double", "float"], typer.Option(help="Numbers in code: double, or float.")
-    ] = "double",
-    joints: Annotated[
-        str, typer.Option(help="Names of the joints in the file, in the model's order: hip,knee.")
-    ] = "",
-    temperature: Annotated[
-        float | None, typer.Option(help="Of friction that depends on it [degC].")
-    ] = None,
-    randomise: Annotated[
-        int, typer.Option(min=0, help="Also write so many samples of the parameters, and ranges.")
-    ] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the samples.")] = 0,
+    *,
+    to: Annotated[str, typer.Option(help=f"Format: {', '.join(FORMATS)}; see docs/export.md.")],
+    out: Path,
+    dataset: Path | None = None,
+    into: Path | None = None,
+    name: str = "friction",
+    precision: Literal["double", "float"] = "double",
+    joints: str = "",
+    temperature: float | None = None,
+    randomise: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
     json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
-    """Write a fitted friction in the format of a simulator, a controller or a drive."""
+    """Write a fitted friction in the format of a simulator, a controller or a drive.
+
+    Parameters
+    ----------
+    out : File to write; others stand beside it.
+    dataset : Data set that names the joints and shows what is lost.
+    into : File of a mechanism whose joints are given friction.
+    name : Prefix of names in code.
+    precision : Numbers in code: double, or float.
+    joints : Names of the joints in the file, in the model's order: hip,knee.
+    temperature : Of friction that depends on it [degC].
+    randomise : Also write so many samples of the parameters, and ranges.
+    seed : Of the samples.
+    """
     from frictionid.cli.progress import show
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.export.export import export as write
@@ -72,25 +70,27 @@ def export(
 
 def compensate(
     model: ModelPath,
-    out: Annotated[Path, typer.Option(help="File to write.")],
-    to: Annotated[
-        str, typer.Option(help="csv (a table over velocity), or a format of export: c, st ...")
-    ] = "csv",
-    gain: Annotated[float, typer.Option(help="Share that is compensated, at most 1.")] = 0.9,
-    smooth: Annotated[
-        float, typer.Option(help="Reference speed [rad/s] over which the torque changes sides.")
-    ] = 0.05,
-    limit: Annotated[float | None, typer.Option(help="Largest torque [N m].")] = None,
-    speed: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Greatest measured speed [rad/s], the table's last; once, or for each joint."
-        ),
-    ] = None,
+    *,
+    out: Path,
+    to: str = "csv",
+    gain: float = 0.9,
+    smooth: float = 0.05,
+    limit: float | None = None,
+    speed: list[float] | None = None,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
-    """Write the torque that cancels friction along a reference, over the reference's velocity."""
+    """Write the torque that cancels friction along a reference, over the reference's velocity.
+
+    Parameters
+    ----------
+    out : File to write.
+    to : csv (a table over velocity), or a format of export: c, st ...
+    gain : Share that is compensated, at most 1.
+    smooth : Reference speed [rad/s] over which the torque changes sides.
+    limit : Largest torque [N m].
+    speed : Greatest measured speed [rad/s], the table's last; once, or for each joint.
+    """
     from frictionid.cli.progress import show
     from frictionid.comparison.registry import friction_of
     from frictionid.deploy.compensation import Compensation, compensating, compensation_table
@@ -123,15 +123,12 @@ STATUS = {"unchanged": 0, "other": 0, "changed": 1, "cannot_tell": 3}
 
 
 def monitor(
-    new: Annotated[list[Path], typer.Argument(help="Data sets with new recordings.")],
-    baseline: Annotated[
-        Path, typer.Option(help="Baseline of healthy recordings.", callback=present)
-    ],
-    rate: Annotated[float, typer.Option(help="Rate of false alarms.")] = 0.01,
-    state: Annotated[
-        Path | None, typer.Option(help="File that keeps arrived recordings and the evidence.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of a page to write.")] = None,
+    new: list[Path],
+    *,
+    baseline: Annotated[Path, typer.Option(callback=present)],
+    rate: float = 0.01,
+    state: Path | None = None,
+    out: Path | None = None,
     only: Only = None,
     data: DataFolder = None,
     json: Json = False,
@@ -141,6 +138,14 @@ def monitor(
     """Say whether friction, or something else, has changed, and by how much, at a stated rate.
 
     Exit status: 0 friction has not changed, 1 it has, 3 the recordings cannot tell.
+
+    Parameters
+    ----------
+    new : Data sets with new recordings.
+    baseline : Baseline of healthy recordings.
+    rate : Rate of false alarms.
+    state : File that keeps arrived recordings and the evidence.
+    out : Folder of a page to write.
     """
     from frictionid.cli.progress import show
     from frictionid.data.readers.dataset import load_dataset
@@ -156,20 +161,24 @@ def monitor(
 
 def baseline(
     dataset: DatasetPath,
-    out: Annotated[Path, typer.Option(help="Baseline to write (JSON).")],
-    law: Annotated[
-        str, typer.Option(help="Identifier of the friction that changes are measured against.")
-    ] = "stribeck",
-    model: Annotated[
-        Path | None, typer.Option(help="Model file in place of that fit.", callback=present)
-    ] = None,
+    *,
+    out: Path,
+    law: str = "stribeck",
+    model: Annotated[Path | None, typer.Option(callback=present)] = None,
     only: Only = None,
     data: DataFolder = None,
     json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
-    """Record the friction of a healthy machine, for `frictionid monitor`."""
+    """Record the friction of a healthy machine, for `frictionid monitor`.
+
+    Parameters
+    ----------
+    out : Baseline to write (JSON).
+    law : Identifier of the friction that changes are measured against.
+    model : Model file in place of that fit.
+    """
     from frictionid.cli.progress import heard, show
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.deploy.monitor.changes import totals
@@ -191,25 +200,25 @@ def baseline(
 
 def pool(
     models: ModelPaths,
-    out: Annotated[Path, typer.Option(help="Model file to write: the means, and the ranges.")],
-    ranges: Annotated[
-        Path | None, typer.Option(help="Ranges of another specimen to write (JSON), with units.")
-    ] = None,
+    *,
+    out: Path,
+    ranges: Path | None = None,
     equal: Equal = None,
-    over: Annotated[
-        str | None,
-        typer.Option(
-            help="A covariate with its value for each model, e.g. temperature=20,30,40: parameters "
-            "as lines over it."
-        ),
-    ] = None,
-    at: Annotated[
-        float | None, typer.Option(help="Value of the covariate to write; the middle.")
-    ] = None,
+    over: str | None = None,
+    at: float | None = None,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
-    """Pool fitted models of several specimens: means, spread, and ranges of another specimen."""
+    """Pool fitted models of several specimens: means, spread, and ranges of another specimen.
+
+    Parameters
+    ----------
+    out : Model file to write: the means, and the ranges.
+    ranges : Ranges of another specimen to write (JSON), with units.
+    over : A covariate with its value for each model, e.g. temperature=20,30,40: parameters as lines
+        over it.
+    at : Value of the covariate to write; the middle.
+    """
     from frictionid.cli.progress import show
     from frictionid.deploy.pooling.pool import pool as pool_models
     from frictionid.errors import InputError

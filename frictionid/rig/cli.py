@@ -18,26 +18,29 @@ RIG = Path("rig.toml")
 
 
 def track(
-    video: Annotated[str, typer.Argument(help="Video, folder of pictures, or a camera's number.")],
-    rig: Annotated[
-        Path, typer.Option(help="Settings with markers, links and camera; written by --setup.")
-    ] = RIG,
-    out: Annotated[Path | None, typer.Option(help="Table of angles to write (CSV).")] = None,
-    setup: Annotated[
-        bool, typer.Option("--setup", help="Propose dots, pivot and links; write them to --rig.")
-    ] = False,
-    method: Annotated[
-        Literal["follow", "study"],
-        typer.Option(help="study: thresholds in the whole picture, for comparison."),
-    ] = "follow",
-    overlay: Annotated[
-        Path | None, typer.Option(help="Video with markers and angles drawn over it (.mp4).")
-    ] = None,
-    sheet: Annotated[Path | None, typer.Option(help="Contact sheet of it (.png).")] = None,
+    video: str,
+    *,
+    rig: Path = RIG,
+    out: Path | None = None,
+    setup: bool = False,
+    method: Literal["follow", "study"] = "follow",
+    overlay: Path | None = None,
+    sheet: Path | None = None,
     json: Json = False,
     replace: Replace = False,
 ) -> None:
-    """Track coloured dots in a video; write joint angles with their standard deviations."""
+    """Track coloured dots in a video; write joint angles with their standard deviations.
+
+    Parameters
+    ----------
+    video : Video, folder of pictures, or a camera's number.
+    rig : Settings with markers, links and camera; written by --setup.
+    out : Table of angles to write (CSV).
+    setup : Propose dots, pivot and links; write them to --rig.
+    method : study: thresholds in the whole picture, for comparison.
+    overlay : Video with markers and angles drawn over it (.mp4).
+    sheet : Contact sheet of it (.png).
+    """
     from frictionid.errors import InputError
 
     if setup:
@@ -95,14 +98,20 @@ def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
 
 def render(
     dataset: DatasetPath,
-    camera: Annotated[Path, typer.Option(help="Settings of the simulated camera, a camera.toml.")],
-    out: Annotated[Path, typer.Option(help="Folder of the videos to write.")],
-    only: Annotated[list[str] | None, typer.Option(help="Recordings, all where none is named.")] = (
-        None
-    ),
+    *,
+    camera: Path,
+    out: Path,
+    only: list[str] | None = None,
     replace: Replace = False,
 ) -> None:
-    """Render simulated recordings as videos of coloured dots."""
+    """Render simulated recordings as videos of coloured dots.
+
+    Parameters
+    ----------
+    camera : Settings of the simulated camera, a camera.toml.
+    out : Folder of the videos to write.
+    only : Recordings, all where none is named.
+    """
     from frictionid.cli.progress import counted
     from frictionid.config import nearest
     from frictionid.data.readers.dataset import dataset_files, load_dataset
@@ -130,30 +139,32 @@ def render(
 
 
 def align(
-    angles: Annotated[
-        Path, typer.Argument(help="Table of angles by the camera's clock.", callback=present)
-    ],
-    torque: Annotated[Path, typer.Argument(help="Log of the drive.", callback=present)],
-    out: Annotated[Path, typer.Option(help="Folder of the data set; a recording is added.")],
-    rig: Annotated[
-        Path, typer.Option(help="Settings with the tables [mechanism] and [motor].")
-    ] = RIG,
-    name: Annotated[str, typer.Option(help="Name of the recording [that of the angles].")] = "",
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace a recording of that name.")
-    ] = False,
-    marker: Annotated[
-        str, typer.Option(help="Column of both files with state or brightness of a sync LED.")
-    ] = "",
-    offset: Annotated[
-        float | None, typer.Option(help="Offset to within 0.5 s, where it is known [s].")
-    ] = None,
-    hold: Annotated[
-        str, typer.Option(help="The logged torque between two rows: previous, or linear.")
-    ] = "previous",
+    angles: Annotated[Path, typer.Argument(callback=present)],
+    torque: Annotated[Path, typer.Argument(callback=present)],
+    *,
+    out: Path,
+    rig: Path = RIG,
+    name: str = "",
+    replace: bool = False,
+    marker: str = "",
+    offset: float | None = None,
+    hold: str = "previous",
     json: Json = False,
 ) -> None:
-    """Estimate offset and drift between two clocks from the motion itself (docs/drive.md)."""
+    """Estimate offset and drift between two clocks from the motion itself (docs/drive.md).
+
+    Parameters
+    ----------
+    angles : Table of angles by the camera's clock.
+    torque : Log of the drive.
+    out : Folder of the data set; a recording is added.
+    rig : Settings with the tables [mechanism] and [motor].
+    name : Name of the recording [that of the angles].
+    replace : Replace a recording of that name.
+    marker : Column of both files with state or brightness of a sync LED.
+    offset : Offset to within 0.5 s, where it is known [s].
+    hold : The logged torque between two rows: previous, or linear.
+    """
     from frictionid.cli.progress import show
     from frictionid.rig.align.recording_folder import align as align_recording
 
@@ -171,19 +182,22 @@ def align(
 
 
 def log(
+    *,
     port: Port,
     out: LogFile,
     rig: DriveRig = RIG,
     baud: Baud = None,
     append: Append = False,
-    seconds: Annotated[
-        float | None, typer.Option(min=0, help="Duration [s]; by default Ctrl-C ends it.")
-    ] = None,
-    patience: Annotated[
-        float | None, typer.Option(min=0, help="End when no line has come for so long [s].")
-    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0)] = None,
+    patience: Annotated[float | None, typer.Option(min=0)] = None,
 ) -> None:
-    """Log what a motor drive reports: its clock, command and torque (docs/drive.md)."""
+    """Log what a motor drive reports: its clock, command and torque (docs/drive.md).
+
+    Parameters
+    ----------
+    seconds : Duration [s]; by default Ctrl-C ends it.
+    patience : End when no line has come for so long [s].
+    """
     from frictionid.rig.log import (
         ProgressLine,
         counts_text,
@@ -206,19 +220,27 @@ def log(
 
 
 def excite(
+    *,
     port: Port,
-    signal: Annotated[Path, typer.Option(help="Table: time [s], a torque per motor [N m].")],
+    signal: Path,
     out: LogFile,
     rig: DriveRig = RIG,
     baud: Baud = None,
-    rate: Annotated[float, typer.Option(help="Commands per second [Hz].")] = 100.0,
-    ramp: Annotated[float, typer.Option(help="Time of the ramps up and down [s].")] = 0.3,
-    silence: Annotated[float, typer.Option(help="Ramp down when the drive is silent [s].")] = 0.25,
+    rate: float = 100.0,
+    ramp: float = 0.3,
+    silence: float = 0.25,
     append: Append = False,
 ) -> None:
     """Play a torque signal to a drive and log what it reports; any key is an emergency stop.
 
     Ctrl-C ramps the torque down. The signal must stay within [motor] limit.
+
+    Parameters
+    ----------
+    signal : Table: time [s], a torque per motor [N m].
+    rate : Commands per second [Hz].
+    ramp : Time of the ramps up and down [s].
+    silence : Ramp down when the drive is silent [s].
     """
     from frictionid.rig.log import ProgressLine, counts_text, open_logger, stop_requests
     from frictionid.rig.playback import PlaySettings, keys, load_signal
@@ -250,32 +272,47 @@ def excite(
 
 
 def simulate_drive(
-    dataset: Annotated[Path, typer.Argument(help="Data set with the torque to play.")],
-    port: Annotated[Path, typer.Option(help="Name of the port to make, e.g. /tmp/drive.")],
-    recording: Annotated[str, typer.Option(help="Recording to play [the first].")] = "",
+    dataset: Path,
+    *,
+    port: Path,
+    recording: str = "",
     rig: DriveRig = RIG,
-    rate: Annotated[float, typer.Option(help="Lines per second [Hz].")] = 1000.0,
-    speed: Annotated[
-        float, typer.Option(help="Times real time; inf: as fast as it is read.")
-    ] = 1.0,
-    offset: Annotated[
-        float, typer.Option(help="Zero of its clock by the angles' clock [s].")
-    ] = 0.0,
-    drift: Annotated[
-        float, typer.Option(help="Drift of its clock, positive where slow [ppm].")
-    ] = 0.0,
-    gain: Annotated[float, typer.Option(help="Measured over commanded torque.")] = 1.0,
-    bias: Annotated[float, typer.Option(help="Measured torque at zero command [N m].")] = 0.0,
-    lag: Annotated[float, typer.Option(help="Delay of the measured torque [s].")] = 0.0,
-    noise: Annotated[float, typer.Option(help="Noise of the measured torque [N m].")] = 0.0,
-    damaged: Annotated[float, typer.Option(help="Share of damaged lines.")] = 0.0,
-    unplugged: Annotated[int, typer.Option(help="Number of times that the cable is pulled.")] = 0,
-    restarts: Annotated[int, typer.Option(help="Number of restarts of the controller.")] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of faults and noise.")] = 0,
-    sent: Annotated[Path | None, typer.Option(help="File for the undamaged lines.")] = None,
+    rate: float = 1000.0,
+    speed: float = 1.0,
+    offset: float = 0.0,
+    drift: float = 0.0,
+    gain: float = 1.0,
+    bias: float = 0.0,
+    lag: float = 0.0,
+    noise: float = 0.0,
+    damaged: float = 0.0,
+    unplugged: int = 0,
+    restarts: int = 0,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    sent: Path | None = None,
     replace: Replace = False,
 ) -> None:
-    """Play the torque of a recording as a drive would report it, and obey commands."""
+    """Play the torque of a recording as a drive would report it, and obey commands.
+
+    Parameters
+    ----------
+    dataset : Data set with the torque to play.
+    port : Name of the port to make, e.g. /tmp/drive.
+    recording : Recording to play [the first].
+    rate : Lines per second [Hz].
+    speed : Times real time; inf: as fast as it is read.
+    offset : Zero of its clock by the angles' clock [s].
+    drift : Drift of its clock, positive where slow [ppm].
+    gain : Measured over commanded torque.
+    bias : Measured torque at zero command [N m].
+    lag : Delay of the measured torque [s].
+    noise : Noise of the measured torque [N m].
+    damaged : Share of damaged lines.
+    unplugged : Number of times that the cable is pulled.
+    restarts : Number of restarts of the controller.
+    seed : Seed of faults and noise.
+    sent : File for the undamaged lines.
+    """
     import contextlib
 
     from frictionid.data.readers.dataset import dataset_files, load_dataset
