@@ -7,11 +7,22 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 pytest_plugins = ["pytester"]
 
 # tests run side by side already: what they start takes one process where it is told no number
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
+
+
+# laws, not speed: a busy machine may be slow; each run draws others
+settings.register_profile(
+    "laws",
+    deadline=None,
+    max_examples=40,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.load_profile("laws")
 
 
 @pytest.fixture(scope="session")

@@ -66,6 +66,17 @@ def shot(data):
 
 
 @pytest.fixture(scope="module")
+def stribeck(data):
+    """What a law is fitted by where nothing else is said."""
+    return fid.fit(data, "stribeck")
+
+
+@pytest.fixture(scope="module")
+def one_step(data):
+    return fid.fit(data, "stribeck", method="one_step")
+
+
+@pytest.fixture(scope="module")
 def bench(data):
     return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=5, horizons=[0.5, 1.0])
 
@@ -76,21 +87,22 @@ def command(monkeypatch, capsys, *words):
     return capsys.readouterr().out
 
 
-def test_frames_and_files_give_identical_fits(data, folder):
-    fits = [fid.fit(source, "stribeck") for source in (data, folder)]
+def test_frames_and_files_give_identical_fits(stribeck, folder):
+    fits = stribeck, fid.fit(folder, "stribeck")
     np.testing.assert_array_equal(*(fit.friction.theta for fit in fits))
     pd.testing.assert_frame_equal(*(fit.frame for fit in fits))
 
 
-def test_the_command_writes_the_model_of_the_function(data, folder, tmp_path, monkeypatch, capsys):
+def test_the_command_writes_the_model_of_the_function(
+    stribeck, folder, tmp_path, monkeypatch, capsys
+):
     model = tmp_path / "model.json"
     said = command(monkeypatch, capsys, "fit", folder, "--identifier", "stribeck", "--out", model)
-    fit = fid.fit(data, "stribeck")
-    assert said == f"{fit.summary()}written to {model}\n"
-    fit.save(tmp_path / "mine.json")
+    assert said == f"{stribeck.summary()}written to {model}\n"
+    stribeck.save(tmp_path / "mine.json")
     written, mine = read_json(model), read_json(tmp_path / "mine.json")
     assert written["theta"] == mine["theta"]
-    np.testing.assert_array_equal(fid.load_model(model).friction.theta, fit.friction.theta)
+    np.testing.assert_array_equal(fid.load_model(model).friction.theta, stribeck.friction.theta)
 
 
 def test_the_command_prints_the_verdict_of_the_function(data, folder, monkeypatch, capsys):
@@ -137,17 +149,16 @@ def test_a_fit_shows_its_parameters_with_intervals(shot):
     assert shot.convergence.settled and shot.calibration.base is not None
 
 
-def test_one_step_fits_have_intervals_too(data):
-    fit = fid.fit(data, "stribeck", method="one_step")
-    assert np.isfinite(fit.frame.low_95).all() and fit.frame.identified.all()
-    assert fit.covariance is None
-    assert "interval of the noise alone" in repr(fit) and "95 %" not in repr(fit)
-    assert "takes masses, gains, delay and bias as given" in repr(fit) and fit.summary()
+def test_one_step_fits_have_intervals_too(one_step):
+    assert np.isfinite(one_step.frame.low_95).all() and one_step.frame.identified.all()
+    assert one_step.covariance is None
+    text = repr(one_step)
+    assert "interval of the noise alone" in text and "95 %" not in text
+    assert "takes masses, gains, delay and bias as given" in text and one_step.summary()
 
 
 USUAL = {
-    "a law": ("stribeck", {}, "shooting"),
-    "free": ("stribeck", {"free": ["inertia"]}, "shooting"),
+    "free": ("coulomb_viscous", {"free": ["inertia"]}, "shooting"),
     "a recipe": ("stribeck", {"recipe": "study"}, "one_step"),
     "a black box": ("sindy_dynamics", {}, "one_step"),
 }
@@ -156,6 +167,10 @@ USUAL = {
 @pytest.mark.parametrize(("law", "settings", "method"), USUAL.values(), ids=USUAL)
 def test_the_method_is_that_which_suits_what_is_fitted(data, law, settings, method):
     assert fid.fit(data, law, **settings).method == method
+
+
+def test_a_law_is_fitted_by_shooting(stribeck):
+    assert stribeck.method == "shooting"
 
 
 def test_an_arm_is_fitted_to_its_torques(tmp_path):
@@ -184,12 +199,11 @@ def test_a_late_torque_is_no_friction(data):
     assert abs(fast.frame.set_index("parameter").value["viscous"] - 0.010) > 0.001
 
 
-def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(data, bench, tmp_path):
-    fit = fid.fit(data, "stribeck", method="one_step")
-    fit.save(tmp_path / "one_step.json")
+def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(one_step, bench, tmp_path):
+    one_step.save(tmp_path / "one_step.json")
     for other in (fid.load_model(tmp_path / "one_step.json"), bench["stribeck"].fit):
         for column in ("value", "low_95", "high_95"):
-            np.testing.assert_allclose(other.frame[column], fit.frame[column], rtol=1e-5)
+            np.testing.assert_allclose(other.frame[column], one_step.frame[column], rtol=1e-5)
 
 
 def test_a_saved_fit_is_the_same_but_for_its_data(shot, data, tmp_path):
@@ -217,7 +231,7 @@ def test_a_prediction_starts_at_the_moment_that_is_asked(shot, data):
 
 def test_what_is_fitted_may_be_a_name_a_class_or_an_object(data):
     laws = ["stribeck", fid.Stribeck, fid.Stribeck(), fid.LeastSquares(fid.Stribeck())]
-    thetas = [fid.fit(data, law).friction.theta for law in laws]
+    thetas = [fid.fit(data, law, method="one_step").friction.theta for law in laws]
     for theta in thetas[1:]:
         np.testing.assert_array_equal(theta, thetas[0])
 
@@ -253,10 +267,9 @@ def test_a_comparison_has_frames_and_a_verdict(bench):
     assert set(bench.scores.identifier) == {"none", "stribeck", "sindy"}
 
 
-def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data):
-    alone = fid.fit(data, "stribeck", method="one_step")
+def test_a_model_of_a_comparison_is_the_fit_of_all_data(bench, data, one_step):
     theta = bench["stribeck"].friction.theta  # folds and all data are iterated together
-    np.testing.assert_allclose(theta, alone.friction.theta, rtol=1e-5)
+    np.testing.assert_allclose(theta, one_step.friction.theta, rtol=1e-5)
     assert bench["stribeck"].fit.data is data
 
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from fixtures.tiny_pendulums import write_dataset, write_suite
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.__main__ import main
@@ -276,7 +276,6 @@ def test_fit(complaint, arguments, words):
 TEXT = model().encode()
 
 
-@settings(deadline=None, max_examples=100)
 @given(
     where=st.integers(0, len(TEXT)),
     length=st.integers(0, 20),

@@ -172,7 +172,7 @@ def test_a_killed_worker_costs_only_time(cluster, place):
     (place / "kill").write_text("0")  # itself
     compare_into(place / "suite.toml", place / "killed", dask=cluster.address)
     assert not (place / "kill").exists()
-    ended = [worker.poll() for worker in cluster.workers]
+    ended = [worker.exitcode for worker in cluster.workers]
     assert sorted(ended, key=str) == [-9, None]
     assert_same_scores(place / "killed", place / "serial")
 

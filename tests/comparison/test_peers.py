@@ -64,6 +64,10 @@ def short(rig, samples=62):
     return noise_free(replace(rig, recordings=rig.recordings[4:6], camera=camera))
 
 
+def task_of_two(peers):
+    return peers.task_of(simulate(short(load_rig(peers.RIG))))
+
+
 def test_windows_are_whole_and_share_their_ends(peers):
     dataset = simulate(short(load_rig(peers.RIG)))
     task = peers.task_of(dataset)
@@ -80,7 +84,7 @@ def test_windows_are_whole_and_share_their_ends(peers):
 def test_a_task_comes_back_from_its_file(peers, tmp_path):
     from exchange import load, save
 
-    task = peers.task_of(simulate(short(load_rig(peers.RIG))))
+    task = task_of_two(peers)
     save(task, tmp_path / "task.npz")
     for mine, read in zip(task, load(tmp_path / "task.npz"), strict=True):
         np.testing.assert_array_equal(mine, read)
@@ -100,14 +104,27 @@ def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers):
     np.testing.assert_allclose(found["batched"], found["documented"], rtol=1e-3, atol=1e-5)
 
 
-def test_ours_comes_nearer(peers):
+def test_ours_comes_nearer(peers, tmp_path):
+    import our_side
+    from exchange import save
+
     dataset = simulate(short(peers.truths(load_rig(peers.RIG))["coulomb_viscous"]))
-    theta, _, _ = peers.solve(peers.task_of(dataset), "our_side.py", "coulomb_viscous")
+    task, result = tmp_path / "task.npz", tmp_path / "result.npz"
+    save(peers.task_of(dataset), task)
+    our_side.main(task, result, "coulomb_viscous")
+    theta = np.load(result)["theta"]
     assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.01)
 
 
+def test_a_side_runs_in_its_own_process_which_is_timed(peers, tmp_path):
+    side = tmp_path / "side.py"
+    side.write_text("import sys, numpy as np; np.savez(sys.argv[2], theta=[float(sys.argv[3])])")
+    theta, wall, cpu = peers.solve(task_of_two(peers), str(side), "0.5")
+    assert theta == [0.5] and wall > 0.0 and cpu > 0.0
+
+
 def test_a_tool_that_ends_is_reported(peers):
-    task = peers.task_of(simulate(short(load_rig(peers.RIG))))
+    task = task_of_two(peers)
     with pytest.raises(RuntimeError, match="no_side.py: .*No such file"):
         peers.solve(task, "no_side.py")
 

@@ -29,22 +29,28 @@ def sets():
     return [replace(everything, recordings=everything.recordings[k : k + RECORDINGS]) for k in at]
 
 
+@pytest.fixture(scope="module")
+def fits(sets):
+    """One-step fits of all sets with intervals of the noise alone, and with the bias too."""
+    return [
+        [fid.fit(data, "stribeck", method="one_step", bias=bias) for data in sets]
+        for bias in (False, True)
+    ]
+
+
 def held(fit):
     """Which true parameters (n P,) lie in their intervals."""
     true, frame = CASE.values.ravel(), fit.frame
     return ((frame.low_95 <= true) & (true <= frame.high_95)).to_numpy()
 
 
-def test_intervals_with_the_bias_hold_the_truth_where_those_of_noise_alone_do_not(sets):
-    alone = np.mean([held(fid.fit(data, "stribeck", method="one_step")) for data in sets])
-    known = np.mean([held(fid.fit(data, "stribeck", bias=True)) for data in sets])
+def test_intervals_with_the_bias_hold_the_truth_where_those_of_noise_alone_do_not(fits):
+    alone, known = (np.mean([held(fit) for fit in group]) for group in fits)
     assert alone < 0.85 < 0.9 <= known
 
 
-def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(sets, tmp_path):
-    alone, known = (
-        fid.fit(sets[0], "stribeck", method="one_step", bias=bias) for bias in (False, True)
-    )
+def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(fits, tmp_path):
+    alone, known = (group[0] for group in fits)
     np.testing.assert_array_equal(known.friction.theta, alone.friction.theta)
     bias = known.friction.provenance.smoothing_bias
     wider = known.frame.high_95 - alone.frame.high_95

@@ -5,7 +5,7 @@ import pytest
 import tomli_w
 from fixtures.suite_mistakes import MISTAKES
 from fixtures.tiny_pendulums import SUITE, TRUTH, suite, write_dataset, write_suite, write_toml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.comparison.registry import LAWS, friction_of
@@ -249,7 +249,6 @@ KEYS = (
     *("identifiers.0.kind", "identifiers.0.name", "identifiers.0.recipes", "identifiers.0.width"),
     "identifiers.1.shape",
 )
-patient = settings(deadline=None, max_examples=60)
 
 
 def outcome(place, content):
@@ -264,7 +263,6 @@ def outcome(place, content):
         file.unlink()
 
 
-@patient
 @given(changes=st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=2))
 def test_any_value_anywhere_is_taken_or_refused(place, changes):
     try:
@@ -276,7 +274,6 @@ def test_any_value_anywhere_is_taken_or_refused(place, changes):
     assert made or (said.startswith(str(file)) and "\n" not in said)
 
 
-@patient
 @given(
     where=st.integers(0, len(TEXT)),
     length=st.integers(0, 30),

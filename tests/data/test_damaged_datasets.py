@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 import tomli_w
 from fixtures.dataset_files import COLUMNS, csv_bytes, described, load, motion, parquet_bytes, write
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
-
-# Rules, not speed: a busy machine may be slow.
-patient = settings(deadline=None, max_examples=60)
-
 
 # --- Mistakes in dataset.toml --------------------------------------------------------------------
 
@@ -226,7 +222,6 @@ def try_to_load(document=None, **tables):
 CELLS = st.sampled_from(["", "nan", "NaN", "inf", "-1e999", "abc", "1_0", "\x00", "0x1", "١"])
 
 
-@patient
 @given(st.data())
 def test_damaged_cells_are_refused_or_harmless(data):
     rows = [line.split(",") for line in csv_bytes(motion()).decode().splitlines()]
@@ -238,14 +233,12 @@ def test_damaged_cells_are_refused_or_harmless(data):
     assert not (loaded and {"", "nan", "inf", "abc"} & set(used))
 
 
-@patient
 @given(st.permutations(range(9)))
 def test_shuffled_rows_are_refused(order):
     columns = {name: column[list(order)] for name, column in motion().items()}
     assert try_to_load(a_csv=csv_bytes(columns)) == (list(order) == sorted(order))
 
 
-@patient
 @given(st.sets(st.sampled_from(COLUMNS)))
 def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     columns = {name: column for name, column in motion().items() if name not in deleted}
@@ -254,7 +247,6 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
 
 
 @pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
-@patient
 @given(data=st.data())
 def test_damaged_bytes_are_refused_or_harmless(ending, data):
     text = csv_bytes(motion())
@@ -264,13 +256,11 @@ def test_damaged_bytes_are_refused_or_harmless(ending, data):
     assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content}))
 
 
-@patient
 @given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
 def test_junk_is_refused(content, ending):
     assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
 
 
-@patient
 @given(st.data())
 def test_damaged_toml_is_refused_or_harmless(data):
     assert is_harmless(outcome(damaged(data, tomli_w.dumps(full_description()).encode())))
@@ -290,7 +280,6 @@ VALUES = st.recursive(
 )
 
 
-@patient
 @given(st.data())
 def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
     document = full_description()

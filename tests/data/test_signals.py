@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -13,8 +13,6 @@ from frictionid.data.signals import Signal, cut, sample
 from frictionid.errors import InputError
 
 HOLDS = ("linear", "previous")
-# Laws, not speed: a busy machine may be slow.
-patient = settings(deadline=None)
 
 
 @st.composite
@@ -40,20 +38,17 @@ def integral_by_brute_force(signal, start, stop):
     return (sample(signal, middle) * np.diff(corners)[:, None]).sum(axis=0)
 
 
-@patient
 @given(signals())
 def test_sample_at_own_times_is_the_value(signal):
     np.testing.assert_array_equal(sample(signal, signal.time), signal.value)
 
 
-@patient
 @given(signals(), st.floats(1e-3, 10.0))
 def test_first_and_last_value_stay_outside_the_span(signal, beyond):
     outside = [signal.time[0] - beyond, signal.time[-1] + beyond]
     np.testing.assert_array_equal(sample(signal, outside), signal.value[[0, -1]])
 
 
-@patient
 @given(signals(), st.floats(0.01, 0.99))
 def test_between_two_samples_linear_interpolates_and_previous_holds(signal, share):
     left, right = signal.value[:-1], signal.value[1:]
@@ -64,7 +59,6 @@ def test_between_two_samples_linear_interpolates_and_previous_holds(signal, shar
     np.testing.assert_allclose(linear, (1 - share) * left + share * right, atol=1e-10)
 
 
-@patient
 @given(signals(), clocks(smallest=2))
 def test_averages_are_the_integral_of_what_sample_returns(signal, edges):
     total = averages(signal, edges) * np.diff(edges)[:, None]
@@ -73,7 +67,6 @@ def test_averages_are_the_integral_of_what_sample_returns(signal, edges):
         np.testing.assert_allclose(total[k], expected, atol=1e-11)
 
 
-@patient
 @given(clocks(), st.floats(-1e6, 1e6), st.sampled_from(HOLDS), clocks(smallest=2))
 def test_a_constant_stays_exactly(time, constant, hold, edges):
     signal = Signal(time, np.full((len(time), 2), constant), hold)
@@ -81,7 +74,6 @@ def test_a_constant_stays_exactly(time, constant, hold, edges):
     np.testing.assert_array_equal(sample(signal, edges), np.full((len(edges), 2), constant))
 
 
-@patient
 @given(signals(), st.floats(-1e6, 1e6))
 def test_all_clocks_may_count_from_another_instant(signal, shift):
     edges = np.linspace(signal.time[0] - 1.0, signal.time[-1] + 1.0, 7)
@@ -89,7 +81,6 @@ def test_all_clocks_may_count_from_another_instant(signal, shift):
     np.testing.assert_allclose(averages(later, edges + shift), averages(signal, edges), atol=1e-6)
 
 
-@patient
 @given(signals(), st.floats(-5, 5), st.floats(0, 10))
 def test_cut_keeps_the_samples_of_the_span_and_nothing_else(signal, start, length):
     inside = (signal.time >= start) & (signal.time <= start + length)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.tiny_pendulums import dataset, recordings, shortened
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.data.plants import plant_of
@@ -37,7 +37,6 @@ def rows_of(made):
 # --- Every interval is held out once -------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     sizes=st.lists(st.integers(2, 60), min_size=1, max_size=12),
     count=st.integers(2, 12),
@@ -78,7 +77,6 @@ def test_times_within_an_interval_belong_to_its_fold(kind):
     kind=st.sampled_from(KINDS),
     seed=st.integers(0, 5),
 )
-@settings(deadline=None, max_examples=60)
 def test_folds_are_balanced_and_none_is_empty(sizes, kind, seed):
     made = make_folds(of_sizes(sizes), Split(count=3, kind=kind, seed=seed))
     share = np.bincount(np.concatenate(made.labels), minlength=3)
@@ -179,7 +177,6 @@ def test_shuffled_samples_scatter_and_say_what_that_costs():
     recording=st.integers(0, 2),
     ends=st.tuples(st.integers(0, 60), st.integers(0, 60)).map(sorted),
 )
-@settings(deadline=None, max_examples=80)
 def test_a_stretch_belongs_to_the_fold_that_holds_out_all_of_it(kind, recording, ends):
     made = make_folds(of_sizes([61, 61, 61]), Split(count=3, kind=kind, gap=0.0))
     first, last = ends

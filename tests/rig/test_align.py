@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import frictionid as fid
@@ -110,7 +110,6 @@ def test_a_motion_that_repeats_itself_needs_a_marker(motion):
     assert known.clock.offset == pytest.approx(0.0, abs=2e-3)
 
 
-@settings(deadline=None)
 @given(st.floats(-1e4, 1e4), st.floats(-1e-3, 1e-3), st.floats(0, 1e4), st.floats(-0.01, 0.01))
 def test_clocks_go_both_ways(offset, drift, at, delay):
     clock = Clock(offset, drift, at)

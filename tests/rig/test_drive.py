@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import logger, setup, until
 from fixtures.paths import ROOT
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.__main__ import main
@@ -56,7 +56,6 @@ def command_line(form, template, value):
 # --- What it says --------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(st.floats(-100.0, 0.0), st.floats(-1e-3, 1e-3), st.floats(0.5, 1.5), st.floats(0.0, 0.02))
 def test_it_reports_the_measured_torque_by_its_own_clock(offset, drift, gain, lag):
     torque = sine()
@@ -117,7 +116,6 @@ def test_a_restart_sets_the_clock_back_once():
     assert np.delete(np.diff(time), back) == pytest.approx(1e-3)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_damaged_line_is_another_one(seed):
     line = b"$1000,0.050000,0.200000*DBC5\n"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
 from fixtures.paths import ROOT
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
@@ -96,9 +96,6 @@ def test_a_log_killed_at_any_moment_loads_and_lacks_at_most_a_second(tmp_path):
 # --- The file -----------------------------------------------------------------------------------
 
 
-@settings(
-    max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
 @given(st.integers(0, 10_000), st.integers(1, 9))
 def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows):
     made, path = setup(), tmp_path / "log.csv"

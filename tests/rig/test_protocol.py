@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
@@ -54,7 +54,6 @@ def pieces(form, stream, cuts):
     return rows
 
 
-@settings(deadline=None)
 @given(streams(mess=st.just(b"")), st.lists(st.integers(0, 10**6), max_size=20))
 def test_what_was_written_is_read_however_it_is_cut(case, cuts):
     form, rows, stream = case
@@ -62,14 +61,12 @@ def test_what_was_written_is_read_however_it_is_cut(case, cuts):
     assert pieces(form, stream.replace(b"\n", b"\r\n"), cuts) == rows
 
 
-@settings(deadline=None)
 @given(streams(), st.lists(st.integers(0, 10**6), max_size=20))
 def test_cuts_never_matter_whatever_comes(case, cuts):
     form, _, stream = case
     assert pieces(form, stream, cuts) == pieces(form, stream, [])
 
 
-@settings(deadline=None)
 @given(streams(st.just(SAFE), st.binary(max_size=30)))
 def test_with_a_mark_no_undamaged_line_is_lost_behind_garbage(case):
     form, rows, stream = case
@@ -80,7 +77,6 @@ def test_with_a_mark_no_undamaged_line_is_lost_behind_garbage(case):
     assert len(found) == len(rows)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=200), st.sampled_from(FORMATS))
 @example(b"1" * 3 * MAX_LINE + b",2,3\n", PLAIN)
 @example(b"\xff\n$\n*\n,,\n", SAFE)
@@ -93,7 +89,6 @@ def test_garbage_never_breaks_anything(content, form):
     unframed(form, content)
 
 
-@settings(deadline=None)
 @given(st.tuples(*[numbers] * 3), st.integers(0, 10**6), st.sampled_from(["xor", "crc16"]))
 def test_no_flipped_bit_passes_a_checksum(values, bit, kind):
     form = LineProtocol(checksum=kind)
@@ -104,7 +99,6 @@ def test_no_flipped_bit_passes_a_checksum(values, bit, kind):
     assert all(read(form, part) is None for part in broken.split(b"\n")) or same
 
 
-@settings(deadline=None)
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*")))
 def test_commands_are_framed_and_read_again(text):
     assert unframed(SAFE, framed(SAFE, text)[:-1]) == (text or None)
@@ -182,7 +176,6 @@ def test_a_rig_that_cannot_be_is_reported_in_one_line(document, said):
 # --- The controller's clock ---------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**15), st.sampled_from(["ms", "us"]))
 def test_times_keep_their_last_digit(count, unit):
     digits = {"ms": 3, "us": 6}[unit]
@@ -190,7 +183,6 @@ def test_times_keep_their_last_digit(count, unit):
     assert seconds(str(count), unit).replace(".", "").lstrip("0") == str(count).lstrip("0")
 
 
-@settings(deadline=None)
 @given(st.integers(1, 60), st.floats(0.0, 4000.0), st.floats(0.01, 20.0))
 def test_a_counter_that_begins_anew_is_unwound(count, start, step):
     wrap = 2.0**32 * 1e-6
@@ -201,7 +193,6 @@ def test_a_counter_that_begins_anew_is_unwound(count, start, step):
     np.testing.assert_allclose(np.diff(runs.time), step, atol=1e-6)
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(2, 30), min_size=1, max_size=4), st.integers(0, 10**6))
 def test_restarts_are_separated_and_joined_by_the_hosts_clock(lengths, seed):
     generator = np.random.default_rng(seed)

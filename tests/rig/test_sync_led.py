@@ -178,7 +178,7 @@ def test_a_film_without_a_led_is_as_it_was():
 # --- Edges of a brightness -----------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.integers(0, 10**6),
     st.floats(-50.0, 50.0),

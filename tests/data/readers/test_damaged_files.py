@@ -15,7 +15,7 @@ from fixtures.reader_files import (
     marker_csv,
     mat_bytes,
 )
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.data.readers.formats.bam import read as read_bam
@@ -23,10 +23,6 @@ from frictionid.data.readers.formats.markers import read as read_markers
 from frictionid.data.readers.table import read_headerless
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
-
-patient = settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
 
 
 def refused(read, path, content, given_settings, words):
@@ -221,13 +217,11 @@ def survives(read, path, content, given_settings):
     return isinstance(recording, Recording) and bool(np.isfinite(recording.angle.value).all())
 
 
-@patient
 @given(damaged(bam_bytes(samples=12, passive=4)))
 def test_damaged_logs_end_in_one_line(tmp_path, content):
     assert survives(read_bam, tmp_path / "a.json", content, MOTOR)
 
 
-@patient
 @given(
     damaged(mat_bytes(emps_variables(samples=12)))
     | damaged(mat_bytes(emps_variables(samples=12), do_compression=True))
@@ -236,13 +230,11 @@ def test_damaged_mat_files_end_in_one_line(tmp_path, content):
     assert survives(read_carriage, tmp_path / "a.mat", content, {})
 
 
-@patient
 @given(damaged(marker_csv(12)[0]))
 def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
     assert survives(read_markers, tmp_path / "a.csv", content, MARKERS)
 
 
-@patient
 @given(
     st.binary(max_size=200) | st.text(alphabet="0123456789.,-e\n ", max_size=120).map(str.encode)
 )
@@ -264,7 +256,6 @@ JSON = st.recursive(
 )
 
 
-@patient
 @given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
 def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
     log = {**bam_log(samples=8, passive=2), key: value}

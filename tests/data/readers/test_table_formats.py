@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import tomli_w
 from fixtures.paths import ROOT
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.data.readers.dataset import load_dataset
@@ -22,9 +22,7 @@ ANGLE = 1.2 * np.sin(5.0 * TIME)  # [rad]
 SPEED = 6.0 * np.cos(5.0 * TIME)
 TORQUE = 0.8 * np.cos(7.0 * TIME) - 0.2  # [N m]
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
-patient = settings(
-    deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+few = settings(max_examples=25)
 
 
 def load(folder, kind, pattern="*.csv", **tables):
@@ -82,7 +80,7 @@ def recorder(separator=";", comma=True, order=(0, 1, 2), preamble=PREAMBLE, deci
     return "\r\n".join([*lines, "EOF"]).encode("cp1252")
 
 
-@patient
+@few
 @given(
     st.sampled_from([(";", True), ("\t", True), (";", False), (",", False), ("\t", False)]),
     st.permutations([0, 1, 2]),
@@ -207,7 +205,7 @@ def rtde(separator=" ", order=None):
     return "\n".join([separator.join(names), *lines]).encode()
 
 
-@patient
+@few
 @given(st.sampled_from(" ,"), st.data())
 def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
     order = data.draw(st.permutations(rtde().split(b"\n")[0].decode().split()))

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from fixtures.random_robots import motions, random_robot, urdf_text
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.errors import InputError
@@ -253,9 +253,6 @@ NASTY = st.sampled_from(
 )
 
 
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
 @given(data=st.data())
 def test_a_damaged_urdf_is_read_or_refused_in_a_line(tmp_path, data):
     """Attributes changed or lost, elements lost or doubled, text cut off."""
