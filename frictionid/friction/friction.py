@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -302,18 +302,15 @@ def memory_along(friction: Friction, nodes: Nodes) -> list[Memory]:
 
 def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
     """The same step by step; theta broadcasts against the recordings' inputs (R, n)."""
-    index = _padded(nodes)
-    memory = law.start(theta, _take(nodes.inputs, index[:, 0]))
-    out = [memory]
-    last = 0
-    for t in range(1, index.shape[1]):
-        if law.sample_time is None or t % nodes.per_sample == 0:
-            now, before = index[:, t], index[:, last]
-            x = _middle(_take(nodes.inputs, before), _take(nodes.inputs, now), law.sample_time)
-            memory = law.advance(theta, x, memory, (nodes.time[now] - nodes.time[before])[:, None])
-            last = t
-        out.append(memory)
-    return out
+    every = 1 if law.sample_time is None else nodes.per_sample
+    index = _padded(nodes).T
+    x, time = _take(nodes.inputs, index[::every]), nodes.time[index[::every]]
+    memories = [law.start(theta, _take(x, 0))]
+    between = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), law.sample_time)
+    rows = zip(*(repeat(None) if entry is None else entry for entry in between), strict=False)
+    for row, dt in zip(rows, np.diff(time, axis=0)[..., None], strict=False):
+        memories.append(law.advance(theta, Inputs._make(row), memories[-1], dt))
+    return [memories[t // every] for t in range(len(index))]
 
 
 def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:

@@ -2,15 +2,12 @@
 
 import os
 import resource
-import shutil
-import subprocess
 import sys
 import traceback
 from contextlib import suppress
 
 import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
-from fixtures.paths import ROOT
 from fixtures.result_folders import leave_blank
 from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
 from fixtures.tiny_pendulums import compare_into
@@ -116,18 +113,3 @@ def test_a_comparison_goes_on_once_there_is_space(places, tmp_path, monkeypatch,
     lines = said.read_text().splitlines()
     assert status == 2 and len(lines) == 2 and lines[1] == f"{tasks} tasks", lines
     assert "cannot be written (No space left on device): make room, or" in lines[0]
-
-
-def test_loops_that_cannot_be_kept_compiled_are_used_all_the_same(tmp_path):
-    """The first use of the smoother where nothing can be written, not even beside its code."""
-    copy = tmp_path / "frictionid"
-    shutil.copytree(ROOT / "frictionid", copy, ignore=shutil.ignore_patterns("__pycache__"))
-    code = (
-        "import resource, numpy as np; resource.setrlimit(resource.RLIMIT_FSIZE, (9, 9)); "
-        "from frictionid.data.kalman import even_series, likeliest_jerk_ratio; "
-        "print(likeliest_jerk_ratio(even_series(np.cumsum(np.ones((9, 1)), axis=0), 0.1)).shape)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0 and done.stdout == "(1,)\n", done.stderr

@@ -37,7 +37,7 @@ SUITES = {
     ),
     "dfki_c1": Real("dfki_double_pendulum", 0.5, (0.1, 0.25, 0.5, 1.0), LAWS_OF_C1, 1.0),
     "tx40": Real("staubli_tx40", 1.0, (0.05, 0.1), ("coulomb_viscous", "figaroh"), 0.2),
-    "tiago": Real("tiago_arm", 8.0, (0.1, 0.25), ("coulomb_viscous", "figaroh"), 0.2),
+    "tiago": Real("tiago_arm", 8.0, (0.1, 0.25), ("coulomb_viscous",), 0.2),
 }
 ARMS = ["tx40", "tiago"]
 

@@ -80,8 +80,9 @@ def test_every_identifier_of_the_suites_keeps_to_it_and_its_friction_comes_back(
     )
     check_identifier(identifier, joints=(joints,))
     problem = synthetic_problem(joints)
-    friction, other = (identifier.fit(problem, synthetic_weights(problem), k) for k in (0, 1))
+    friction = identifier.fit(problem, synthetic_weights(problem), 0)
     if name in NETWORKS:
+        other = identifier.fit(problem, synthetic_weights(problem), 1)
         assert np.abs(friction.theta - other.theta).max() > 1e-3
     for fitted in (friction, friction[1]):
         save_model(fitted, tmp_path / "model.json", LAWS)
