@@ -14,10 +14,8 @@ from fixtures.seven_joints import urdf_text
 from matplotlib.figure import Figure
 
 import frictionid as fid
-from frictionid.__main__ import main
 from frictionid.api.fit import usual_method
 from frictionid.api.models import identifier_of
-from frictionid.files import read_json
 
 TOML = """
 name = "arm"
@@ -81,33 +79,24 @@ def bench(data):
     return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=5, horizons=[0.5, 1.0])
 
 
-def command(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
-    assert main() == 0
-    return capsys.readouterr().out
-
-
 def test_frames_and_files_give_identical_fits(stribeck, folder):
     fits = stribeck, fid.fit(folder, "stribeck")
+    assert stribeck.method == "shooting"
     np.testing.assert_array_equal(*(fit.friction.theta for fit in fits))
     pd.testing.assert_frame_equal(*(fit.frame for fit in fits))
 
 
-def test_the_command_writes_the_model_of_the_function(
-    stribeck, folder, tmp_path, monkeypatch, capsys
-):
+def test_the_command_writes_the_model_of_the_function(stribeck, folder, tmp_path, run):
     model = tmp_path / "model.json"
-    said = command(monkeypatch, capsys, "fit", folder, "--identifier", "stribeck", "--out", model)
+    code, said, _ = run(tmp_path, "fit", folder, "--identifier", "stribeck", "--out", model)
+    assert code == 0
     assert said == f"{stribeck.summary()}written to {model}\n"
-    stribeck.save(tmp_path / "mine.json")
-    written, mine = read_json(model), read_json(tmp_path / "mine.json")
-    assert written["theta"] == mine["theta"]
     np.testing.assert_array_equal(fid.load_model(model).friction.theta, stribeck.friction.theta)
 
 
-def test_the_command_prints_the_verdict_of_the_function(data, folder, monkeypatch, capsys):
+def test_the_command_prints_the_verdict_of_the_function(data, folder, run):
     verdict = fid.check(data)
-    assert command(monkeypatch, capsys, "check", folder).rstrip() == repr(verdict).rstrip()
+    assert run(folder, "check", folder)[1].rstrip() == repr(verdict).rstrip()
     assert verdict.level == "good" and "arm" in verdict._repr_html_()
     assert list(verdict.findings.columns[:4]) == ["level", "kind", "text", "remedy"]
     assert len(verdict.questions) == len(verdict.details.questions) > 0
@@ -119,11 +108,11 @@ def test_findings_are_a_frame(data):
     assert found.level[0] == "unusable" and "sign" in found.text[0]
 
 
-def test_the_command_scores_as_the_function(data, folder, tmp_path, monkeypatch, capsys):
+def test_the_command_scores_as_the_function(data, folder, tmp_path, run):
     fit = fid.fit(data, "coulomb_viscous")
     fit.save(tmp_path / "mine.json")
     table = tmp_path / "scores.csv"
-    command(monkeypatch, capsys, "evaluate", tmp_path / "mine.json", folder, "--out", table)
+    run(tmp_path, "evaluate", tmp_path / "mine.json", folder, "--out", table)
     mine = fid.evaluate({"mine": fit.friction}, fid.load_dataset(folder))
     written = pd.read_csv(table)
     np.testing.assert_allclose(written.value, mine.value, rtol=1e-8)
@@ -167,10 +156,6 @@ USUAL = {
 @pytest.mark.parametrize(("law", "settings", "method"), USUAL.values(), ids=USUAL)
 def test_the_method_is_that_which_suits_what_is_fitted(data, law, settings, method):
     assert fid.fit(data, law, **settings).method == method
-
-
-def test_a_law_is_fitted_by_shooting(stribeck):
-    assert stribeck.method == "shooting"
 
 
 def test_an_arm_is_fitted_to_its_torques(tmp_path):
