@@ -1,7 +1,5 @@
 """Small array algebra that runs alike on NumPy and torch (through array-api-compat)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files written as a whole or not at all, and JSON."""
 
-from __future__ import annotations
-
 import errno
 import json
 import math

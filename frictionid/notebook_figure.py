@@ -1,7 +1,5 @@
 """The figures of frictionid: Matplotlib figures that a notebook shows without pyplot."""
 
-from __future__ import annotations
-
 import io
 
 from matplotlib.figure import Figure

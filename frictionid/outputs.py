@@ -5,8 +5,6 @@ A result folder lists what was written there in SHA256SUMS (`sha256sum -c` check
 that are unchanged are made anew or removed, all others are the user's own and stay.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import stat

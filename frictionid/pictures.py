@@ -1,7 +1,5 @@
 """Matplotlib figures in our styles, whatever the user's settings are."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """Progress of long work: what runs and how many steps are left, for whoever listens."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

@@ -4,8 +4,6 @@ A sensor's readings scatter about any smooth curve, at all times, and most come 
 value follows a smooth curve to many digits, at least while the controller feeds back no noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

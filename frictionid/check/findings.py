@@ -3,8 +3,6 @@
 A finding is a row of `findings.toml` (level, sentence, remedy) with the figures of a check.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

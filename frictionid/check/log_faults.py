@@ -4,8 +4,6 @@ Rows that repeat, stamps that jitter, come in bursts or leave gaps; torques that
 without their sign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np

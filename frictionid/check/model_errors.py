@@ -6,8 +6,6 @@ describes: a disturbance, an unmodelled load, several errors at once, and the er
 itself. A suspect is named where it leaves little, not where it removes something.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ questions, moderate changes of the mechanism) are projected out once; a suspecte
 regression on one column (Frisch-Waugh-Lovell).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 

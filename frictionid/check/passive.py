@@ -1,7 +1,5 @@
 """Tests of passivity: energy must fall without input, and friction must hold loads at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 An answer is yes only where its test ran and could have failed; else no, or not tested and why.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ windows, fails much worse than elsewhere, and by a good part of that torque. Whe
 everywhere, something else is wrong: signs, units, joints.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple

@@ -4,8 +4,6 @@ Torque is computed from targets, gains and motion. How late targets act is found
 balance of torques as that of a measured torque is, so that the tests see torques of that delay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

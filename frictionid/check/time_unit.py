@@ -1,7 +1,5 @@
 """Tests of the unit of time, by the motion that the nominal mechanism would make."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ fitted to a motor model includes that model's error. Where the drive follows and
 known, the motion bears a command out, and friction may be fitted to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 

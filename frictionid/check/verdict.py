@@ -1,7 +1,5 @@
 """The verdict before fitting: facts, faults, what can be identified, what to record next."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ content; workers pass it on to each other. A worker that dies costs time only: o
 calls, and what it held is sent again. Nothing stays on the cluster when the calls end.
 """
 
-from __future__ import annotations
-
 import hashlib
 import pickle
 import re

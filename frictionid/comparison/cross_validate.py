@@ -4,8 +4,6 @@ What `run` does for one identifier and one recipe is a task: its folds are fitte
 friction of all data with them, and each is scored on what it was not fitted to.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

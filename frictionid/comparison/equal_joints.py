@@ -1,7 +1,5 @@
 """Joints declared equal: whether a fit that gives each joint its own parameters says so, too."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, NamedTuple, cast

@@ -3,8 +3,6 @@
 Names, units, defaults and words are those of the classes that the program itself uses.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

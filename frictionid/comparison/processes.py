@@ -1,7 +1,5 @@
 """Calls of a function side by side, one thread each, and what their numbers depend on."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

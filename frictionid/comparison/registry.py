@@ -4,8 +4,6 @@ A table is validated against the dataclass that it makes: names, types and defau
 declared there and nowhere else.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence

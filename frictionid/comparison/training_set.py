@@ -1,7 +1,5 @@
 """Training sets: one data set as recipes fit it, in every fold and as a whole, prepared once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Facts of the clock of the angles: rate, jitter, dropped samples and gaps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Recordings from data frames and arrays: columns as in dataset.toml, read by the same code."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

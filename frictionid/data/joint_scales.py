@@ -6,8 +6,6 @@ joint below its *slow* speed is near rest. Both follow from the joint's own moti
 depends on the unit of a position, on how long a slide is, or on how slow a machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -7,8 +7,6 @@ Each sample depends on the one before, so that arrays of NumPy cannot hold the l
 State and covariance are (x, v, w) and (a, b, c, d, e, f), see `kalman`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ counter-clockwise in the picture is positive; the first is absolute, each other 
 link before.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plants of data sets: the mechanism with the parameters of each recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

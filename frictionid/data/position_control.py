@@ -1,7 +1,5 @@
 """A servo's controller as simulators hold it: gains, limit and damping at the joint."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 A data set calls these functions to show itself, so that none of its classes is named here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Any, NamedTuple

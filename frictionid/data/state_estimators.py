@@ -4,8 +4,6 @@ An estimator takes the angle signals of some recordings and returns one `States`
 own time stamps. Recordings are independent of each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """Temperatures of recordings: the covariates `temperature`, or `temperature_JOINT`, in degC."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

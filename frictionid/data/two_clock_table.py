@@ -1,7 +1,5 @@
 """Tables of a data set on two clocks: rows of the camera's clock, then those of the drive's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

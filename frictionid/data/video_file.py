@@ -3,8 +3,6 @@
 The encoder says nothing of a full disk: what it has written is read again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """frictionid export and frictionid compensate: a friction for simulators, controllers, drives."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

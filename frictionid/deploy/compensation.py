@@ -1,7 +1,5 @@
 """Friction compensation: a torque that cancels friction along a reference, without chatter."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Environments of Gymnasium: a simulated mechanism, with a reward of one's own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

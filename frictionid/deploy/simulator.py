@@ -1,7 +1,5 @@
 """Simulator of a mechanism with its friction: the physics step, for many machines side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

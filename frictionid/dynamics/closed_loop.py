@@ -8,8 +8,6 @@ where the motion that is expected in the middle says what a limit holds; the com
 targets there. K and B are the feedback of the physics step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

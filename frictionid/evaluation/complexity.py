@@ -1,7 +1,5 @@
 """How complex a fitted friction is: effective parameters, and what each of them has to save."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Friction curves over velocity, and their error where the truth is known."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -5,8 +5,6 @@ longest horizon. They come with the band of the prediction and, where the mechan
 lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Folds: which samples are held out when, made once and the same for every identifier."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ All are shares of the size of the torque, so that one limit holds for every join
 folds, and the friction of all data.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

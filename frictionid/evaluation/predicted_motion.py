@@ -1,7 +1,5 @@
 """Predicted motion as a table: angles and velocities beside those that were measured."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

@@ -14,8 +14,6 @@ Where some joints turn and others slide, errors in the norm over the joints coun
 joint's size (`frictionid.data.joint_scales`): the norm has the unit "1", or "1/s" of velocities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 

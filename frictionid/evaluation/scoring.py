@@ -4,8 +4,6 @@ A model may consist of several frictions, one for each fold. Every row of a one-
 rollout and every whole recording is then predicted by the friction of the fold that holds it out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

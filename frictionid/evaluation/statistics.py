@@ -7,8 +7,6 @@ correlated t-test [Corani2015] gives probabilities that the difference lies belo
 a region of practical equivalence [Benavoli2017].
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -9,8 +9,6 @@ not count for it: there friction is whatever holds the joint. Shares are of the 
 the measured torque in the windows that count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The experiment that signals are designed for: machine, limits, prior friction, drive, camera."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ offsets; with the noise of the torques that gives their expected standard errors
 the worst known friction parameter to be known as well as possible, relative to its prior value.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple

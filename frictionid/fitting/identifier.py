@@ -1,7 +1,5 @@
 """What an identifier is: one method, from a one-step problem to friction."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 

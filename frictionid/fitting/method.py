@@ -1,7 +1,5 @@
 """Methods of fitting: the protocol of all recipes, and of one's own."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from frictionid.errors import InputError

@@ -5,8 +5,6 @@ gear is not in it but in its test bench: "moment" = m g l [N m] of the pendulum,
 passes over, says it here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -4,8 +4,6 @@ At m places parts slide with velocities A w, A = `Mechanism.friction_map` (m, n)
 on the joints with Tf = A' f(A w). Of other mechanisms the places are the joints.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ mechanism's parameters. The weights of networks stand beside it in a safetensors
 name. It never names code: a law outside this package needs its class at hand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields

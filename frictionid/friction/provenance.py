@@ -3,8 +3,6 @@
 A `Provenance` stands in model files as it is: `document` writes it, `read_provenance` reads it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Self

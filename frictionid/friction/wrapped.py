@@ -1,7 +1,5 @@
 """Laws around another law: their base, memory that stands still, lines beyond known speeds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any

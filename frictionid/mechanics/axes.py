@@ -1,7 +1,5 @@
 """Mechanisms without links: a linear axis, two masses with a spring between them, unit inertia."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import sympy as sp

@@ -1,7 +1,5 @@
 """A mechanism in symbols, and its equations of motion from the Lagrangian."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias

@@ -1,7 +1,5 @@
 """Mechanisms of one's own, from their bodies: all else is derived."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

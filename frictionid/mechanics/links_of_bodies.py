@@ -3,8 +3,6 @@
 The plane of the description is the x-z plane of the tree, z upwards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

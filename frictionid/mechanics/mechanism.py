@@ -7,8 +7,6 @@ inertias in which the Lagrangian is linear: motion identifies nothing else [Gaut
 symbolic code and trees of rigid bodies implement the same interface; `check_mechanism` tests it.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

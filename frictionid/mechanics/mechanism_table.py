@@ -1,7 +1,5 @@
 """Mechanism and parameters of the [mechanism] table of a data set."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import replace

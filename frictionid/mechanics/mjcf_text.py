@@ -1,7 +1,5 @@
 """A mechanism as MJCF, the format of MuJoCo: its links, joints, rotors and motors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from typing import Any

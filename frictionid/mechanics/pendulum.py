@@ -1,7 +1,5 @@
 """One joint that carries a pendulum: q = 0 hangs down, counter-clockwise positive."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import sympy as sp

@@ -6,8 +6,6 @@ the published models of the DFKI double pendulum [Wiebe2024]: I1 and I2 are abou
 rotor of the second motor sits on link 1 and turns against its joint (M12 gets - gr Ir).
 """
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Derivatives of programs, line by line: forward mode, exact [Griewank2008]."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 
 from frictionid.programs.program import Line, Operand, Program, Value, needed

@@ -4,8 +4,6 @@ What is kept holds the code of other files that a function calls, too: of its ro
 So it is compiled again when a file of these has changed since.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, wraps

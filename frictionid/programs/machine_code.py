@@ -5,8 +5,6 @@ straight-line code already: it is handed to LLVM as it is, in a tenth of the tim
 for the same lines of Python. A row is one array, which costs nothing to hand on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import Any

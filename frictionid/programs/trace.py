@@ -5,8 +5,6 @@ arrays here are NumPy's, with scalars that record; NumPy hands its functions ove
 [NEP18]. A law's parameters are numbers: what follows from them alone becomes a constant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial

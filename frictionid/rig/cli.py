@@ -1,7 +1,5 @@
 """frictionid track, render, align, log, excite, simulate-drive: films, clocks and drives."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Playing a torque signal to a drive: limits, ramps, a watchdog, and an emergency stop."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

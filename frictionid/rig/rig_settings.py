@@ -8,8 +8,6 @@ in ASCII, one value for each column, with \n or \r\n at its end. Other bytes bet
 skipped. With a mark, a line is found even if the one before it lost its end.
 """
 
-from __future__ import annotations
-
 import binascii
 import re
 from collections import Counter

@@ -4,8 +4,6 @@ It plays the torque of a recording until the first command; then it obeys comman
 recording the controller's clock shows (t - offset)/(1 + drift).
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import deque

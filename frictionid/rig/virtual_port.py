@@ -1,7 +1,5 @@
 """A virtual drive at its port: lines in real time, commands obeyed, cables pulled."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import math

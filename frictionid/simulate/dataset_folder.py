@@ -1,7 +1,5 @@
 """Files of simulated rigs: their rig.toml, and the data set as a folder of tables."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping

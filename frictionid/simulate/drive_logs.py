@@ -5,8 +5,6 @@ drift and kick. Nothing here is shared with the mechanism, the physics step or t
 fitted.
 """
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass
 
 import numpy as np

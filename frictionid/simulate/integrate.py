@@ -11,8 +11,6 @@ A mode has one entry per joint: +1 or -1 slips that way, 0 sticks. Arrays have a
 recordings, shape (R, n).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product

@@ -1,7 +1,5 @@
 """Recordings of a simulated rig: commands, motion, camera."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 

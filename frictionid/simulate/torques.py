@@ -7,8 +7,6 @@ Under the controller torque follows from the motion: a robot's drives sample the
 and hold it until the next sample.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

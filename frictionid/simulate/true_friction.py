@@ -10,8 +10,6 @@ slips that way and 0 where it sticks, within which all equations are smooth. LuG
 single-valued and its joints never stick, but |w| has a kink at zero.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

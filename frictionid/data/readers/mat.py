@@ -4,8 +4,6 @@ The format is that of [MathWorks2024]: tagged elements, nested and padded to 8 b
 is not used because damaged files can crash it together with the interpreter.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import struct

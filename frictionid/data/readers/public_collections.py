@@ -1,7 +1,5 @@
 """Public recordings: origin, licence and hashes of their files, and how to get them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable, Mapping

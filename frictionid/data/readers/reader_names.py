@@ -1,7 +1,5 @@
 """Readers by their names in dataset.toml: those of `formats`, installed ones, and one's own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path

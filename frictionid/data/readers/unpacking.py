@@ -1,7 +1,5 @@
 """Packed files, unpacked as far as a recording may be large: small files must not fill memory."""
 
-from __future__ import annotations
-
 import zlib
 
 from frictionid.errors import InputError

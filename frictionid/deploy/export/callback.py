@@ -1,7 +1,5 @@
 """Friction as a passive force of MuJoCo: a Python module for laws that no element of MJCF holds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings

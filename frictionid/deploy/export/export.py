@@ -1,7 +1,5 @@
 """Export of a fitted friction to what simulators, controllers and drives read."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace as with_fields

@@ -7,8 +7,6 @@ and bias of a torque, and a delay of its command, read between steps from its hi
 [MuJoCo2026].
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The Coulomb and viscous friction nearest to a model: all that most engines hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Written files run by their engine, beside our own predictions of the recorded motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Fitted models of several specimens, pooled parameter by parameter to one friction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

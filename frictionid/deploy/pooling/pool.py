@@ -1,7 +1,5 @@
 """Pooling of fitted models: one friction for several specimens, with the spread between them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

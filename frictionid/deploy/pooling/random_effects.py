@@ -18,8 +18,6 @@ over the quantiles c of chi-squared, which is over the confidence distribution o
 specimens say little of tau.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

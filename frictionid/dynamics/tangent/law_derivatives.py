@@ -1,7 +1,5 @@
 """How a friction torque changes with what it depends on: the law's own slopes, or differences."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Memories that advance with the samples: their values and derivatives after an interval's end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -8,8 +8,6 @@ order, and stable however steep friction is. A held part's velocity A w has no d
 Derivatives are arrays T (..., s, D) of the s numbers of a state, q, w, memory, in D directions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -3,8 +3,6 @@
 Nothing here names torch: tensors bring along what is needed, on whatever device they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

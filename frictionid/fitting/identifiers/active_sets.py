@@ -9,8 +9,6 @@ Candidates of neighbouring velocities (signs, peaks) are nearly collinear; `Cons
 says which exclude each other.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The protocol of `Identifier` as a check, on a small problem with known friction."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 from dataclasses import fields, replace

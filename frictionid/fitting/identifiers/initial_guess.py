@@ -1,7 +1,5 @@
 """Initial guesses of fits: for each joint the best of the initial values that its law suggests."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 from typing import NamedTuple

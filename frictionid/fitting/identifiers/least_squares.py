@@ -5,8 +5,6 @@ minimise  sum_k weights[f, k] |r_k - G_k Tf_k(theta)|^2   over theta within the 
 by Levenberg-Marquardt, see `gauss_newton`, in rounds of Huber's weights.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 

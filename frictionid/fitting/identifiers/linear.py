@@ -1,7 +1,5 @@
 """Least squares of laws that are linear in their parameters: one solution for each fold."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Published friction: given numbers, compared with fitted ones in the same tables."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

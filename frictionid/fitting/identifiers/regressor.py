@@ -4,8 +4,6 @@ The torque of a row is the one whose residual is zero, G Tf = r. Its weight is i
 the variance of Tf_j is that of the residuals times [(G'G)^-1]_jj.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import warnings

@@ -4,8 +4,6 @@ The equations are those of `training_sets.Cells`. A few cells of a few pieces of
 little work that the calls of PyTorch take most of the time: these loops take a tenth of it.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

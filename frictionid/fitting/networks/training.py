@@ -4,8 +4,6 @@ A fold's rows alone decide, together with the seed: so it is the same alone and 
 Recordings held out inside each training fold say when its cost was lowest.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

@@ -3,8 +3,6 @@
 Cells of recurrent networks read some samples before the rows that count, to fill their memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -7,8 +7,6 @@ With a column a = G sum_m c_m f(node_m) for each parameter, and the residual r a
 Rows that have the same weight in every fold are added up once; each fold then adds a few matrices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from frictionid.arrays import Array

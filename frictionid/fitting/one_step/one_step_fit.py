@@ -6,8 +6,6 @@ that by the scatter between clusters of rows, the sandwich, and what a test by t
 shows is divided by the ratio of both [Ribatet2012].
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

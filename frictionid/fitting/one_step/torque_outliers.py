@@ -10,8 +10,6 @@ a torque that acted the share a_k is zero, of one that did not it is one. Both s
 over a few intervals, over which the smoother spreads what acts within one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

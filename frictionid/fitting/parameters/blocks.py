@@ -4,8 +4,6 @@ u = gain u_logged(t - delay) + bias,    q_measured = q + offset
 u = controller(q*(t - target_delay), q - z, w),   dz = dq while |z| < backlash/2
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar

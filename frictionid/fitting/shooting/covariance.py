@@ -1,7 +1,5 @@
 """Covariance between recordings, what is undetermined, and blocks of sensors that show nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

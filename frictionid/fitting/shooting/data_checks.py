@@ -1,7 +1,5 @@
 """Blocks and data that shooting cannot use are refused; what makes a result doubtful is said."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import lgamma

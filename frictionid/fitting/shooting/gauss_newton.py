@@ -8,8 +8,6 @@ in stages of growing window length. Each iteration linearises all intervals at t
 the step before it or takes it back, and solves the normal equations for the next one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,8 +5,6 @@ z in [0, 1]. As a sum of Chebyshev's polynomials of 2 z - 1 it is linear in its 
 takes few operations. Changes of the weights are, to first order, changes of the coefficients.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any
 

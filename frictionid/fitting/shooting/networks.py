@@ -7,8 +7,6 @@ linear in the torques. So a step c of the combinations is taken as the change J 
 torques, the weights are fitted to the changed torques, and the combinations are computed again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

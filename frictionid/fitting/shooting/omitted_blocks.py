@@ -1,7 +1,5 @@
 """Errors of the model that blocks which were not free would explain, and what they would change."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

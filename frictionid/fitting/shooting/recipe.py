@@ -1,7 +1,5 @@
 """Shooting as a recipe: what is freed, where it begins, and the calibration of another fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol

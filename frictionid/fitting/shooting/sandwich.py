@@ -1,7 +1,5 @@
 """Sandwich covariance: what each group of rows alone would change in the free parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

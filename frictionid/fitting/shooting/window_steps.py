@@ -4,8 +4,6 @@ Where a joint just misses or just reaches a stop, the prediction has a kink in t
 and steps of that window may fail again and again. It is damped, or left out, on its own.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

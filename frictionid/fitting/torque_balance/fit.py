@@ -1,7 +1,5 @@
 """Fit of friction, and whatever else the blocks free, to the balance of torques."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Inverse dynamics as a method of fitting: what is freed, in every fold."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

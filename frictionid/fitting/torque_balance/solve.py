@@ -3,8 +3,6 @@
 Minimised is  sum over windows and joints of  huber(e / sigma)^2 + priors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 

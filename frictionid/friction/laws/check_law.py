@@ -1,7 +1,5 @@
 """What every friction law keeps to, as a check that users run on their own laws."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from dataclasses import fields

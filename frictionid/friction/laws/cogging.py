@@ -6,8 +6,6 @@ Magnets and teeth pull towards some angles [Holtz1996]. This is no friction: it 
 takes, and a joint at rest has it as well. Beside friction it is a part of a `sum`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated

@@ -11,8 +11,6 @@ curve begins level: the data hardly show where it would go at rest, and with a s
 there, the break-away level is anything (zero instead of 0.083 N m on `acrobot_clean`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The mean of networks of one form, whose spread is a band about it [Lakshminarayanan2017]."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property

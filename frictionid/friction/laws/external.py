@@ -3,8 +3,6 @@
 Networks are learnt as `MLP` [DeMeester2020], their weights in one row of theta.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ linear outputs. Its weights (..., n, P), P = `count(sizes)`, are those of layer 
 first from inputs to units, then the units' offsets. Recurrent cells stand before them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, Any

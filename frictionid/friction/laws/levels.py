@@ -4,8 +4,6 @@ A law has one level, or one for each direction (`SIDES`): `_positive` ones hold 
 `_negative` ones elsewhere; both are positive numbers.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass

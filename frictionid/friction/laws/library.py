@@ -6,8 +6,6 @@ after SINDy [Brunton2016]. Every candidate opposes the motion where its coeffici
 for ripple and `offset` (which make a level differ by angle and direction) and for `other`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ the mechanism says: on the joint of a pendulum it is the torque of gravity, -m g
 force. These are the extended friction models M3 to M6 of servos [Duclusaud2025].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

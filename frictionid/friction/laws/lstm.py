@@ -4,8 +4,6 @@ The level is a small network of the velocity and of what the cells remember; onl
 so that friction never drives a joint where `dissipative` holds. A free network is bound to nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -7,8 +7,6 @@ bend by less than a joint moves from one to the next, but its angle is known at 
 The form of the level, and what its options promise, are those of `network_law`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated

@@ -7,8 +7,6 @@ on, straight. With f(y) = log(1 + e^y) the level is positive, and friction takes
 [Dugas2001]; a tail that is a logarithm of that kind itself never falls.
 """
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from functools import cache, cached_property

@@ -11,8 +11,6 @@ the impulse of friction is neither larger nor later than that of a sharp contact
 crosses the gap at once, and predictions jump with its width.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product

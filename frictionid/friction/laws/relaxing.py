@@ -21,8 +21,6 @@ joint that stands still breaks away at the level of the film's momentary height 
 grows while it stands.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace

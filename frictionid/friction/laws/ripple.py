@@ -6,8 +6,6 @@ Meshing teeth, a bent shaft and a bearing out of round press more at some angles
 [Armstrong1994].
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -7,8 +7,6 @@ where it slides), w, a smooth sign of w, and u, in which the sum is linear, as m
 Recurrent networks read them sample by sample [Hochreiter1997].
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Tf = (Fc + Fp exp(-(w/ws)^2)) sgn(w) + Fv w, break-away at Fc + Fp [Olsson1998].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

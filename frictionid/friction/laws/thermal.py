@@ -7,8 +7,6 @@ level by a straight line, after the measurements of a robot's joint in [Bittenco
 part of viscous friction is constant beside it, and of the level the peak alone changes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

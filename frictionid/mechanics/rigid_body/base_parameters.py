@@ -9,8 +9,6 @@ add to those: with pi sorted into independent (1) and dependent (2) ones, Y2 = Y
 The leading parameters pi1 = p and pi2 = 0 have the torques of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Mechanisms that a file describes: which of its joints move, from where, with which payload."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real

@@ -3,8 +3,6 @@
 Everything is in the frame of the base, so that no later algorithm knows frames.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

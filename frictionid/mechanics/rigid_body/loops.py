@@ -3,8 +3,6 @@
 Base parameters p have shape (1, nb) or (K, nb); results are written to the arrays that come last.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

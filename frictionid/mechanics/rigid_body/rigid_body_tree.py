@@ -9,8 +9,6 @@ those of a distribution of mass where its pseudo-inertia
 is positive semidefinite [Wensing2018].
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Torques of a tree, their derivatives, the regressor and M [Featherstone2008]."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from frictionid.mechanics.rigid_body.kinematics import (

@@ -1,7 +1,5 @@
 """A robot as files describe it, and the tree of rigid bodies of the joints that move."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

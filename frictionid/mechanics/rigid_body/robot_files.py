@@ -1,7 +1,5 @@
 """Robots described in URDF, the format of ROS, and in MJCF, that of MuJoCo, which reads it."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping

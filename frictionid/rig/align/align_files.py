@@ -1,7 +1,5 @@
 """From a table of angles and a torque log to an aligned recording."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ the predicted acceleration without a motor, times M. It is compared with the log
 What any friction could have done is projected out of both: its amount is irrelevant.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ The torque logged at time t acts at t + delay + drift (t - middle). Within a sam
 a delay, so that the derivatives by the drift are (t - middle) times those by the delay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

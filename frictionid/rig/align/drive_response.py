@@ -3,8 +3,6 @@
 measured(t) = clip(gain command(t - delay) + bias, low, high)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

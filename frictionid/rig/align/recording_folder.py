@@ -1,7 +1,5 @@
 """frictionid.align: angles and a torque log on one clock, as a recording, and in pictures."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

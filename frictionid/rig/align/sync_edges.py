@@ -5,8 +5,6 @@ between two rows of the log. Edges are matched by the pattern of their intervals
 matched pairs gives offset and drift.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

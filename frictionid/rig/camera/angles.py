@@ -1,7 +1,5 @@
 """Joint angles of tracked markers, with their standard deviations, and as a table."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ grey, however bright: light, shadows and metal do not change it. Being linear, i
 under the blur of exposure and lens.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

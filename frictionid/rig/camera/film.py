@@ -1,7 +1,5 @@
 """Videos of simulated recordings: exposure blur, noise, jitter, dropped frames, occlusions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ dot that is not there, or not there as a whole, is missing in that frame. After 
 it the whole picture is searched, and dots are assigned by the lengths of the links.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Tables of rig.toml for the camera: markers from pivot to tip, links, view and a sync LED."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Colourful regions that move are dots. The dot whose places lie on a circle hangs
 centre of that circle; every other dot keeps its distance to the dot before it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """A view of a simulated camera, and its pictures: background, links, coloured dots, a sync LED."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Frames of a video file, a sequence of pictures or a live camera, each with its time."""
 
-from __future__ import annotations
-
 import glob
 import os
 import time

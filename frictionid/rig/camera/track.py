@@ -1,7 +1,5 @@
 """Joint angles from a video: decode ahead, follow the markers, measure a sync LED, calibrate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice

@@ -1,7 +1,5 @@
 """frictionid.track: joint angles from a video of coloured dots, and pictures of what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from io import StringIO

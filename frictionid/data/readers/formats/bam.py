@@ -7,8 +7,6 @@ Torque is not measured. It follows from the firmware's controller and the model 
 and is exactly zero while the firmware has the motor disconnected.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

@@ -6,8 +6,6 @@ a time column in front of it, all of one name, and a rate of its own [Scope]. Co
 are counted: "Time", "Time[2]", ... Columns may be named by their objects [CiA402], such as 0x6064.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from array import array

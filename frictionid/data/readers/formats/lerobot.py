@@ -4,8 +4,6 @@
 `feature[name]`, or by its number `feature[0]`. Each episode of a file is a recording.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

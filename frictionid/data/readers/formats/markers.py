@@ -1,7 +1,5 @@
 """Reader `markers`: joint angles from places of pivot, joints and tip in pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

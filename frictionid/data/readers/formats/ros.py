@@ -5,8 +5,6 @@ topic in [reader], or stands behind the name of another topic, `/joint_commands/
 whose `/joint_commands/time` is a clock of its own.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

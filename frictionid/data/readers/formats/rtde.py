@@ -6,8 +6,6 @@ actual_qd [rad/s], actual_current [A], and target_moment [N m], which the contro
 arm computes: it is no measurement, and holds no more of the friction than that model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any
 

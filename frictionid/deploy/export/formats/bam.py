@@ -1,7 +1,5 @@
 """Friction as parameter files of BAM, for its simulators of servos: models M1 to M6."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Friction as C99: a header and a source, no allocation, numbers in double or float."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex

@@ -1,7 +1,5 @@
 """Friction as functions of CasADi, with their derivatives: for optimal control [Andersson2019]."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -6,8 +6,6 @@ PhysX 5.6; before, friction was a coefficient without unit, a share of the force
 friction torque can be written so.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

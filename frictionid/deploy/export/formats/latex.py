@@ -1,7 +1,5 @@
 """Friction as LaTeX: its equation with the numbers of each joint, and a table of parameters."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

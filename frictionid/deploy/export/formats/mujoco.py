@@ -8,8 +8,6 @@ direction takes 20 ms (`solreffriction`), which put predictions of real swing-up
 after 1 s. Written files ask for the hardest that the time step allows: 0.0005 rad.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ memory goes in and comes out, as the state of a recurrent network does. A second
 the start of a motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Friction as a Python module without dependencies: plain numbers, `math` only."""
 
-from __future__ import annotations
-
 from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 

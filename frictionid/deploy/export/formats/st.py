@@ -5,8 +5,6 @@ by EXP such that it never overflows. Called once a cycle, the block advances its
 gives the torques; `reset` begins a motion.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex

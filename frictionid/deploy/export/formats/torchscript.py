@@ -1,7 +1,5 @@
 """Friction as TorchScript, for actuator networks: loaded by torch alone, without this package."""
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Mapping

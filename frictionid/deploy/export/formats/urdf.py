@@ -1,7 +1,5 @@
 """Friction in a URDF: `<dynamics damping friction>` of joints that stand in a file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from frictionid.data.position_control import PositionControl

@@ -1,7 +1,5 @@
 """Friction as a table for feed-forward: torques over velocities in YAML, with the parameters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
