@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+import frictionid as fid
 from frictionid.cli.options import (
     DataFolder,
     DatasetPath,
@@ -17,7 +18,9 @@ from frictionid.cli.options import (
     Trust,
     present,
 )
+from frictionid.cli.progress import heard, show
 from frictionid.deploy.export import FORMATS
+from frictionid.errors import InputError
 
 
 def export(
@@ -51,15 +54,12 @@ def export(
     randomise : Also write so many samples of the parameters, and ranges.
     seed : Of the samples.
     """
-    from frictionid.cli.progress import show
-    from frictionid.data.readers.dataset import load_dataset
-    from frictionid.deploy.export.export import export as write
     from frictionid.deploy.export.exported import ExportSettings
 
     named = tuple(name.strip() for name in joints.split(",") if name.strip())
     chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
-    data = None if dataset is None else load_dataset(dataset, trust=trust)
-    done = write(
+    data = None if dataset is None else fid.load_dataset(dataset, trust=trust)
+    done = fid.export(
         model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
     )
     numbers = {name: getattr(done, name) for name in ("lost", "notes", "cost", "round_trip")}
@@ -89,29 +89,25 @@ def compensate(
     limit : Largest torque [N m].
     speed : Greatest measured speed [rad/s], the table's last; once, or for each joint.
     """
-    from frictionid.cli.progress import show
     from frictionid.comparison.registry import friction_of
-    from frictionid.deploy.compensation import Compensation, compensating, compensation_table
-    from frictionid.deploy.export.export import export
     from frictionid.deploy.export.exported import ExportSettings
-    from frictionid.errors import InputError
     from frictionid.files import write_bytes
     from frictionid.outputs import check_outputs
 
     friction = friction_of(model)
-    settings = Compensation(gain=gain, smooth=smooth, torque_limit=limit)
+    settings = fid.Compensation(gain=gain, smooth=smooth, torque_limit=limit)
     speeds = tuple(speed or friction.provenance.speeds)
     speeds = speeds * friction.n if len(speeds) == 1 else speeds
     friction = friction.noted({"speeds": speeds}) if speeds else friction
     if to != "csv":
         names = ExportSettings(name="compensation")
-        torque = compensating(friction, settings)
-        written = export(torque, to, out, settings=names, replace=replace).paths
+        torque = fid.compensating(friction, settings)
+        written = fid.export(torque, to, out, settings=names, replace=replace).paths
     else:
         if not speeds:
             raise InputError(f"{model}: the measured speeds are not known; give --speed")
         check_outputs([out], [model], replace=replace)
-        table = compensation_table(friction, settings, speeds)
+        table = fid.compensation_table(friction, settings, speeds)
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
         written = (out,)
     show("", {}, written, json=json)
@@ -145,13 +141,10 @@ def monitor(
     state : File that keeps arrived recordings and the evidence.
     out : Folder of a page to write.
     """
-    from frictionid.cli.progress import show
-    from frictionid.data.readers.dataset import load_dataset
-    from frictionid.deploy.monitor.monitor import monitor as judged
     from frictionid.deploy.monitor.monitored import write_monitoring
 
-    sets = [load_dataset(path, data, trust=trust) for path in new]
-    monitored = judged(baseline, sets, rate=rate, state=state, only=only or ())
+    sets = [fid.load_dataset(path, data, trust=trust) for path in new]
+    monitored = fid.monitor(baseline, sets, rate=rate, state=state, only=only or ())
     page = None if out is None else write_monitoring(out, monitored, replace=replace)
     show(monitored, monitored.document, [page], json=json)
     raise typer.Exit(STATUS[monitored.answer])
@@ -177,16 +170,14 @@ def baseline(
     law : Identifier of the friction that changes are measured against.
     model : Model file in place of that fit.
     """
-    from frictionid.cli.progress import heard, show
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.deploy.monitor.changes import totals
-    from frictionid.deploy.monitor.monitor import baseline as make
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
-    loaded = load_dataset(dataset, data, trust=trust)
+    loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
-        healthy = make(loaded, out, law=law, model=model, only=only or ())
+        healthy = fid.baseline(loaded, out, law=law, model=model, only=only or ())
     scatter = totals(healthy.changes, len(healthy.joints)).std(axis=0, ddof=1) / healthy.level
     shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
     lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]
@@ -217,9 +208,6 @@ def pool(
         over it.
     at : Value of the covariate to write; the middle.
     """
-    from frictionid.cli.progress import show
-    from frictionid.deploy.pooling.pool import pool as pool_models
-    from frictionid.errors import InputError
     from frictionid.files import write_json
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
@@ -234,7 +222,7 @@ def pool(
         return
     if at is not None:
         raise InputError("pool: --at needs --over, which names the covariate")
-    pooled = pool_models(models, equal=groups)
+    pooled = fid.pool(models, equal=groups)
     pooled.save(out)
     if ranges is not None:
         write_json(ranges, {"format": "frictionid ranges 1", "ranges": pooled.ranges()})
@@ -244,8 +232,6 @@ def pool(
 def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: bool) -> None:
     """Print the parameters over a covariate, and write the friction at one value of it."""
     from frictionid.comparison.registry import LAWS
-    from frictionid.deploy.pooling.pool import over_covariate
-    from frictionid.errors import InputError
     from frictionid.friction.model_files import save_model
 
     name, _, numbers = over.partition("=")
@@ -253,7 +239,7 @@ def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: b
         values = [float(value) for value in numbers.split(",")]
     except ValueError:
         raise InputError(f"--over {over}: write it as temperature=20,30,40") from None
-    lines = over_covariate({str(model): model for model in models}, name, values)
+    lines = fid.over_covariate({str(model): model for model in models}, name, values)
     value = sum(lines.span) / 2 if at is None else at
     save_model(lines.at(value), out, LAWS)
     print(lines.frame.to_json(orient="records") if json else lines)

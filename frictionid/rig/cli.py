@@ -5,7 +5,10 @@ from typing import Annotated, Literal
 
 import typer
 
+import frictionid as fid
 from frictionid.cli.options import DatasetPath, Json, Replace, present
+from frictionid.cli.progress import counted, show
+from frictionid.errors import InputError
 
 Port = Annotated[str, typer.Option(help="Serial port, e.g. /dev/ttyUSB0.")]
 LogFile = Annotated[Path, typer.Option(help="Log to write (CSV).")]
@@ -39,17 +42,13 @@ def track(
     overlay : Video with markers and angles drawn over it (.mp4).
     sheet : Contact sheet of it (.png).
     """
-    from frictionid.errors import InputError
-
     if setup:
         return _propose(video, rig, replace, json)
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
-    from frictionid.cli.progress import counted, show
     from frictionid.outputs import check_outputs
     from frictionid.rig.camera.marker_setup import load_marker_setup
     from frictionid.rig.camera.source import open_source
-    from frictionid.rig.camera.tracked import track as track_video
 
     check_outputs((out, sheet, overlay), (Path(video), rig), replace=replace)
     markers = load_marker_setup(rig)
@@ -57,7 +56,7 @@ def track(
     if source.kind == "live" and (overlay or sheet):
         raise InputError("--overlay and --sheet need a video: a live camera shows its frames once")
     with counted(source.count or 0, source.name) as count:
-        tracked = track_video(source, markers, method=method, done=lambda _: count(""))
+        tracked = fid.track(source, markers, method=method, done=lambda _: count(""))
     tracked.save(out)
     if sheet is not None:
         tracked.save_sheet(sheet)
@@ -70,7 +69,6 @@ def track(
 def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
     import tomllib
 
-    from frictionid.cli.progress import show
     from frictionid.files import write_text
     from frictionid.outputs import check_outputs
     from frictionid.rig.camera.marker_setup import marker_setup_text
@@ -110,14 +108,12 @@ def render(
     out : Folder of the videos to write.
     only : Recordings, all where none is named.
     """
-    from frictionid.cli.progress import counted
     from frictionid.config import nearest
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.errors import InputError
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
     from frictionid.rig.camera.film import load_film, video_path, write_film
 
-    film, data = load_film(camera), load_dataset(dataset)
+    film, data = load_film(camera), fid.load_dataset(dataset)
     names = [r.name for r in data.recordings]
     for name in only or ():
         if name not in names:
@@ -163,10 +159,7 @@ def align(
     offset : Offset to within 0.5 s, where it is known [s].
     hold : The logged torque between two rows: previous, or linear.
     """
-    from frictionid.cli.progress import show
-    from frictionid.rig.align.recording_folder import align as align_recording
-
-    aligned = align_recording(
+    aligned = fid.align(
         *(angles, torque, rig),
         name=name,
         marker=marker,
@@ -313,8 +306,7 @@ def simulate_drive(
     """
     import contextlib
 
-    from frictionid.data.readers.dataset import dataset_files, load_dataset
-    from frictionid.errors import InputError
+    from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
     from frictionid.rig.rig_settings import load_rig_settings
     from frictionid.rig.virtual_drive import Drive, Faults, torque_of
@@ -324,7 +316,7 @@ def simulate_drive(
         raise InputError(f"--speed {speed:g} must be positive")
     drive = Drive(
         rig=load_rig_settings(rig),
-        torque=torque_of(load_dataset(dataset), recording),
+        torque=torque_of(fid.load_dataset(dataset), recording),
         rate=rate,
         offset=offset,
         drift=1e-6 * drift,
