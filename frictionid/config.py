@@ -8,11 +8,11 @@ import reprlib
 import sys
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, get_type_hints
+from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -27,6 +27,7 @@ from frictionid.errors import InputError
 from frictionid.files import regular_file
 
 Checked = TypeVar("Checked", bound=BaseModel)
+Settings = TypeVar("Settings")
 
 
 # "10" is no number, 1 is no truth value, and nothing is infinite.
@@ -213,8 +214,9 @@ def mistake(invalid: ValidationError) -> str:
 
 
 def _place(error: Any) -> str:
-    """Where a complaint of pydantic is, such as ".columns.angle[1]"."""
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"])
+    """Where a complaint of pydantic is, such as ".columns.angle[1]", without the types of a union."""
+    keys = [key for key in error["loc"] if not re.match(r"constrained-|(tuple|list)\[", str(key))]
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
 
 
 def checked(model: type[Checked], document: Mapping[str, Any], where: str) -> Checked:
@@ -260,28 +262,40 @@ NotNegative = Annotated[float, Field(ge=0, lt=1e20)]
 Count = Annotated[int, Field(ge=1)]
 
 
-def check_settings(settings: Any) -> None:
-    """Validate the fields of a dataclass by their annotated types, in its `__post_init__`.
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def validated(settings: type[Settings]) -> type[Settings]:
+    """A frozen dataclass whose fields are validated by their annotated types when it is made.
 
     A list for a field that is a tuple becomes one; nothing else is converted. Fields that hold
-    objects of other classes are not checked.
+    objects of other classes are not checked. What `__post_init__` checks comes afterwards.
+
+    Examples
+    --------
+    >>> @validated
+    ... class Training:
+    ...     rate: Positive = 0.1
+    >>> Training(rate=0.0)
+    Traceback (most recent call last):
+    frictionid.errors.InputError: rate: it should be greater than 0, not 0.0
+    """
+    others: Any = getattr(settings, "__post_init__", None)
+
+    def check(self: Any) -> None:
+        check_settings(self)
+        if others is not None:
+            others(self)
+
+    settings.__post_init__ = check  # type: ignore[attr-defined]
+    return dataclass(frozen=True)(settings)
+
+
+def check_settings(settings: Any) -> None:
+    """Validate the fields of a dataclass by their annotated types, see `validated`.
 
     Raises
     ------
     InputError
         At the first field whose value does not fit.
-
-    Examples
-    --------
-    >>> from dataclasses import dataclass
-    >>> @dataclass(frozen=True)
-    ... class Training:
-    ...     rate: Positive = 0.1
-    ...     def __post_init__(self) -> None:
-    ...         check_settings(self)
-    >>> Training(rate=0.0)
-    Traceback (most recent call last):
-    frictionid.errors.InputError: rate: it should be greater than 0, not 0.0
     """
     model = _model_of(settings.__class__)
     for name in model.model_fields:
@@ -298,7 +312,7 @@ def check_settings(settings: Any) -> None:
 def _model_of(settings: type) -> type[BaseModel]:
     """Model of the fields of a dataclass, without those that hold objects."""
     types = get_type_hints(settings, include_extras=True)
-    kinds = {field.name: types[field.name] for field in fields(settings)}
+    kinds = {each.name: types[each.name] for each in fields(settings)}
     plain = (bool, int, float, str)
     checkable: Any = {
         k: (t, ...) for k, t in kinds.items() if t in plain or not isinstance(t, type)

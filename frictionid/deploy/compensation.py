@@ -9,7 +9,7 @@ import pandas as pd
 from pydantic import Field
 
 from frictionid.arrays import Array, namespace
-from frictionid.config import NotNegative, Positive, check_settings
+from frictionid.config import NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
@@ -38,7 +38,7 @@ def friction_in(model: Any) -> Friction:
 _MOVING = 1e-6  # [rad/s]: the level at rest is that of the slowest motion
 
 
-@dataclass(frozen=True)
+@validated
 class Compensation:
     """Settings of a feed-forward compensation.
 
@@ -70,9 +70,6 @@ class Compensation:
     smooth: Positive | tuple[Positive, ...] = 0.05
     ahead: NotNegative = 0.0
     torque_limit: Positive | tuple[Positive, ...] | None = None
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import Count, validated
 from frictionid.errors import InputError
 from frictionid.excitation.experiment import Experiment
 from frictionid.excitation.information import (
@@ -48,19 +50,14 @@ _KINDS = (4, 3, 3)  # of ten children: changed ones, differences, and fresh ones
 _TRIES = 3
 
 
-@dataclass(frozen=True)
+@validated
 class Search:
     """Effort of the search: random signals, then generations of refined ones; seed of the draws."""
 
-    pool: int = 600
-    generations: int = 12
-    children: int = 200
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, least in (("pool", 1), ("generations", 0), ("children", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name} = {getattr(self, name)} must be at least {least}")
+    pool: Count = 600
+    generations: Annotated[int, Field(ge=0)] = 12
+    children: Count = 200
+    seed: Annotated[int, Field(ge=0)] = 0
 
 
 class Pool(NamedTuple):

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import nearest, parse_toml, read_toml
+from frictionid.config import Count, Positive, nearest, parse_toml, read_toml, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
@@ -122,7 +121,7 @@ def prior_friction_of(text: str, limits: Limits) -> Friction:
     return Friction(law, theta)
 
 
-@dataclass(frozen=True)
+@validated
 class Experiment:
     """Everything of an experiment but the torque signal.
 
@@ -143,22 +142,16 @@ class Experiment:
     plant: Plant
     friction: Friction
     limits: Limits
-    length: float = 5.0
-    recordings: int = 4
-    drive_rate: float = 60.0
-    camera_rate: float = 60.0
-    angle_noise: float | tuple[float, ...] = math.radians(0.1)
+    length: Positive = 5.0
+    recordings: Count = 4
+    drive_rate: Positive = 60.0
+    camera_rate: Positive = 60.0
+    angle_noise: Positive | tuple[Positive, ...] = math.radians(0.1)
     band: tuple[float, float] = (0.2, 4.0)
     start: tuple[float, ...] | None = None
     friction_scales: tuple[float, ...] = (1.0,)
 
     def __post_init__(self) -> None:
-        for name in ("length", "drive_rate", "camera_rate", "angle_noise"):
-            for value in np.ravel(getattr(self, name)):
-                if not (math.isfinite(value) and value > 0):
-                    raise InputError(f"{name.replace('_', ' ')} = {value:g} must be positive")
-        if self.recordings < 1:
-            raise InputError(f"recordings = {self.recordings} must be at least 1")
         if self.length * self.camera_rate < 20:
             raise InputError(
                 f"length = {self.length:g} s has {self.length * self.camera_rate:.0f} images; at "

@@ -9,11 +9,13 @@ the worst known friction parameter to be known as well as possible, relative to 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array, times
+from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.excitation.experiment import Limits
 from frictionid.friction import Friction, at_rest
@@ -29,7 +31,7 @@ _SPREAD = (0.5, 0.05)  # of what the improvements change, from first to last
 _SURE = 0.05  # relative standard error of friction that is known
 
 
-@dataclass(frozen=True)
+@validated
 class TrajectoryTask:
     """What trajectories are designed for.
 
@@ -48,10 +50,10 @@ class TrajectoryTask:
     plant: Plant
     friction: Friction
     limits: Limits
-    length: float = 10.0
-    recordings: int = 1
-    harmonics: int = 5
-    torque_noise: float = 0.01
+    length: Annotated[float, Field(ge=20 * WINDOW)] = 10.0
+    recordings: Count = 1
+    harmonics: Annotated[int, Field(ge=2)] = 5
+    torque_noise: Positive = 0.01
 
     def __post_init__(self) -> None:
         mechanism = self.plant.mechanism
@@ -66,13 +68,6 @@ class TrajectoryTask:
                 "trajectories need a limit of each joint's position: add angle to --limits, such "
                 'as "torque=[90,60],velocity=2,angle=2.5"'
             )
-        if self.recordings < 1 or self.harmonics < 2:
-            raise InputError(
-                f"recordings = {self.recordings} must be at least 1, harmonics = "
-                f"{self.harmonics} at least 2"
-            )
-        if not (np.isfinite(self.length) and self.length >= 20 * WINDOW):
-            raise InputError(f"length = {self.length:g} s must be at least {20 * WINDOW:g} s")
 
     @property
     def time(self) -> Array:

@@ -8,12 +8,11 @@ import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from frictionid.config import Positive, check_settings
+from frictionid.config import Positive, validated
 from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array, Signal, first_fault, sample
 from frictionid.errors import InputError
@@ -29,7 +28,7 @@ _OVERLOAD = 1.5  # times the limit: a larger measured torque stops at once
 Show = Callable[[Counts, bool], None]
 
 
-@dataclass(frozen=True)
+@validated
 class PlaySettings:
     """How a signal is played.
 
@@ -43,9 +42,6 @@ class PlaySettings:
     rate: Positive = 100.0
     ramp: Positive = 0.3
     silence: Positive = 0.25
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 def load_signal(path: Path, rig: RigSettings) -> Signal:

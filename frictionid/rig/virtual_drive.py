@@ -7,13 +7,13 @@ recording the controller's clock shows (t - offset)/(1 + drift).
 import math
 import re
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from frictionid.config import NotNegative, Positive, check_settings, nearest
+from frictionid.config import NotNegative, Positive, nearest, validated
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
@@ -24,7 +24,7 @@ SILENCE, RAMP = 0.2, 0.3
 _MAX_LINES = 100_000_000
 
 
-@dataclass(frozen=True)
+@validated
 class Faults:
     """Faults: share of damaged lines, numbers of unplugged cables and of restarts; their seed."""
 
@@ -33,11 +33,8 @@ class Faults:
     restarts: Annotated[int, Field(ge=0)] = 0
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        check_settings(self)
 
-
-@dataclass(frozen=True)
+@validated
 class Drive:
     """A virtual drive.
 
@@ -65,7 +62,6 @@ class Drive:
     faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
-        check_settings(self)
         columns, motors = self.torque.value.shape[1], len(self.rig.motors)
         if columns != motors:
             raise InputError(f"the recording drives {columns} joints, [motor] has {motors} motors")

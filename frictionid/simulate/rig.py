@@ -19,7 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
@@ -38,7 +38,7 @@ from frictionid.simulate.true_friction import (
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]
 
 
-@dataclass(frozen=True)
+@validated
 class Camera:
     """Measurement of the angles: number of samples, rate [Hz], noise (standard deviation) [rad].
 
@@ -51,11 +51,8 @@ class Camera:
     angle_noise: NotNegative | tuple[NotNegative, ...] = 0.0
     resolution: NotNegative = 0.0
 
-    def __post_init__(self) -> None:
-        check_settings(self)
 
-
-@dataclass(frozen=True)
+@validated
 class Drive:
     """Drive that holds each logged command until the next one.
 
@@ -69,9 +66,6 @@ class Drive:
     delay: NotNegative = 0.0
     gain: Positive = 1.0
     torque_noise: NotNegative = 0.0
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,7 @@ class Run:
     references: tuple[Fourier, ...] = ()
 
 
-@dataclass(frozen=True)
+@validated
 class Rig:
     """All settings of a simulated data set; `rig.toml` has the same names.
 
@@ -137,7 +131,6 @@ class Rig:
     citation: str = ""
 
     def __post_init__(self) -> None:
-        check_settings(self)
         object.__setattr__(self, "mechanism", as_mechanism(self.mechanism))
         mechanism = nominal_mechanism(self)
         if self.friction.curve.n != mechanism.n:
@@ -260,7 +253,7 @@ def _check_references(run: Run, where: str, joints: int) -> None:
 _LEVELS = ("coulomb_positive", "coulomb_negative", "peak_positive", "peak_negative")
 
 
-@dataclass(frozen=True)
+@validated
 class Variation:
     """Variation of friction between recordings.
 
@@ -285,9 +278,6 @@ class Variation:
     wear: tuple[float, ...] = ()
     worn_from: Annotated[int, Field(ge=0)] = 0
     sudden: bool = False
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def check(self, joints: int, recordings: int) -> None:
         """Raise InputError where a list does not fit the numbers of joints and recordings."""

@@ -9,14 +9,13 @@ and hold it until the next sample.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import times
-from frictionid.config import NotNegative, Positive, check_settings
+from frictionid.config import NotNegative, Positive, validated
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
@@ -27,15 +26,12 @@ from frictionid.simulate.integrate import TrueSystem, advance, modes_after_jump,
 class Command(ABC):
     """A wave form of the torque."""
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
     @abstractmethod
     def values(self, time: Array, generator: np.random.Generator) -> Array:
         """Command at increasing times (T,) [s], shape (T,) [N m]."""
 
 
-@dataclass(frozen=True)
+@validated
 class Sine(Command):
     """offset + amplitude sin(2 pi frequency t + phase); [N m], [Hz], [rad].
 
@@ -55,7 +51,7 @@ class Sine(Command):
         return self.offset + self.amplitude * wave
 
 
-@dataclass(frozen=True)
+@validated
 class Chirp(Command):
     """Sine whose frequency [Hz] changes linearly from the first to the last sample.
 
@@ -75,7 +71,7 @@ class Chirp(Command):
         return self.amplitude * np.sin(2 * np.pi * turns)
 
 
-@dataclass(frozen=True)
+@validated
 class Steps(Command):
     """Levels drawn evenly from -amplitude to amplitude, each held for `hold` [s].
 
@@ -95,7 +91,7 @@ class Steps(Command):
         return levels[number]
 
 
-@dataclass(frozen=True)
+@validated
 class Multisine(Command):
     """Sines of equal height and random phase at some frequencies [Hz], with the amplitude as peak.
 
@@ -115,7 +111,7 @@ class Multisine(Command):
         return wave * (self.amplitude / np.abs(wave).max())
 
 
-@dataclass(frozen=True)
+@validated
 class Noise(Command):
     """White noise between two frequencies [Hz] with half the amplitude as deviation, cut off at it.
 
@@ -129,7 +125,6 @@ class Noise(Command):
     kind: Literal["noise"] = "noise"
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if not 0 <= self.band[0] < self.band[1]:
             raise InputError(f"band must be two increasing frequencies, not {list(self.band)}")
 
@@ -149,7 +144,7 @@ class Noise(Command):
 AnyCommand = Annotated[Sine | Chirp | Steps | Multisine | Noise, Field(discriminator="kind")]
 
 
-@dataclass(frozen=True)
+@validated
 class Fourier:
     """Periodic reference of one joint's position [Swevers1997].
 
@@ -168,7 +163,6 @@ class Fourier:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        check_settings(self)
         if len(self.sines) != len(self.cosines):
             raise InputError(
                 f"a Fourier reference needs as many sines as cosines, not {len(self.sines)} and "
@@ -184,15 +178,12 @@ class Fourier:
         return q, c @ a + s @ b, c @ (b * rate) - s @ (a * rate)
 
 
-@dataclass(frozen=True)
+@validated
 class Controller:
     """Position controller: stiffness kp [N m/rad] and damping kd [N m s/rad] of each joint."""
 
     kp: tuple[Positive, ...]
     kd: tuple[NotNegative, ...]
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 class Tracked(NamedTuple):

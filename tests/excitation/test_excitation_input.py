@@ -39,12 +39,12 @@ def test_a_machine_without_a_motor_gets_no_signal():
     ("changes", "rule"),
     [
         ({"length": 0.1}, "at least 20"),
-        ({"recordings": 0}, "recordings = 0"),
+        ({"recordings": 0}, "recordings: .* not 0"),
         ({"band": (2.0, 1.0)}, "increasing"),
         ({"band": (1.0, 20.0)}, "quarter of the drive rate"),
         ({"start": (0.0, 0.0)}, "2 angles for 1 joints"),
         ({"start": (3.5,)}, "not within its limit"),
-        ({"angle_noise": 0.0}, "angle noise"),
+        ({"angle_noise": 0.0}, "angle_noise.*: .* not 0.0"),
     ],
 )
 def test_wrong_experiments_are_one_clear_line(changes, rule):
@@ -59,7 +59,7 @@ def test_wrong_families_priors_and_searches_are_refused():
         SignalSpace(on_pendulum(), ())
     with pytest.raises(InputError, match="did you mean 'coulomb'"):
         prior_friction_of("coulumb=1", on_pendulum().limits)
-    with pytest.raises(InputError, match="pool = 0"):
+    with pytest.raises(InputError, match="pool: .* not 0"):
         Search(pool=0)
 
 
@@ -104,8 +104,8 @@ def test_the_command_writes_one_table_for_each_recording(tmp_path, monkeypatch, 
     [
         (("--frequencies", "1"), "must be two numbers"),
         (("--start", "a,b"), "must be numbers"),
-        (("--length", "nan"), "length = nan"),
-        (("--seed", "-1"), "seed = -1"),
+        (("--length", "nan"), "length: .* not nan"),
+        (("--seed", "-1"), "seed: .* not -1"),
     ],
 )
 def test_the_command_says_in_one_line_what_is_wrong(options, rule, tmp_path, monkeypatch, capsys):

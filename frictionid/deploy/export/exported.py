@@ -13,7 +13,7 @@ from pydantic import Field
 
 from frictionid.api.machines import Machine, Nearest
 from frictionid.arrays import Array
-from frictionid.config import check_settings
+from frictionid.config import validated
 from frictionid.data.calibration import calibrated_dataset
 from frictionid.data.position_control import PositionControl, position_control
 from frictionid.data.recordings import Dataset
@@ -286,7 +286,7 @@ def operands(program: Program) -> Iterator[Operand]:
         yield from output
 
 
-@dataclass(frozen=True)
+@validated
 class ExportSettings:
     """What a user may choose.
 
@@ -308,7 +308,6 @@ class ExportSettings:
     stem: str = "friction"
 
     def __post_init__(self) -> None:
-        check_settings(self)
         if not (self.name.isidentifier() and self.name.isascii()):
             raise InputError(
                 f"name = {self.name!r} must be a name in code, of letters, digits and _"

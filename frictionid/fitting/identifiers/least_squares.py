@@ -6,12 +6,12 @@ by Levenberg-Marquardt, see `gauss_newton`, in rounds of Huber's weights.
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import Conditions, minimum
 from frictionid.fitting.identifier import Identifier
@@ -30,7 +30,7 @@ _TRIED = 17  # values of each
 _FOLLOWING = 4  # fits in which a level follows that of the other direction
 
 
-@dataclass(frozen=True)
+@validated
 class LeastSquares(Identifier):
     """Fits the parameters of a law.
 
@@ -67,9 +67,6 @@ class LeastSquares(Identifier):
     equal: Groups = ()
     neutral: bool = True
     seeded = False
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_temperature(self.law, problem.nodes.inputs.temperature, fitted=True)

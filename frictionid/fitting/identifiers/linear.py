@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.config import check_settings
+from frictionid.config import validated
 from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import box_step
 from frictionid.fitting.identifier import Identifier
@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 _KNOTS, _SHARP = 5, 0.01  # of the flexible curve; its smoothing, of the fastest speed
 
 
-@dataclass(frozen=True)
+@validated
 class Linear(Identifier):
     """Fits a linear law within its bounds, as `LeastSquares` does, from one Gram matrix per fold.
 
@@ -53,7 +53,6 @@ class Linear(Identifier):
     seeded = False
 
     def __post_init__(self) -> None:
-        check_settings(self)
         check_linear(self.law)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:

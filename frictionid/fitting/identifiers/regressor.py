@@ -8,7 +8,6 @@ import importlib
 import inspect
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
@@ -17,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array, times
-from frictionid.config import check_settings, is_installed
+from frictionid.config import is_installed, validated
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.residual import Problem, normalised
@@ -53,7 +52,7 @@ class _Trained(NamedTuple):
         return self.level + self.scale * scaled
 
 
-@dataclass(frozen=True)
+@validated
 class Regressor(Identifier):
     """Fits a scikit-learn regressor to the torques of each joint, a copy for each fold.
 
@@ -86,7 +85,6 @@ class Regressor(Identifier):
     speeds: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        check_settings(self)
         _check_estimator(self.estimator)
         if "w" not in self.inputs:
             raise InputError(f"sklearn: inputs = {list(self.inputs)} must include w")

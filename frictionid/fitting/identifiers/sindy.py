@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array
-from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.active_sets import (
@@ -70,7 +70,7 @@ _NO_COLUMN = 1e-12  # of the longest column
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
-@dataclass(frozen=True)
+@validated
 class SINDy(Identifier):
     """Finds which candidates of a library friction has, and their coefficients.
 
@@ -106,9 +106,6 @@ class SINDy(Identifier):
     search_sets: bool = True
     n_standard_errors: NotNegative = 2.5
     ensemble: Annotated[int, Field(ge=0)] = 0
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     @property
     def seeded(self) -> bool:
@@ -218,7 +215,7 @@ def _included(share: Array, fold: _Fold) -> tuple[int, ...]:
 _NO_MONOMIAL = 1e-9  # of the longest column
 
 
-@dataclass(frozen=True)
+@validated
 class SparseDynamics(Identifier):
     """Finds the monomials of (q, w, u) of all joints that acceleration consists of.
 
@@ -243,7 +240,6 @@ class SparseDynamics(Identifier):
     seeded = False
 
     def __post_init__(self) -> None:
-        check_settings(self)
         StateLibrary(1, self.degree, self.turning, self.width)
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:

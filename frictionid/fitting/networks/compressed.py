@@ -8,7 +8,6 @@ of the posterior solves equations that are as small as there are speeds [MacKay1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.linalg import block_diag
 from scipy.sparse import csr_array, diags_array, hstack
 
 from frictionid.arrays import Array
-from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.networks.training import (
@@ -121,7 +120,7 @@ _RIDGE = 1e-9  # of the mean curvature in the torques
 Several = Annotated[int, Field(ge=2)]
 
 
-@dataclass(frozen=True)
+@validated
 class CompressedNetwork(Identifier):
     """Fits a network of its own joint's velocity, such as `MLP()`.
 
@@ -148,7 +147,6 @@ class CompressedNetwork(Identifier):
     tolerance: NotNegative = 1e-5
 
     def __post_init__(self) -> None:
-        check_settings(self)
         law, reason = self.law, ""
         if not isinstance(law, NetworkLaw) or not law.has_gradient or law.has_memory:
             reason = "is no static network with a gradient"

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.arrays import Array
-from frictionid.config import Count, Positive, check_settings
+from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError, needs
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers.sindy import accelerations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     )
 
 
-@dataclass(frozen=True)
+@validated
 class Network(Identifier):
     """Trains the weights of a law: `MLP`, `WindowMLP`, `LSTM`, or a module of PyTorch.
 
@@ -85,7 +85,6 @@ class Network(Identifier):
     compile: bool = False
 
     def __post_init__(self) -> None:
-        check_settings(self)
         if not isinstance(self.law, NetworkLaw):
             raise InputError(f"{self.law} has no weights to train: choose least squares")
         if self.inputs == "all" and not isinstance(self.law, MLP):

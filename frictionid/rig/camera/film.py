@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from frictionid.config import NotNegative, Positive, check_settings, read_toml
+from frictionid.config import NotNegative, Positive, read_toml, validated
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
@@ -29,7 +29,7 @@ _COLOUR = {  # resolution of the colour in JPEGs
 }
 
 
-@dataclass(frozen=True)
+@validated
 class Film:
     """A simulated camera.
 
@@ -63,7 +63,6 @@ class Film:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_settings(self)
         if len(self.look.dots) != len(self.lengths) + 1:
             raise InputError(
                 f"look.dots has {len(self.look.dots)} entries for {len(self.lengths)} links: give "

@@ -1,6 +1,5 @@
 """A view of a simulated camera, and its pictures: background, links, coloured dots, a sync LED."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from frictionid.config import Positive, check_settings
+from frictionid.config import Positive, validated
 from frictionid.data.signals import Array
 from frictionid.errors import InputError, needs
 
@@ -21,7 +20,7 @@ Image = NDArray[np.uint8]
 _SHIFT = 4  # fractional bits of the coordinates of lines
 
 
-@dataclass(frozen=True)
+@validated
 class Look:
     """Appearance of the rig and its background.
 
@@ -54,10 +53,9 @@ class Look:
                     f"look.dots: {list(dot)} must be a hue [deg], a saturation and a value, "
                     "both from 0 to 1, or [] where there is no dot"
                 )
-        check_settings(self)
 
 
-@dataclass(frozen=True)
+@validated
 class SyncLed:
     """An LED in the picture that the drive switches.
 
@@ -76,7 +74,6 @@ class SyncLed:
     dark: tuple[float, float, float] = (120.0, 0.15, 0.2)
 
     def __post_init__(self) -> None:
-        check_settings(self)
         if any(b <= a for a, b in pairwise(self.switches)):
             raise InputError(f"sync_led.switches = {list(self.switches)} must increase")
 
@@ -206,7 +203,7 @@ Pixels = Annotated[int, Field(ge=1, le=8192)]  # a picture of 8192 x 8192 takes 
 _FAR = 10.0  # sizes of the picture
 
 
-@dataclass(frozen=True)
+@validated
 class View:
     """A pinhole camera with radial distortion that looks at a plane.
 
@@ -228,7 +225,6 @@ class View:
     distortion: float = 0.0
 
     def __post_init__(self) -> None:
-        check_settings(self)
         for at, size in zip(self.pivot, self.size, strict=True):
             if abs(at) > _FAR * size:
                 raise InputError(
