@@ -214,7 +214,7 @@ def mistake(invalid: ValidationError) -> str:
 
 
 def _place(error: Any) -> str:
-    """Where a complaint of pydantic is, such as ".columns.angle[1]", without the types of a union."""
+    """Where a complaint of pydantic is, such as ".columns.angle[1]", without types of a union."""
     keys = [key for key in error["loc"] if not re.match(r"constrained-|(tuple|list)\[", str(key))]
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
 

@@ -1,7 +1,5 @@
 """The parts of `check` on cases whose answer is known: estimates, delay, facts, advice, screen."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

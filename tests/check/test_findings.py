@@ -1,7 +1,5 @@
 """The table of findings: its rows are those that checks make, and their sentences are whole."""
 
-from __future__ import annotations
-
 import ast
 from string import Formatter
 

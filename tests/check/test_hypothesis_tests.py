@@ -1,7 +1,5 @@
 """Samples that are too far apart for the motion are named; others are not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of n
 below. Smoothing commutes with linear maps of the angles, so that one smoothing serves many faults.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool

@@ -1,7 +1,5 @@
 """What `check` says of measured recordings, held against what their authors say of them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

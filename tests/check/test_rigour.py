@@ -1,7 +1,5 @@
 """Faults are named and nothing else is said: small versions of comparisons/check_rigour.py."""
 
-from __future__ import annotations
-
 import pytest
 from fixtures.check_trials import TRIALS, rates, verdicts_of
 from fixtures.one_joint_sets import Setup, sets

@@ -3,8 +3,6 @@
 A frozen torque is judged by friction fitted to all other windows.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What the torques are: the motors', those of links, or commands; declared, checked, held to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

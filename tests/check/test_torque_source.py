@@ -1,7 +1,5 @@
 """Measured, commanded, modelled or cannot tell: what a logged torque shows of its own origin."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Traps of real arms: each is named where it is, and nowhere else."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

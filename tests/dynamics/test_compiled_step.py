@@ -1,7 +1,5 @@
 """The compiled step gives the motion of the step on arrays: two routes to one answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

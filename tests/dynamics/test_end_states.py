@@ -1,7 +1,5 @@
 """Compiled end states and derivatives are those of arrays, for all that can be free."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

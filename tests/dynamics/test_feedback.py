@@ -1,7 +1,5 @@
 """A controller in the step: torques u - K q - B w act on the predicted motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

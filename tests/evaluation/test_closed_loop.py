@@ -1,7 +1,5 @@
 """Stiff position control: what is fitted and predicted has the controller in the loop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Analysis of memory: its advantage is divided as it was put in, and what is left is named."""
 
-from __future__ import annotations
-
 import pytest
 from fixtures import result_folders as made
 

@@ -1,7 +1,5 @@
 """The main question in the report: families of models, answers that follow the numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import result_folders as made

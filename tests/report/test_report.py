@@ -1,7 +1,5 @@
 """The report: its numbers are those of the scores, whatever the names, lost values and gaps."""
 
-from __future__ import annotations
-
 import io
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Ensembles in the report: the spread of their members is stored, drawn and described."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import result_folders as made

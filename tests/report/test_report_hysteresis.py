@@ -1,7 +1,5 @@
 """Loops: a delay is found as it was put in, static friction has none, and the report says so."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import result_folders as made

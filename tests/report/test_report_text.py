@@ -1,7 +1,5 @@
 """The report in words and in the terminal: what it says of the numbers, and how it is shown."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from types import SimpleNamespace

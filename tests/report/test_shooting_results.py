@@ -1,7 +1,5 @@
 """Results of shooting as facts and words: what they say, and when they are silent."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fixtures import result_folders as made

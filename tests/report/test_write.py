@@ -1,7 +1,5 @@
 """The files of a report: what a build replaces, and what it never touches."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

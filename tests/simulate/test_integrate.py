@@ -1,7 +1,5 @@
 """The simulator's physics: set-valued friction, its events, and its memory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

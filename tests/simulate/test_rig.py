@@ -1,7 +1,5 @@
 """The simulated rig around the physics: commands, drive, camera, settings, files, command line."""
 
-from __future__ import annotations
-
 import copy
 import os
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Exported frictions, run by what reads their format: alike, on batches of motions."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 import warnings

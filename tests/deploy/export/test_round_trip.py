@@ -1,7 +1,5 @@
 """Written files run by MuJoCo as they are: servos, delays and bristles move as we predict."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

@@ -1,7 +1,5 @@
 """Differences of recordings whose scatter is known: the rate, and which cause is named."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

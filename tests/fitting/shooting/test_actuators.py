@@ -1,7 +1,5 @@
 """Servos without a torque log: friction, the delay of the targets and backlash, by [actuator]."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

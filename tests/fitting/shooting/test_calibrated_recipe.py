@@ -1,7 +1,5 @@
 """Recipes on corrected data: a late torque is found and taken away, and is no memory any more."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shooting finds the friction of a motor that turns with two joints, from MuJoCo's motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Covariance between recordings: intervals of a linear problem are as sure as they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import stdtrit

@@ -1,7 +1,5 @@
 """95 % intervals of shooting hold the truth; 100 sets of each law: comparisons/coverage.py."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The calibration of one fit in another: held, or free near it by its standard errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Parameters that mean nothing where another one may be zero are not called identified."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from frictionid.data.calibration import Calibration

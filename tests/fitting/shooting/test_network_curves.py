@@ -1,7 +1,5 @@
 """Curves of networks in shooting: polynomials that are them, their changes, weights again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shooting for laws with many numbers: slopes in reverse mode, networks refined, memories too."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

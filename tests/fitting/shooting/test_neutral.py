@@ -1,7 +1,5 @@
 """What data do not tell stays at neutral values, and priors weigh what they say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

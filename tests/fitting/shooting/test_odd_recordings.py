@@ -1,7 +1,5 @@
 """Disturbed recordings are named, good ones are not; more cases: comparisons/odd_runs.py."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Intervals hold what blocks that are not free would change, where these would show."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A real servo by shooting: a constant of its motor fitted with friction."""
 
-from __future__ import annotations
-
 import gzip
 import json
 

@@ -1,7 +1,5 @@
 """Public recordings by the shooting recipes of their suites: what they say of friction."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shooting as part of comparisons: folds, suites, files and the command line."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

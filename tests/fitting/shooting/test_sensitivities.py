@@ -1,7 +1,5 @@
 """What shooting owes: exact derivatives, the machine's own numbers, and refusals of wrong data."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

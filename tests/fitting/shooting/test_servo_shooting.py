@@ -1,7 +1,5 @@
 """Servos in shooting: torque follows from voltage and predicted motion, and kt and R come out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blocks of sensors that show nothing are left out of a fit, and those that show something stay."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

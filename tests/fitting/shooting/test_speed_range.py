@@ -1,7 +1,5 @@
 """Stribeck velocities of slow joints: bounds come from the data, in the joint's own unit."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Intervals of a model that does not explain the motion hold what another setting would give."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Initial states eliminated: the answer of all unknowns together, and no window that explodes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
