@@ -23,8 +23,6 @@ from pydantic import Field, model_validator
 from frictionid.config import Positive, Strict, checked, nearest, read_toml
 from frictionid.errors import InputError
 
-# SI value of a unit of the controller's clock.
-SECOND = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 # Hexadecimal digits of each checksum.
 CHECKSUMS = {"none": 0, "xor": 2, "crc16": 4}
 MAX_LINE = 1024  # bytes; longer lines are damaged
@@ -59,9 +57,9 @@ class LineProtocol(Strict):
     """
 
     columns: Annotated[list[str], Field(min_length=1)] = ["time", "command", "current"]
-    unit: str = "us"
-    wrap: float = 2.0**32
-    checksum: str = "none"
+    unit: Literal["s", "ms", "us"] = "us"
+    wrap: Positive = 2.0**32
+    checksum: Literal["none", "xor", "crc16"] = "none"
     mark: str = ""
     separator: str = ","
     baud: Annotated[int, Field(gt=0)] = 115200
@@ -80,9 +78,6 @@ class LineProtocol(Strict):
                 raise ValueError(f"columns: {name!r} is no name of letters, digits and _, or taken")
             if self.columns.count(name) > 1:
                 raise ValueError(f"columns: {name!r} is named twice; each value has its own name")
-        for key, values in (("unit", SECOND), ("checksum", CHECKSUMS)):
-            if (value := getattr(self, key)) not in values:
-                raise ValueError(f"{key} = {value!r} is unknown; known: {', '.join(values)}")
         for key in ("mark", "separator"):
             text = getattr(self, key)
             fine = text.isascii() and text.isprintable() and text not in tuple("*+-.eE")
@@ -90,8 +85,6 @@ class LineProtocol(Strict):
                 raise ValueError(f"{key} = {text!r} must be one character that no number has")
         if self.mark == self.separator:
             raise ValueError(f"mark and separator are both {self.mark!r}; choose another mark")
-        if not self.wrap > 0:
-            raise ValueError(f"wrap = {self.wrap} must be positive")
         return self
 
 

@@ -25,7 +25,7 @@ from frictionid.rig.align.cross_correlation import around
 from frictionid.rig.align.drive_response import DriveResponse, drive_response
 from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
 from frictionid.rig.logfile import ClockRuns, Log, column_names, read_log
-from frictionid.rig.rig_settings import SECOND, RigSettings, rig_settings_of, rig_tables
+from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ
@@ -178,7 +178,7 @@ def align_files(
     raw = read_log(log, [*rig.settings.torque_columns(), *([marker] if marker else [])])
     _check_spans(seen, raw)
     protocol = rig.settings.protocol
-    rows, runs, uncertainty = raw.unified(protocol.wrap * SECOND[protocol.unit])
+    rows, runs, uncertainty = raw.unified(protocol.wrap * UNITS["time"][protocol.unit])
     torque = _torque(rows, rig, hold)
     edges = None
     if led is not None:
