@@ -158,7 +158,7 @@ def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> lis
     longest = plain(dt).reshape(len(dt), -1).max(axis=1)
     finest = step_size_of(plant, friction, float(longest.max()))
     counts = [int(np.ceil(finest.pieces * share - 1e-9)) for share in longest / longest.max()]
-    return [StepSize(refine * count, finest.fine) for count in counts]
+    return [StepSize(refine * count, finest.parts) for count in counts]
 
 
 def sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:

@@ -30,6 +30,7 @@ from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts
 from frictionid.mechanics import Plant
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
+_BEND = 0.01  # of a slow speed
 
 
 def step(
@@ -66,33 +67,41 @@ def step(
 def adaptive_step(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
 ) -> State:
-    """State after dt in some pieces, refined only for the rows that come near rest in a piece."""
+    """State after dt in some pieces, each halved for the rows in which it is too long near rest."""
     part = dt / step_size.pieces
     for _ in range(step_size.pieces):
-        near, begin = _approach(plant, friction, state, u, part)
-        if not bool(near.any()):
-            state = substep(plant, friction, state, u, part, begin)[0]
-        elif bool(near.all()):
-            state = step(plant, friction, state, u, part, step_size.fine)
-        else:
-            now = Instant(plant, friction, state, u)
-            fine = step(*now.rows(near), rows_of(part, near, 1), step_size.fine)
-            coarse = substep(*now.rows(~near), rows_of(part, ~near, 1))[0]
-            state = _joined(near, fine, coarse, state)
+        state = _halved(Instant(plant, friction, state, u), part, step_size.parts)
     return state
 
 
-def _joined(which: Array, yes: State, no: State, like: State) -> State:
-    xp = namespace(like.q)
+def _halved(now: Instant, dt: Array, parts: int) -> State:
+    """State after dt (..., 1) in at most some parts, a power of two.
 
-    def joined(y: Array, n: Array, x: Array) -> Array:
-        out = 1.0 * xp.broadcast_to(x, (*which.shape, x.shape[-1]))
-        out[which], out[~which] = y, n
+    A substep near rest is taken back, and its time halved, where a part crosses w = 0 or breaks
+    away in it, or accelerations bend; with memory, which bends unseen, always.
+    """
+    near, begin = _approach(*now, dt)
+    whole = substep(*now, dt, begin)
+    again = near if remembers(now.friction, now.state) else near & whole.uneven
+    if parts == 1 or not bool(again.any()):
+        return whole.state
+    some, part = (now.rows(again), rows_of(dt, again, 1)) if now.has_rows else (now, dt)
+    half = _halved(some, part / 2, parts // 2)
+    state = _halved(some._replace(state=half), part / 2, parts // 2)
+    return _joined(again, state, whole.state) if now.has_rows else state
+
+
+def _joined(which: Array, some: State, whole: State) -> State:
+    """A state with some rows (...) as given."""
+
+    def joined(rows: Array, x: Array) -> Array:
+        out = 1.0 * x
+        out[which] = rows
         return out
 
-    memory = zip(yes.memory, no.memory, like.memory, strict=True)
+    memory = zip(some.memory, whole.memory, strict=True)
     return State(
-        joined(yes.q, no.q, like.q), joined(yes.w, no.w, like.w), tuple(joined(*z) for z in memory)
+        joined(some.q, whole.q), joined(some.w, whole.w), tuple(joined(*z) for z in memory)
     )
 
 
@@ -129,6 +138,18 @@ def parts_near_rest(w: Array, change: Array, slow: Array, firm: Array, dt: Array
     return (stops | (speed <= slow)) & ~firm
 
 
+class Substepped(NamedTuple):
+    """State after a substep, the stiction in it, the rows (...) that crossed w = 0, if any.
+
+    uneven : rows (...) in which something crossed, broke away, or bent: a shorter one is better
+    """
+
+    state: State
+    stiction: Stiction
+    crossing: tuple[Array, Crossing] | None
+    uneven: Array
+
+
 def substep(
     plant: Plant,
     friction: Friction,
@@ -136,8 +157,8 @@ def substep(
     u: Array,
     dt: Array,
     begin: Begin | None = None,
-) -> tuple[State, Stiction, tuple[Array, Crossing] | None]:
-    """State after one substep, the stiction in it, and the rows (...) that crossed w = 0."""
+) -> Substepped:
+    """State after one substep, and what happened in it."""
     held = stiction(Instant(plant, friction, state, u)) if begin is None else begin.stiction
     memory = advanced(plant, friction, state, u, dt / 2)
     # accelerations are those of the begin where the memory does not advance in it
@@ -146,7 +167,7 @@ def substep(
     def accelerate(q: Array, w: Array) -> Array:
         return acceleration(plant, friction, State(q, w, memory), u, held)
 
-    q, w = rk4(accelerate, state.q, state.w, dt, first)
+    q, w, bend = rk4(accelerate, state.q, state.w, dt, first)
     memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
     after = State(q, w, memory)
     part = Substep(state, Instant(plant, friction, after, u), held, dt)
@@ -155,9 +176,17 @@ def substep(
         part = part._replace(end=part.end._replace(state=crossed[0]))
     after = after_break_away(part, None if crossed is None else crossed[1])
     turns = turns_of(plant.mechanism, after.w)
+    events: Any = (after.w != w).any(-1)
+    uneven = events | bends(of_parts(bend, turns), plant.slow_like(w))
     if turns is not None and held.sticking is not None:  # joints that other parts hold, too
         after = after._replace(w=resting_parts(after.w, turns)[..., : plant.n])
-    return after, held, None if crossed is None else crossed[1:]
+    return Substepped(after, held, None if crossed is None else crossed[1:], uneven)
+
+
+def bends(bend: Array, slow: Array) -> Array:
+    """Rows (...) whose parts' accelerations bend too much in a substep, see `rk4`."""
+    even: Any = (namespace(bend).abs(bend) <= _BEND * slow).all(-1)
+    return ~even
 
 
 def rk4(
@@ -166,8 +195,10 @@ def rk4(
     w: Array,
     dt: Array,
     first: Array | None = None,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Angles and velocities after dt by the Runge-Kutta method of order 4, dw/dt = accelerate.
+
+    Beside them how far velocities are from those by the trapezoidal rule: how accelerations bend.
 
     first : accelerations at q and w, where they are known
     """
@@ -178,7 +209,8 @@ def rk4(
     a3 = accelerate(q + dt / 2 * w2, w3)
     w4 = w + dt * a3
     a4 = accelerate(q + dt * w3, w4)
-    return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    mean = (a1 + 2 * a2 + 2 * a3 + a4) / 6
+    return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt * mean, dt * (mean - (a1 + a4) / 2)
 
 
 def acceleration(
@@ -197,10 +229,14 @@ def acceleration(
 
 def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:
     """Memory after dt at a state, for laws whose memory advances with each substep."""
-    law = friction.law
-    if not state.memory or law.sample_time is not None:
+    if not remembers(friction, state):
         return state.memory
-    return law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
+    return friction.law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
+
+
+def remembers(friction: Friction, state: State) -> bool:
+    """Whether friction has memory that advances with each substep."""
+    return bool(state.memory) and friction.law.sample_time is None
 
 
 def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:

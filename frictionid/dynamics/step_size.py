@@ -24,10 +24,10 @@ _FASTEST = 2e5  # [1/s], 1700 substeps in a sample of 1/60 s
 
 
 class StepSize(NamedTuple):
-    """How a step is divided: into pieces, and those that come near rest into fine substeps."""
+    """How a step is divided: into pieces, and those near rest into at most some parts, 2^k."""
 
     pieces: int
-    fine: int
+    parts: int
 
 
 class TooSteepError(InputError):
@@ -57,7 +57,16 @@ def step_size_of(
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, loop, 1.0)))
     near = away if has_break_away(friction) else stiffness(plant, friction)
     part = dt / pieces
-    return StepSize(pieces, int(np.ceil(max(part / _FINE, part * near / _STABLE, 1.0))))
+    return StepSize(pieces, halved(max(part / _FINE, part * near / _STABLE)))
+
+
+def halved(count: float) -> int:
+    """Number of equal parts, no less than a count, that halving gives.
+
+    >>> halved(0.3), halved(5.0), halved(8.0)
+    (1, 8, 8)
+    """
+    return 1 << max(0, int(np.ceil(np.log2(count))))
 
 
 def substeps(plant: Plant, friction: Friction, dt: float) -> int:

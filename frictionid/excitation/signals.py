@@ -140,7 +140,7 @@ class SignalSpace:
 
 MARGIN = 0.95  # of a limit: the machine will not move exactly as predicted
 # Substeps of an interval in the search: a quarter of the cost, some mrad off after seconds.
-QUICK = StepSize(2, 3)
+QUICK = StepSize(2, 4)
 
 
 class Motions(NamedTuple):

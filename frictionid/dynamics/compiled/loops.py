@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.dynamics.compiled.machine import Machine
 from frictionid.dynamics.compiled.tangent import TangentMachine
 from frictionid.dynamics.state import State
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
 from frictionid.dynamics.torque_balance import SWEEPS
 from frictionid.friction import Memory
 from frictionid.mechanics import Plant
@@ -74,19 +74,48 @@ def substep(machine: Machine, row: Array) -> None:
         run_at(code.slide, row)
 
 
+@kept
+def in_one(machine: Machine, row: Array, before: Array) -> bool:
+    """Make one substep; false where it is too long near rest, and the row as before.
+
+    It is where a part crosses w = 0 or breaks away in it, or accelerations bend; with memory,
+    which bends unseen, always.
+    """
+    begin_substep(machine, row)
+    near = row[machine.at.is_near] != 0.0
+    if near and machine.remembers:
+        return False
+    if near:
+        _copy(row, before, machine.head)
+    substep(machine, row)
+    if near and row[machine.at.uneven] != 0.0:
+        _copy(before, row, machine.head)
+        return False
+    return True
+
+
 @called
-def adaptive_step(machine: Machine, row: Array, dt: float, pieces: int, fine: int) -> None:
-    """Advance by dt in some pieces, those finely in which a joint comes near rest."""
+def adaptive_step(
+    machine: Machine, row: Array, before: Array, dt: float, pieces: int, parts: int
+) -> None:
+    """Advance by dt in some pieces, each halved in which a substep is too long near rest.
+
+    parts : of a piece, at most, a power of two
+    """
     at = machine.at
     for _ in range(pieces):
-        row[at.dt] = dt / pieces
-        begin_substep(machine, row)
-        count = fine if row[at.is_near] != 0.0 else 1
-        row[at.dt] = dt / pieces / count
-        for k in range(count):
-            if k:
+        done, length = 0, parts
+        while done < parts:
+            row[at.dt] = dt / pieces * length / parts
+            if length == 1:
                 begin_substep(machine, row)
-            substep(machine, row)
+                substep(machine, row)
+            elif not in_one(machine, row, before):
+                length //= 2
+                continue
+            done += length
+            while length < parts and done % (2 * length) == 0:
+                length *= 2
 
 
 def rolled_out(
@@ -162,7 +191,7 @@ def _rollout(
     runaway: float,
 ) -> None:
     B, T, n = u.shape
-    at, row = machine.at, np.zeros(machine.size)
+    at, row, before = machine.at, np.zeros(machine.size), np.zeros(machine.head)
     for b in range(B):
         _copy(numbers[b], row, machine.head)
         for j in range(n):
@@ -172,7 +201,7 @@ def _rollout(
             if alive:
                 for j in range(n):
                     row[at.u + j] = u[b, k, j]
-                adaptive_step(machine, row, dt[b, k], sizes[k, 0], sizes[k, 1])
+                adaptive_step(machine, row, before, dt[b, k], sizes[k, 0], sizes[k, 1])
                 total = 0.0
                 for j in range(n):
                     total += abs(row[at.w + j]) / slow[j]
@@ -189,7 +218,7 @@ def end_states_of(
     start: State,
     motor: MotorTorque,
     dt: Array,
-    fine: int,
+    parts: int,
 ) -> tuple[State, Array]:
     """End states (K, n) and their derivatives (K, s, D), see `tangent.end_states`."""
     plant, (K, n) = model.plant, start.q.shape
@@ -202,28 +231,25 @@ def end_states_of(
     numbers[:, : 2 * n] = np.concatenate([start.q, start.w], axis=-1)
     T = np.zeros((K, size, size + model.directions + motor.by.shape[1]))
     T[:, range(size), range(size)] = 1.0
-    part, every = dt / len(motor.u), np.arange(K)
     each = model.free.combinations
     free = model.free.joint, np.zeros((0, 0)) if each is None else each
-    for piece in range(len(motor.u)):
-        torques = _torques(motor.in_parts(every, piece, 1))
-        near = _advance(tangent, *free, numbers, T, every, *torques, part, fine > 1)
-        slow = np.flatnonzero(near)
-        if len(slow):
-            torques = _torques(motor.in_parts(slow, piece, fine))
-            _advance(tangent, *free, numbers, T, slow, *torques, part[slow] / fine, False)
+
+    def advance(rows: Array, torque: MotorTorque, dt: Array, may_halve: bool) -> Array:
+        return _advance(tangent, *free, numbers, T, rows, *_torques(torque), dt, may_halve)
+
+    advance_in_pieces(advance, motor, dt, parts)
     q, w, memory = np.split(numbers[:, :size], [n, 2 * n], axis=-1)
     entries = np.split(memory, len(start.memory), axis=-1) if start.memory else ()
     return State(q, w, tuple(entries)), T
 
 
-def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, Array]:
-    """Torques u, by, moment, moment_by, and the substeps (S,) in which a moment counts."""
-    u, by = (np.ascontiguousarray(x) for x in (motor.u, motor.by))  # loops are for one kind
+def _torques(motor: MotorTorque) -> tuple[Array, Array, Array, Array, bool]:
+    """Torques u, by, moment, moment_by of one piece, and whether any moment counts."""
+    u, by = (np.ascontiguousarray(x[0]) for x in (motor.u, motor.by))  # loops are for one kind
     if motor.moment is None or motor.moment_by is None:
-        return u, by, u, by, np.zeros(len(u), dtype=bool)
-    varies: Array = motor.moment.any(axis=(1, 2))  # type: ignore[assignment]
-    return u, by, np.ascontiguousarray(motor.moment), np.ascontiguousarray(motor.moment_by), varies
+        return u, by, u, by, False
+    moment, moment_by = (np.ascontiguousarray(x[0]) for x in (motor.moment, motor.moment_by))
+    return u, by, moment, moment_by, bool(moment.any())
 
 
 @compiled
@@ -238,47 +264,48 @@ def _advance(
     by: Array,
     moment: Array,
     moment_by: Array,
-    varies: Array,
+    varies: bool,
     dt: Array,
-    coarse: bool,
+    may_halve: bool,
 ) -> Array:
-    """Advance some rows of states and derivatives T (K, s, D), in place.
+    """Advance some rows of states and derivatives T (K, s, D) by a substep, in place.
 
-    Where steps are coarse, those with a joint that comes near rest stay as they are: (k,), true.
+    Those too long near rest stay as they are, if they may be halved: their numbers, of the k.
 
     joint (F,), each (F, r) : of combinations, see `FreeTheta`; r = 0 where entries are free
-    rows : (k,) of them; u (S, k, n), by (S, E, k, n), moment, moment_by: see `MotorTorque`, in S
-    substeps; varies (S,): whether a moment counts; dt (k,): of a substep [s]
+    rows : (k,) of them; u (k, n), by (E, k, n), moment, moment_by: see `MotorTorque`
+    varies : whether a moment counts; dt (k,) [s]
     """
-    machine, at, n = tangent.machine, tangent.machine.at, u.shape[2]
-    row, spare, size = np.zeros(tangent.size), np.zeros(T.shape[1:]), T.shape[1]
+    machine, at, n = tangent.machine, tangent.machine.at, u.shape[1]
+    row, before = np.zeros(tangent.size), np.zeros(machine.head)
+    spare, size = np.zeros(T.shape[1:]), T.shape[1]
     count, total = size * (size + tangent.theta + tangent.base + n), np.zeros(each.shape[1])
     counts = size, tangent.theta, tangent.runs, tangent.terms
-    combined = np.zeros(size * (T.shape[2] - by.shape[1] + n))
-    near = np.zeros(len(rows), np.bool_)
+    combined = np.zeros(size * (T.shape[2] - by.shape[0] + n))
+    again = np.zeros(len(rows), np.bool_)
     for i in range(len(rows)):
         k = rows[i]
         _copy(numbers[k], row, machine.head)
         row[at.dt] = dt[i]
-        for s in range(len(u)):
-            for j in range(n):
-                row[at.u + j] = u[s, i, j]
+        for j in range(n):
+            row[at.u + j] = u[i, j]
+        if not may_halve:
             begin_substep(machine, row)
-            if coarse and row[at.is_near] != 0.0:
-                near[i] = True
-                break
             substep(machine, row)
-            crosses = row[at.crosses] != 0.0
-            run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
-            change = row[tangent.change : tangent.change + count]
-            if len(total):
-                _combined_change(counts, joint, each, change, combined, total)
-                change = combined
-            _change(change, T[k], by[s, :, i], spare)
-            if varies[s]:
-                _displace(tangent, row, T[k], moment[s, i], moment_by[s, :, i])
+        elif not in_one(machine, row, before):
+            again[i] = True
+            continue
+        crosses = row[at.crosses] != 0.0
+        run_at(tangent.differentiate_crossing if crosses else tangent.differentiate, row)
+        change = row[tangent.change : tangent.change + count]
+        if len(total):
+            _combined_change(counts, joint, each, change, combined, total)
+            change = combined
+        _change(change, T[k], by[:, i], spare)
+        if varies:
+            _displace(tangent, row, T[k], moment[i], moment_by[:, i])
         _copy(row, numbers[k], machine.head)
-    return near
+    return np.flatnonzero(again)
 
 
 @called

@@ -52,6 +52,7 @@ class Places(NamedTuple):
     dt: int
     is_slow: int
     is_near: int
+    uneven: int
     crosses: int
     loosens: int
     turns_back: int
@@ -63,12 +64,14 @@ class Machine(NamedTuple):
     """A mechanism and its friction for the compiled step.
 
     sharp : whether the law's smoothing only stands for a step at w = 0
+    remembers : whether the law has memory
     head, size : numbers of a row that are state and parameters, and all
     """
 
     code: Code
     at: Places
     sharp: bool
+    remembers: bool
     head: int
     size: int
 
@@ -110,6 +113,5 @@ def _machine(row: Row) -> Machine | None:
     code = machine_code(programs, places, sequences)
     at = Places(*(places[name] for name in Places._fields))
     head = places["physical"] + sizes["physical"]
-    return Machine(
-        Code(*(code[name] for name in Code._fields)), at, row.sharp, head, sum(sizes.values())
-    )
+    addresses = Code(*(code[name] for name in Code._fields))
+    return Machine(addresses, at, row.sharp, row.entries > 0, head, sum(sizes.values()))

@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step import parts_near_rest, rk4
+from frictionid.dynamics.step import bends, parts_near_rest, rk4
 from frictionid.dynamics.torque_balance import (
     SETTLED,
     Balance,
@@ -100,7 +100,7 @@ class Row:
             "v sliding friction low high direction braking sticking firm margin candidates holding "
             "held since stops passes rests share turned"
         )
-        single = "is_slow is_near crosses loosens turns_back at_stake moved"
+        single = "is_slow is_near uneven crosses loosens turns_back at_stake moved"
         return {
             **{"q": n, "w": n, "memory": memory, "u": n, "dt": 1, "slow": m},
             "feedback": 2 * n if self.feedback else 0,
@@ -235,13 +235,14 @@ class Row:
 
     def stage_4(self, x: Any) -> dict[str, Array]:
         accelerations = [x.a1, x.a2, x.a3, self.acceleration(x)]
-        q, w = self._points(x, x.q0, x.w0, accelerations)[1]
-        return {"q": q, "w": w, "w_end": w, "at_q": q, "at_w": w} | self._events(x, w)
+        q, w, bend = self._points(x, x.q0, x.w0, accelerations)[1]
+        after = {"q": q, "w": w, "w_end": w, "at_q": q, "at_w": w}
+        return after | {"uneven": bends(of_parts(bend, self.turns), x.slow)} | self._events(x, w)
 
     def _points(
         self, x: Any, q: Array, w: Array, accelerations: list[Array]
-    ) -> tuple[list[tuple[Array, Array]], tuple[Array, Array]]:
-        """States at which later accelerations are needed, and the state at the end."""
+    ) -> tuple[list[tuple[Array, Array]], tuple[Array, Array, Array]]:
+        """States at which later accelerations are needed, and what `rk4` gives."""
         points = []
         later = iter([*accelerations[1:], *[accelerations[0]] * 3])
 
@@ -337,9 +338,10 @@ class Row:
         jump = crossing_jump(now, since, x.held, self.crossing(x), x.at_stake[0])
         crossing = self.crossing(x)._replace(jump=jump)
         q, w = crossing.state_after(State(x.q0, x.w0), x.q, x.dt)
-        return {"jump": jump, "q": q, "w": w, "M_end": x.M}
+        return {"jump": jump, "q": q, "w": w, "M_end": x.M, "uneven": 1.0 + 0.0 * x.dt}
 
     def slide(self, x: Any) -> dict[str, Array]:
         now = self.balance(x, x.friction)
         q, w = slid(now, x.held, x.sticking, x.margin, State(x.q, x.w), x.dt)
-        return {"q": q, "w": w}
+        slides: Any = (w != x.w).any(-1)
+        return {"q": q, "w": w, "uneven": slides | (x.uneven != 0.0)}

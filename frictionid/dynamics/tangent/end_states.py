@@ -25,11 +25,12 @@ from frictionid.dynamics.tangent.substep import (
     middle,
     without_held,
 )
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
+from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
 from frictionid.dynamics.torque_balance import Stiction, constrained
 from frictionid.dynamics.zero_crossing import Crossing
-from frictionid.friction import Inputs, Memory
+from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints
+from frictionid.mechanics import Plant
 
 COMPILED = 500  # intervals: fewer are done before loops are compiled
 
@@ -49,58 +50,68 @@ class EndStates(NamedTuple):
 
 
 def end_states(
-    model: MotionModel, start: State, motor: MotorTorque, dt: Array, fine: int
+    model: MotionModel, start: State, motor: MotorTorque, dt: Array, parts: int
 ) -> EndStates:
     """End states of intervals of length dt (K,) that start at states (K, n), with derivatives.
 
-    fine : substeps of a piece in which a joint comes near rest; other pieces are one substep
+    parts : of a piece, a power of two: at most so many substeps where a joint comes near rest;
+        other pieces are one substep
     """
     machine = tangent_machine_of(model) if len(dt) >= COMPILED else None
     if machine is not None:
-        state, T = end_states_of(machine, model, start, motor, dt, fine)
+        state, T = end_states_of(machine, model, start, motor, dt, parts)
         size = T.shape[1]
         return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
-    state, part = start, (dt / len(motor.u))[:, None]
+    state = State(*(x.copy() for x in start[:2]), tuple(z.copy() for z in start.memory))
     size = 2 * start.q.shape[-1] + sum(z.shape[-1] for z in start.memory)
     T = np.zeros((len(dt), size, size + model.directions + motor.by.shape[1]))
     T[:, range(size), range(size)] = 1.0
-    for piece, u in enumerate(motor.u):
-        near = step.near_rest(model.plant, model.friction, state, u, part)
-        ends = []
-        for rows, count in ((np.flatnonzero(~near), 1), (np.flatnonzero(near), fine)):
-            if len(rows):
-                torque = motor.in_parts(rows, piece, count)
-                here = State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
-                end, T[rows] = _substeps(
-                    model.take(rows), here, T[rows], torque, part[rows] / count
-                )
-                ends.append((rows, end))
-        state = _merged(state, ends)
+
+    def advance(rows: Array, torque: MotorTorque, dt: Array, may_halve: bool) -> Array:
+        again = _too_long(model, state, rows, torque, dt) if may_halve else rows[:0]
+        done = np.delete(np.arange(len(rows)), again)
+        if len(done):
+            at, torque = rows[done], torque.between(done, 0, 1)
+            here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
+            end, T[at] = _substep(model.take(at), here, T[at], torque, dt[done, None])
+            for whole, part in zip(_arrays(state), _arrays(end), strict=True):
+                whole[at] = part
+        return again
+
+    advance_in_pieces(advance, motor, dt, parts)
     return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
 
 
-def _merged(state: State, ends: list[tuple[Array, State]]) -> State:
-    """The state of all rows from those of some rows each."""
-    q, w = np.empty_like(state.q), np.empty_like(state.w)
-    memory = tuple(np.empty_like(z) for z in state.memory)
-    for rows, end in ends:
-        for whole, part in zip((q, w, *memory), (end.q, end.w, *end.memory), strict=True):
-            whole[rows] = part
-    return State(q, w, memory)
+def _arrays(state: State) -> tuple[Array, ...]:
+    return state.q, state.w, *state.memory
 
 
-def _substeps(
+def _too_long(
+    model: MotionModel, state: State, rows: Array, motor: MotorTorque, dt: Array
+) -> Array:
+    """Which of some rows of states are near rest, and uneven in a substep of dt (k,)."""
+    def instant(which: Array) -> tuple[Plant, Friction, State, Array, Array]:
+        at, some = rows[which], model.take(rows[which])
+        here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
+        return some.plant, some.friction, here, motor.u[0][which], dt[which, None]
+
+    near = np.flatnonzero(step.near_rest(*instant(np.arange(len(rows)))))
+    if step.remembers(model.friction, state) or not len(near):
+        return near
+    return near[step.substep(*instant(near)).uneven]
+
+
+def _substep(
     model: MotionModel, state: State, T: Array, motor: MotorTorque, dt: Array
 ) -> tuple[State, Array]:
-    """State (K, n) after some substeps of dt (K, 1), and its derivatives T (K, s, D)."""
-    for k, (u, by) in enumerate(zip(motor.u, np.moveaxis(motor.by, 1, -1), strict=True)):
-        after, stiction, crossing = step.substep(model.plant, model.friction, state, u, dt)
-        T = _advanced(model, T, state, after, stiction, crossing, u, by, dt)
-        state = after
-        if motor.moment is not None and motor.moment_by is not None and motor.moment[k].any():
-            by = np.moveaxis(motor.moment_by[k], 0, -1)
-            state, T = _displaced(model, state, T, motor.moment[k], by)
-    return state, T
+    """State (K, n) after a substep of dt (K, 1), and its derivatives T (K, s, D)."""
+    u, by = motor.u[0], np.moveaxis(motor.by[0], 0, -1)
+    after, stiction, crossing, _ = step.substep(model.plant, model.friction, state, u, dt)
+    T = _advanced(model, T, state, after, stiction, crossing, u, by, dt)
+    if motor.moment is not None and motor.moment_by is not None and motor.moment.any():
+        by = np.moveaxis(motor.moment_by[0], 0, -1)
+        after, T = _displaced(model, after, T, motor.moment[0], by)
+    return after, T
 
 
 def _advanced(

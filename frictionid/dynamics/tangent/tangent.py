@@ -74,3 +74,52 @@ class MotorTorque(NamedTuple):
         if parts > 1 or self.moment is None or self.moment_by is None:
             return MotorTorque(u, by)
         return MotorTorque(u, by, self.moment[at][:, rows], self.moment_by[at][:, :, rows])
+
+    def between(self, rows: Array, first: int, last: int) -> MotorTorque:
+        """The torque of some intervals in some pieces."""
+        u, by, moment, moment_by = (
+            None if x is None else x[first:last][..., rows, :] for x in self[:4]
+        )
+        return MotorTorque(u, by, moment, moment_by)  # type: ignore[arg-type]
+
+    def as_one(self, dt: Array) -> MotorTorque:
+        """The torque of all pieces of dt (K,) [s] as that of one."""
+        if len(self.u) == 1:
+            return self
+        ahead = (np.arange(len(self.u))[::-1] + 0.5)[:, None, None] * np.square(dt)[:, None]
+        u, by = self.u.mean(axis=0, keepdims=True), self.by.mean(axis=0, keepdims=True)
+        moment, moment_by = ahead * (self.u - u), ahead[:, None] * (self.by - by)
+        if self.moment is not None and self.moment_by is not None:
+            moment, moment_by = moment + self.moment, moment_by + self.moment_by
+        sums = (x.sum(axis=0, keepdims=True) for x in (moment, moment_by))
+        return MotorTorque(u, by, *sums)
+
+
+Advance = Callable[[Array, MotorTorque, Array, bool], Array]
+
+
+def advance_in_pieces(advance: Advance, motor: MotorTorque, dt: Array, parts: int) -> None:
+    """Advance intervals of length dt (K,) piece by piece, each halved where it is too long.
+
+    advance : makes a substep of some rows under a torque of one piece, of lengths (k,) [s], and
+        gives those of them, by their number, that are too long; none of which may not be halved
+    parts : of a piece, at most, a power of two
+    """
+    every, part = np.arange(len(dt)), dt / len(motor.u)
+    for piece in range(len(motor.u)):
+        again = advance(every, motor.in_parts(every, piece, 1), part, parts > 1)
+        if len(again):
+            finer = motor.in_parts(again, piece, parts)
+            _advance_in_halves(advance, again, finer, part[again] / parts)
+
+
+def _advance_in_halves(advance: Advance, rows: Array, motor: MotorTorque, part: Array) -> None:
+    """Advance rows (k,) by the pieces of their torque, each part (k,) [s] long, in two halves."""
+    parts = len(motor.u)
+    half, every = parts // 2, np.arange(len(rows))
+    for first in (0, half):
+        torque = motor.between(every, first, first + half)
+        again = advance(rows, torque.as_one(part), half * part, half > 1)
+        if len(again):
+            finer = torque.between(again, 0, half)
+            _advance_in_halves(advance, rows[again], finer, part[again])

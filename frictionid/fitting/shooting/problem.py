@@ -13,7 +13,7 @@ from frictionid.data.calibration import calibrated_dataset, calibrated_plant
 from frictionid.data.integrals import pieces_of
 from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step_size import step_size_of
+from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.dynamics.tangent.sampled_memory import memory_after_sample
@@ -110,8 +110,9 @@ class ShootingProblem:
                 start = State(nodes[part, :n], nodes[part, n : 2 * n], self._memory(nodes[part]))
                 here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))
-                fine = int(np.ceil(float(intervals.dt[part].max()) / count / self.settings.fine))
-                end = end_states(here, start, motor, intervals.dt[part], fine)
+                longest = float(intervals.dt[part].max()) / count
+                parts = halved(longest / self.settings.fine)
+                end = end_states(here, start, motor, intervals.dt[part], parts)
                 if start.memory and estimate.friction.law.sample_time is not None:
                     after = self._following(part)
                     later = self._torque_between(estimate, drive, after, _WHOLE)

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step_size import step_size_of
+from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
@@ -141,7 +141,7 @@ def _linearised(
         friction, place = _between_samples(samples, friction, nodes)[0], np.arange(K)
     x = _inputs(samples, nodes[first], u[0][first])
     reads = reads_of(friction.law, friction.theta[place[first]], x)
-    fine = max(1, int(np.ceil(part / _FINE)))
+    parts = halved(part / _FINE)
     out = Linearisation.zeros(nodes, np.zeros((0, n)))
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
         loop = None if samples.feedback is None else samples.feedback[rows]
@@ -151,7 +151,7 @@ def _linearised(
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)
         motor = MotorTorque(u[:, rows], np.empty((len(u), 0, len(rows), n)))
         with np.errstate(all="ignore"):
-            end = end_states(model, start, motor, intervals.dt[rows], fine)
+            end = end_states(model, start, motor, intervals.dt[rows], parts)
         out.end[rows] = np.concatenate([end.q, end.w, *end.memory], axis=-1)
         out.by_start[rows] = end.by_start
     return out
