@@ -176,8 +176,11 @@ def substep(
         part = part._replace(end=part.end._replace(state=crossed[0]))
     after = after_break_away(part, None if crossed is None else crossed[1])
     turns = turns_of(plant.mechanism, after.w)
-    events: Any = (after.w != w).any(-1)
-    uneven = events | bends(of_parts(bend, turns), plant.slow_like(w))
+    bend = of_parts(bend, turns)
+    slid: Any = (after.w != w).any(-1)
+    uneven = slid | bends(bend, plant.slow_like(bend))
+    if crossed is not None:
+        uneven = uneven | crossed[1]
     if turns is not None and held.sticking is not None:  # joints that other parts hold, too
         after = after._replace(w=resting_parts(after.w, turns)[..., : plant.n])
     return Substepped(after, held, None if crossed is None else crossed[1:], uneven)
