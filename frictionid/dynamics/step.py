@@ -3,8 +3,8 @@
     M(q) dw/dt = h(q, w) + B u - A' Tf
 
 under held u, or u - K q - B w of a controller, see `Plant.feedback`. It is integrated by RK4 on
-the friction law, in substeps that its slope and the controller need, and finely where a part
-comes near rest. Parts are the joints (A = 1), and those that turn with several of them. Around
+the friction law, in substeps that its slope and the controller need, halved where a part comes
+near rest and crosses it, breaks away, or its acceleration bends. Parts are the joints (A = 1), and those that turn with several of them. Around
 A w = 0 friction is set-valued: `stiction` says which parts stick, `zero_crossing` which stop,
 `break_away` which begin to move.
 """

@@ -1,4 +1,4 @@
-"""How a step is divided: by friction and feedback, and finely where a joint comes near rest."""
+"""How a step is divided: by friction and feedback, and further where a joint comes near rest."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """Laws of prediction: batches, folds, divergence, clocks, memory, tensors, resolution."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
@@ -11,7 +13,7 @@ from frictionid.data.state_estimators import Backward
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
-from frictionid.dynamics.step_size import step_size_of
+from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
 from frictionid.friction.laws import (
@@ -110,6 +112,24 @@ def test_finer_substeps_change_a_second_by_little():
     error = np.abs(once - fine).max(axis=-1)
     # the camera's noise is 1.6e-3 rad; the largest ones just miss or just reach a stop
     assert np.median(error) < 2e-5 and np.quantile(error, 0.9) < 2e-3 and error.max() < 0.02
+
+
+def test_a_step_near_rest_converges_as_it_is_halved():
+    """2000 steps of 1/60 s from rest and slow motion, beside steps of 16 us near rest."""
+    plant, rng, count = Plant.from_parameters(acrobot(), {}), np.random.default_rng(7), 2000
+    friction = Friction(Stribeck(), np.array([[0.165, 0.0, 1.0, 0.01], [0.055, 0.03, 1.5, 0.003]]))
+    w = rng.choice([0.0, 0.05, 1.0], (count, 2)) * rng.normal(size=(count, 2))
+    start = State(rng.uniform(-2, 2, (count, 2)), w)
+    u = 0.2 * rng.normal(size=(count, 1)) * plant.mechanism.motors
+
+    def end(parts):
+        step_size = StepSize(2, parts)
+        return adaptive_step(plant, friction, start, u, np.full((count, 1), 1 / 60), step_size).w
+
+    finest = end(512)
+    error = [np.sqrt(np.mean((end(parts) - finest) ** 2)) for parts in (1, 4, 16, 64)]
+    assert all(finer < coarser / 3 for coarser, finer in pairwise(error))
+    assert error[2] < 1e-3  # [rad/s]
 
 
 def test_a_second_is_that_of_the_simulator_with_its_real_stick():

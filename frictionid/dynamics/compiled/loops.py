@@ -134,7 +134,7 @@ def rolled_out(
     ----------
     plant, theta (..., n, P), u (T, ..., n), dt (T, ...)
         Their batch axes broadcast against those of the start, which has all of them.
-    sizes : int array, shape (T, 2): pieces of each interval, and their substeps near rest
+    sizes : int array, shape (T, 2): pieces of each interval, and their most parts near rest
     runaway : times as fast as slow joints, rows have diverged
     """
     batch, T, n = start.q.shape[:-1], len(u), plant.n

@@ -90,6 +90,7 @@ def _too_long(
     model: MotionModel, state: State, rows: Array, motor: MotorTorque, dt: Array
 ) -> Array:
     """Which of some rows of states are near rest, and uneven in a substep of dt (k,)."""
+
     def instant(which: Array) -> tuple[Plant, Friction, State, Array, Array]:
         at, some = rows[which], model.take(rows[which])
         here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))

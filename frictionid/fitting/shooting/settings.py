@@ -34,7 +34,7 @@ class Settings:
     iterations : at most so many in the last stage; the others, which only lead there, have 4
     tolerance : a stage ends when no parameter moves by more than this share of its standard error
     huber : residuals beyond so many standard deviations count less
-    fine : [s], substeps of pieces in which a joint comes near rest
+    fine : [s], shortest substeps, where a joint comes near rest
     significance : a block of sensors (delay, gain, bias, offset) whose deviation from an ideal
         sensor has a larger p-value is left out, and the fit repeated without it; 1 keeps all. By
         default a deviation stays that is larger than 2^(1/2)
