@@ -3,10 +3,10 @@
     M(q) dw/dt = h(q, w) + B u - A' Tf
 
 under held u, or u - K q - B w of a controller, see `Plant.feedback`. It is integrated by RK4 on
-the friction law, in substeps that its slope and the controller need, halved where a part comes
-near rest and crosses it, breaks away, or its acceleration bends. Parts are the joints (A = 1), and those that turn with several of them. Around
-A w = 0 friction is set-valued: `stiction` says which parts stick, `zero_crossing` which stop,
-`break_away` which begin to move.
+the friction law, in substeps that its slope and the controller need, halved near rest where a
+part crosses it, breaks away, or its acceleration bends. Parts are the joints (A = 1), and those
+that turn with several of them. Around A w = 0 friction is set-valued: `stiction` says which parts
+stick, `zero_crossing` which stop, `break_away` which begin to move.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def end_states(
         state, T = end_states_of(machine, model, start, motor, dt, parts)
         size = T.shape[1]
         return EndStates(state.q, state.w, state.memory, T[..., :size], T[..., size:])
-    state = State(*(x.copy() for x in start[:2]), tuple(z.copy() for z in start.memory))
+    state = State(start.q.copy(), start.w.copy(), tuple(z.copy() for z in start.memory))
     size = 2 * start.q.shape[-1] + sum(z.shape[-1] for z in start.memory)
     T = np.zeros((len(dt), size, size + model.directions + motor.by.shape[1]))
     T[:, range(size), range(size)] = 1.0
