@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array, solve
 from frictionid.dynamics import step
-from frictionid.dynamics.compiled.loops import end_states_of
+from frictionid.dynamics.compiled.end_states import end_states_of
 from frictionid.dynamics.compiled.tangent import tangent_machine_of
 from frictionid.dynamics.state import State, driven, inputs, velocities
 from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta, slopes
