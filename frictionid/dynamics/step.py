@@ -85,13 +85,13 @@ def _halved(now: Instant, dt: Array, parts: int) -> State:
     again = near if remembers(now.friction, now.state) else near & whole.uneven
     if parts == 1 or not bool(again.any()):
         return whole.state
-    some, part = (now.rows(again), rows_of(dt, again, 1)) if now.has_rows else (now, dt)
-    half = _halved(some, part / 2, parts // 2)
-    state = _halved(some._replace(state=half), part / 2, parts // 2)
+    late, part = (now.rows(again), rows_of(dt, again, 1)) if now.has_rows else (now, dt)
+    half = _halved(late, part / 2, parts // 2)
+    state = _halved(late._replace(state=half), part / 2, parts // 2)
     return _joined(again, state, whole.state) if now.has_rows else state
 
 
-def _joined(which: Array, some: State, whole: State) -> State:
+def _joined(which: Array, part: State, whole: State) -> State:
     """A state with some rows (...) as given."""
 
     def joined(rows: Array, x: Array) -> Array:
@@ -99,9 +99,9 @@ def _joined(which: Array, some: State, whole: State) -> State:
         out[which] = rows
         return out
 
-    memory = zip(some.memory, whole.memory, strict=True)
+    memory = zip(part.memory, whole.memory, strict=True)
     return State(
-        joined(some.q, whole.q), joined(some.w, whole.w), tuple(joined(*z) for z in memory)
+        joined(part.q, whole.q), joined(part.w, whole.w), tuple(joined(*z) for z in memory)
     )
 
 

@@ -92,9 +92,9 @@ def _too_long(
     """Which of some rows of states are near rest, and uneven in a substep of dt (k,)."""
 
     def instant(which: Array) -> tuple[Plant, Friction, State, Array, Array]:
-        at, some = rows[which], model.take(rows[which])
+        at, model_at = rows[which], model.take(rows[which])
         here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
-        return some.plant, some.friction, here, motor.u[0][which], dt[which, None]
+        return model_at.plant, model_at.friction, here, motor.u[0][which], dt[which, None]
 
     near = np.flatnonzero(step.near_rest(*instant(np.arange(len(rows)))))
     if step.remembers(model.friction, state) or not len(near):
