@@ -33,19 +33,13 @@ _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 _BEND = 0.01  # of a slow speed
 
 
-def step(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, substeps: int
+def adaptive_step(
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
 ) -> State:
-    """State after dt under held motor torques u, by RK4 and the stiction at rest.
+    """State after dt in some pieces, each halved for the rows in which it is too long near rest.
 
-    Parameters
-    ----------
-    plant, friction
-        Their batch axes, and those of state, u and dt, broadcast against each other.
-    state : State, arrays of shape (..., n)
-    u : array, shape (..., n) [N m]
-    dt : array, shape (..., 1) [s]
-    substeps : int
+    Batch axes of plant, friction, state (..., n), held u (..., n) [N m] and dt (..., 1) [s]
+    broadcast against each other.
 
     Examples
     --------
@@ -55,19 +49,9 @@ def step(
     >>> plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
     >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
-    >>> step(plant, tf, raised, np.zeros(1), np.array([1.0]), 200).q
+    >>> adaptive_step(plant, tf, raised, np.zeros(1), np.array([1.0]), StepSize(200, 1)).q
     array([0.4])
     """
-    part = dt / substeps
-    for _ in range(substeps):
-        state = substep(plant, friction, state, u, part)[0]
-    return state
-
-
-def adaptive_step(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
-) -> State:
-    """State after dt in some pieces, each halved for the rows in which it is too long near rest."""
     part = dt / step_size.pieces
     for _ in range(step_size.pieces):
         state = _halved(Instant(plant, friction, state, u), part, step_size.parts)
@@ -80,7 +64,7 @@ def _halved(now: Instant, dt: Array, parts: int) -> State:
     A substep near rest is taken back, and its time halved, where a part crosses w = 0 or breaks
     away in it, or accelerations bend; with memory, which bends unseen, always.
     """
-    near, begin = _approach(*now, dt)
+    near, begin = near_rest(*now, dt)
     whole = substep(*now, dt, begin)
     again = near if remembers(now.friction, now.state) else near & whole.uneven
     if parts == 1 or not bool(again.any()):
@@ -92,22 +76,11 @@ def _halved(now: Instant, dt: Array, parts: int) -> State:
 
 
 def _joined(which: Array, part: State, whole: State) -> State:
-    """A state with some rows (...) as given."""
-
-    def joined(rows: Array, x: Array) -> Array:
-        out = 1.0 * x
-        out[which] = rows
-        return out
-
-    memory = zip(part.memory, whole.memory, strict=True)
-    return State(
-        joined(part.q, whole.q), joined(part.w, whole.w), tuple(joined(*z) for z in memory)
-    )
-
-
-def near_rest(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Array:
-    """Rows (...) in which a joint is slow, or will be within dt, unless it sticks all the time."""
-    return _approach(plant, friction, state, u, dt)[0]
+    """A state with rows (...) of another."""
+    out = State(1.0 * whole.q, 1.0 * whole.w, tuple(1.0 * z for z in whole.memory))
+    for x, rows in ((out.q, part.q), (out.w, part.w), *zip(out.memory, part.memory, strict=True)):
+        x[which] = rows
+    return out
 
 
 class Begin(NamedTuple):
@@ -117,10 +90,10 @@ class Begin(NamedTuple):
     acceleration: Array
 
 
-def _approach(
+def near_rest(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 ) -> tuple[Array, Begin]:
-    """Rows (...) near rest, see `near_rest`, and what a substep begins with."""
+    """Rows (...) in which a joint is slow, or will be within dt, unless it sticks; and the begin."""
     xp = namespace(state.w)
     held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)

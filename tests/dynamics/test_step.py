@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from fixtures.steps import step
 from scipy.integrate import solve_ivp
 
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step import euler_step, semi_implicit_step, step
+from frictionid.dynamics.step import euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import slopes, stiffness, substeps
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest

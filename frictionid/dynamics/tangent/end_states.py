@@ -96,7 +96,7 @@ def _too_long(
         here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
         return model_at.plant, model_at.friction, here, motor.u[0][which], dt[which, None]
 
-    near = np.flatnonzero(step.near_rest(*instant(np.arange(len(rows)))))
+    near = np.flatnonzero(step.near_rest(*instant(np.arange(len(rows))))[0])
     if step.remembers(model.friction, state) or not len(near):
         return near
     return near[step.substep(*instant(near)).uneven]
