@@ -38,11 +38,8 @@ def adaptive_step(
 ) -> State:
     """State after dt in some pieces, each halved for the rows in which it is too long near rest.
 
-    Batch axes of plant, friction, state (..., n), held u (..., n) [N m] and dt (..., 1) [s]
-    broadcast against each other.
+    Batch axes of plant, friction, state, held u (..., n) [N m] and dt (..., 1) [s] broadcast.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from frictionid.friction.laws import CoulombViscous
     >>> from frictionid.mechanics import pendulum
@@ -93,7 +90,7 @@ class Begin(NamedTuple):
 def near_rest(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 ) -> tuple[Array, Begin]:
-    """Rows (...) in which a joint is slow, or will be within dt, unless it sticks; and the begin."""
+    """Rows (...) with a joint that is slow, or will be within dt, unless it sticks; the begin."""
     xp = namespace(state.w)
     held = stiction(Instant(plant, friction, state, u))
     a = acceleration(plant, friction, state, u, held)
@@ -226,7 +223,5 @@ def semi_implicit_step(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array
 ) -> State:
     """State after dt by semi-implicit Euler, q' = q + w' dt: what backward differences imply."""
-    a = acceleration(plant, friction, state, u)
-    memory = advanced(plant, friction, state, u, dt)
-    w = state.w + dt * a
-    return State(state.q + dt * w, w, memory)
+    after = euler_step(plant, friction, state, u, dt)
+    return after._replace(q=state.q + dt * after.w)
