@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.plants import plant_of
-from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.servo import Servo, servo_torque
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
+
+from .plants import plant_of
+from .recordings import Dataset, Recording
+from .servo import Servo, servo_torque
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictionid.config import nearest
-from frictionid.data.readers.column_toml import OWN, UNITS, Gears, unit_named
-from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
-from frictionid.data.readers.table import Table
-from frictionid.data.readers.table_recording import Recorded, recorded
-from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
+
+from .readers.column_toml import OWN, UNITS, Gears, unit_named
+from .readers.dataset_toml import DatasetToml, check_dataset_toml
+from .readers.table import Table
+from .readers.table_recording import Recorded, recorded
+from .signals import Array
 
 Names = str | Sequence[str | None] | None
 Units = str | Sequence[str] | Mapping[str, str | Sequence[str]] | None

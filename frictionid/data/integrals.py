@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from frictionid.data.signals import Signal, holds, sample
 from frictionid.errors import InputError
+
+from .signals import Signal, holds, sample
 
 Array = NDArray[np.float64]
 

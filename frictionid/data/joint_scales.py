@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.signals import Signal
+
+from .signals import Signal
 
 # Size: a quarter of the travel; of joints that turn, 1 rad at most.
 TURN, TRAVEL = 1.0, 0.25

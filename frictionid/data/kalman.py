@@ -22,7 +22,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data import kalman_loops
-from frictionid.data.signals import Signal, relative_noise
+
+from .signals import Signal, relative_noise
 
 _ALIKE = 1.5  # times as long as the shortest of a group, at most
 

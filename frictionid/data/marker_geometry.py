@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.data.signals import Array
+from .signals import Array
 
 
 def link_angles(markers: Array) -> Array:

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import (
+
+from .kalman import (
     FilterOutput,
     Series,
     initial_state,
@@ -87,10 +88,7 @@ def prediction_residuals(series: Series, left_out: Array, fit: FilterOutput) -> 
 def _by_the_past(series: Series, fit: FilterOutput) -> tuple[Array, Array]:
     """Means (3, T, S) and covariances (6, T, S) of the state by the samples before each one."""
     x, P = initial_state(series.value[0], series.dt[min(1, len(series.dt) - 1)])
-    before = (
-        np.moveaxis(fit.mean[:-1], -1, 0),
-        np.moveaxis(fit.covariance[:-1], 1, 0),
-    )
+    before = (np.moveaxis(fit.mean[:-1], -1, 0), np.moveaxis(fit.covariance[:-1], 1, 0))
     later, wider = predict(*before, series.dt[1:], fit.rho)
     return np.concatenate([x[:, None], later], axis=1), np.concatenate([P[:, None], wider], axis=1)
 

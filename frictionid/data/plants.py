@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
+
+from .recordings import Dataset
 
 
 def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) -> Plant:

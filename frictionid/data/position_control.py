@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.servo import Servo
+
+from .servo import Servo
 
 
 class PositionControl(NamedTuple):

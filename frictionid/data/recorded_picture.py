@@ -11,9 +11,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from frictionid.arrays import Array
-from frictionid.data.clock_facts import GAP, clock_of, usual_intervals
-from frictionid.data.signals import Signal
 from frictionid.pictures import COLOURS, figure
+
+from .clock_facts import GAP, clock_of, usual_intervals
+from .signals import Signal
 
 _SHOWN = 20  # recordings in a table
 _QUIET = 0.5  # [s] at least

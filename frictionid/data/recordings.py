@@ -11,27 +11,15 @@ from typing import Any, get_args
 import numpy as np
 
 from frictionid.config import nearest
-from frictionid.data.frames import (
-    FrameColumns,
-    Names,
-    Numbers,
-    Units,
-    check_columns,
-    columns_of_arrays,
-)
-from frictionid.data.joint_scales import JointScales, joint_scales
-from frictionid.data.readers.column_toml import Gears, TorqueAt
-from frictionid.data.readers.table_recording import Recorded
-from frictionid.data.servo import Servo
-from frictionid.data.signals import (
-    TORQUE_HOLD,
-    Signal,
-    check_clocks,
-    check_signal,
-    column_count,
-)
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
+
+from .frames import FrameColumns, Names, Numbers, Units, check_columns, columns_of_arrays
+from .joint_scales import JointScales, joint_scales
+from .readers.column_toml import Gears, TorqueAt
+from .readers.table_recording import Recorded
+from .servo import Servo
+from .signals import TORQUE_HOLD, Signal, check_clocks, check_signal, column_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +199,7 @@ class Dataset:
         )
 
     def _repr_html_(self) -> str:
-        from frictionid.data.recorded_picture import dataset_html  # which knows this class
+        from .recorded_picture import dataset_html  # which knows this class
 
         return dataset_html(self)
 
@@ -221,8 +209,9 @@ class Dataset:
         A Matplotlib figure. Gaps are red, dropped samples red ticks at the top, stretches at rest
         grey.
         """
-        from frictionid.data.recorded_picture import recorded_figure
         from frictionid.pictures import drawn
+
+        from .recorded_picture import recorded_figure
 
         chosen = [self[name] for name in names] or self.recordings[:3]
         return drawn(lambda: recorded_figure(self, chosen))

@@ -18,8 +18,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from frictionid.data.signals import Array, Signal, holds, sample
 from frictionid.programs.loops import compiled
+
+from .signals import Array, Signal, holds, sample
 
 Output = Literal["duty", "voltage", "current", "torque"]
 _JUST = 1e-6  # of a sample, by which a value stands before the step that follows

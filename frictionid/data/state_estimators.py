@@ -11,15 +11,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.kalman import (
-    Series,
-    alike,
-    causal_states,
-    padded_series,
-)
-from frictionid.data.outliers import smoothed
-from frictionid.data.signals import Signal, relative_noise
 from frictionid.errors import InputError
+
+from .kalman import Series, alike, causal_states, padded_series
+from .outliers import smoothed
+from .signals import Signal, relative_noise
 
 _NO_WEIGHT = 1e6  # times the usual standard deviation
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from frictionid.data.recordings import Recording
-from frictionid.data.signals import Array, sample
+from .recordings import Recording
+from .signals import Array, sample
 
 TEMPERATURE = "temperature"
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.data.signals import Array
+from .signals import Array
 
 CAMERA, DRIVE = "time_camera", "time_drive"
 

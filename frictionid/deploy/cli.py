@@ -19,8 +19,9 @@ from frictionid.cli.options import (
     present,
 )
 from frictionid.cli.progress import heard, show
-from frictionid.deploy.export import FORMATS
 from frictionid.errors import InputError
+
+from .export import FORMATS
 
 
 def export(
@@ -54,7 +55,7 @@ def export(
     randomise : Also write so many samples of the parameters, and ranges.
     seed : Of the samples.
     """
-    from frictionid.deploy.export.exported import ExportSettings
+    from .export.exported import ExportSettings
 
     named = tuple(name.strip() for name in joints.split(",") if name.strip())
     chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
@@ -90,9 +91,10 @@ def compensate(
     speed : Greatest measured speed [rad/s], the table's last; once, or for each joint.
     """
     from frictionid.comparison.registry import friction_of
-    from frictionid.deploy.export.exported import ExportSettings
     from frictionid.files import write_bytes
     from frictionid.outputs import check_outputs
+
+    from .export.exported import ExportSettings
 
     friction = friction_of(model)
     settings = fid.Compensation(gain=gain, smooth=smooth, torque_limit=limit)
@@ -141,7 +143,7 @@ def monitor(
     state : File that keeps arrived recordings and the evidence.
     out : Folder of a page to write.
     """
-    from frictionid.deploy.monitor.monitored import write_monitoring
+    from .monitor.monitored import write_monitoring
 
     sets = [fid.load_dataset(path, data, trust=trust) for path in new]
     monitored = fid.monitor(baseline, sets, rate=rate, state=state, only=only or ())
@@ -171,8 +173,9 @@ def baseline(
     model : Model file in place of that fit.
     """
     from frictionid.data.readers.dataset import dataset_files
-    from frictionid.deploy.monitor.changes import totals
     from frictionid.outputs import check_outputs
+
+    from .monitor.changes import totals
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     loaded = fid.load_dataset(dataset, data, trust=trust)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.deploy.simulator import Simulator
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError, needs
+
+from .simulator import Simulator
 
 with needs("gym"):
     import gymnasium
@@ -173,11 +174,7 @@ def _spaces(simulator: Simulator, episode: Episode, count: int = 1) -> Any:
 
 
 def _after(
-    simulator: Simulator,
-    episode: Episode,
-    before: State,
-    action: Array,
-    fresh: Array | None = None,
+    simulator: Simulator, episode: Episode, before: State, action: Array, fresh: Array | None = None
 ) -> tuple[State, Array, Array]:
     """State after an action, the last finite one of machines that diverge; rewards, and ends."""
     u = np.zeros((*np.shape(action)[:-1], simulator.n))

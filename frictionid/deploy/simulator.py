@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.deploy.compensation import friction_in
 from frictionid.dynamics.rollout import Rollout, begin, diverged, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
@@ -16,6 +15,8 @@ from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
+
+from .compensation import friction_in
 
 _SAME = 1e-3  # of a time
 

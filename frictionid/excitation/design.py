@@ -21,21 +21,10 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, validated
 from frictionid.errors import InputError
-from frictionid.excitation.experiment import Experiment
-from frictionid.excitation.information import (
-    Concatenated,
-    Information,
-    covariances,
-    equations,
-    expected_information,
-)
-from frictionid.excitation.signals import (
-    Motions,
-    SignalSpace,
-    jerk_decades,
-    predict_motions,
-    smoothed_states,
-)
+
+from .experiment import Experiment
+from .information import Concatenated, Information, covariances, equations, expected_information
+from .signals import Motions, SignalSpace, jerk_decades, predict_motions, smoothed_states
 
 # Standard errors that count as one, over the best of any single recording: of base parameters, and
 # at most of friction (plain sines may be worse).

@@ -26,8 +26,6 @@ from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
-from frictionid.excitation.experiment import Experiment
-from frictionid.excitation.signals import Motions, jerk_decades, smoothed_states, smoother_gains
 from frictionid.fitting.one_step.residual import (
     Problem,
     integral_problem,
@@ -37,6 +35,9 @@ from frictionid.fitting.one_step.residual import (
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import momentum_balance
+
+from .experiment import Experiment
+from .signals import Motions, jerk_decades, smoothed_states, smoother_gains
 
 _SINGULAR = 1e-9  # smallest eigenvalue of a correlation matrix that differs from zero
 _STEP = 1e-6  # [rad], [rad/s]

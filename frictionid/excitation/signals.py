@@ -24,8 +24,9 @@ from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize
 from frictionid.errors import InputError
-from frictionid.excitation.experiment import Experiment
 from frictionid.friction import Friction
+
+from .experiment import Experiment
 
 FAMILIES = ("multisine", "chirp")
 SINES = 5

@@ -17,10 +17,11 @@ from pydantic import Field
 from frictionid.arrays import Array, times
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
-from frictionid.excitation.experiment import Limits
 from frictionid.friction import Friction, at_rest
 from frictionid.mechanics import Plant
 from frictionid.simulate.torques import Fourier
+
+from .experiment import Limits
 
 WINDOW = 0.05  # [s], over which a torque is averaged: as long as a window of inverse dynamics
 _RESTING = 0.01  # of the velocity limit

@@ -47,8 +47,9 @@ def track(
     if out is None:
         raise InputError("--out is missing: name the table of angles to write, such as angles.csv")
     from frictionid.outputs import check_outputs
-    from frictionid.rig.camera.marker_setup import load_marker_setup
-    from frictionid.rig.camera.source import open_source
+
+    from .camera.marker_setup import load_marker_setup
+    from .camera.source import open_source
 
     check_outputs((out, sheet, overlay), (Path(video), rig), replace=replace)
     markers = load_marker_setup(rig)
@@ -71,9 +72,10 @@ def _propose(video: str, rig: Path, replace: bool, json: bool) -> None:
 
     from frictionid.files import write_text
     from frictionid.outputs import check_outputs
-    from frictionid.rig.camera.marker_setup import marker_setup_text
-    from frictionid.rig.camera.propose import propose
-    from frictionid.rig.camera.source import open_source
+
+    from .camera.marker_setup import marker_setup_text
+    from .camera.propose import propose
+    from .camera.source import open_source
 
     check_outputs([rig], [Path(video)], replace=replace)
     markers = propose(open_source(video))
@@ -111,7 +113,8 @@ def render(
     from frictionid.config import nearest
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
-    from frictionid.rig.camera.film import load_film, video_path, write_film
+
+    from .camera.film import load_film, video_path, write_film
 
     film, data = load_film(camera), fid.load_dataset(dataset)
     names = [r.name for r in data.recordings]
@@ -189,14 +192,8 @@ def log(
     seconds : Duration [s]; by default Ctrl-C ends it.
     patience : End when no line has come for so long [s].
     """
-    from frictionid.rig.log import (
-        ProgressLine,
-        counts_text,
-        log_until,
-        open_logger,
-        stop_requests,
-    )
-    from frictionid.rig.rig_settings import load_rig_settings
+    from .log import ProgressLine, counts_text, log_until, open_logger, stop_requests
+    from .rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
     show = ProgressLine(settings.protocol.columns)
@@ -233,10 +230,10 @@ def excite(
     ramp : Time of the ramps up and down [s].
     silence : Ramp down when the drive is silent [s].
     """
-    from frictionid.rig.log import ProgressLine, counts_text, open_logger, stop_requests
-    from frictionid.rig.playback import PlaySettings, keys, load_signal
-    from frictionid.rig.playback import excite as play
-    from frictionid.rig.rig_settings import load_rig_settings
+    from .log import ProgressLine, counts_text, open_logger, stop_requests
+    from .playback import PlaySettings, keys, load_signal
+    from .playback import excite as play
+    from .rig_settings import load_rig_settings
 
     settings = load_rig_settings(rig)
     torque, how = load_signal(signal, settings), PlaySettings(rate, ramp, silence)
@@ -308,9 +305,10 @@ def simulate_drive(
 
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
-    from frictionid.rig.rig_settings import load_rig_settings
-    from frictionid.rig.virtual_drive import Drive, Faults, torque_of
-    from frictionid.rig.virtual_port import Terminal, play
+
+    from .rig_settings import load_rig_settings
+    from .virtual_drive import Drive, Faults, torque_of
+    from .virtual_port import Terminal, play
 
     if not speed > 0:
         raise InputError(f"--speed {speed:g} must be positive")

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.errors import InputError, needs
-from frictionid.rig.logfile import Appender, log_header, log_row
-from frictionid.rig.rig_settings import Cells, Rejected, RigSettings, diagnosis, framed, parsed
+
+from .logfile import Appender, log_header, log_row
+from .rig_settings import Cells, Rejected, RigSettings, diagnosis, framed, parsed
 
 with needs("drive"):
     import serial
@@ -136,12 +137,7 @@ class Logger:
     port : opens the port; raises InputError where it cannot
     """
 
-    def __init__(
-        self,
-        port: Callable[[], Port],
-        rig: RigSettings,
-        out: Appender,
-    ) -> None:
+    def __init__(self, port: Callable[[], Port], rig: RigSettings, out: Appender) -> None:
         self.counts = Counts()
         self.rig = rig
         self._open, self._out = port, out

@@ -28,7 +28,8 @@ from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sync_folder
-from frictionid.rig.rig_settings import Cells, RigSettings
+
+from .rig_settings import Cells, RigSettings
 
 _CLOSE = 5.0  # [s] to which a counter that wraps around must agree with the host's clock
 _OUTLIER = 60.0  # [s]: a single time so far from both its neighbours is a damaged number

@@ -17,9 +17,10 @@ from frictionid.data.readers.table import read_table
 from frictionid.data.signals import Array, Signal, first_fault, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
-from frictionid.rig.log import Counts, Logger
-from frictionid.rig.logfile import column_names
-from frictionid.rig.rig_settings import Cells, RigSettings
+
+from .log import Counts, Logger
+from .logfile import column_names
+from .rig_settings import Cells, RigSettings
 
 _PUMP = 0.05  # [s], longest wait for a line
 _REPEATS = 3  # of a stop command: a line may be damaged

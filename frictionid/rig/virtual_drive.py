@@ -17,7 +17,8 @@ from frictionid.config import NotNegative, Positive, nearest, validated
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
-from frictionid.rig.rig_settings import RigSettings, read, unframed, written
+
+from .rig_settings import RigSettings, read, unframed, written
 
 # A commanded drive that has had no command for SILENCE [s] ramps its torque down within RAMP [s].
 SILENCE, RAMP = 0.2, 0.3

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from frictionid.errors import InputError
-from frictionid.rig.virtual_drive import Controller, Drive, unplug_moments
+
+from .virtual_drive import Controller, Drive, unplug_moments
 
 _QUIET, _POLL = 3, 0.02  # polls in a row without unread bytes, [s] between them
 _MAX_DRAIN = 10.0  # [s] that a reader may take

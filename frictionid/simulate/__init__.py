@@ -3,10 +3,10 @@
 It shares the mechanics with the identified models, but neither the physics step nor the laws.
 """
 
-from frictionid.simulate.dataset_folder import check_dataset_folder, load_rig, write_dataset
-from frictionid.simulate.rig import Camera, Drive, Rig, Run, Variation, noise_free
-from frictionid.simulate.simulation import simulate
-from frictionid.simulate.torques import (
+from .dataset_folder import check_dataset_folder, load_rig, write_dataset
+from .rig import Camera, Drive, Rig, Run, Variation, noise_free
+from .simulation import simulate
+from .torques import (
     Chirp,
     Command,
     Controller,
@@ -18,11 +18,4 @@ from frictionid.simulate.torques import (
     sampled_loop,
     track,
 )
-from frictionid.simulate.true_friction import (
-    Curve,
-    FilmLag,
-    LoadFriction,
-    LuGre,
-    Stribeck,
-    TrueFriction,
-)
+from .true_friction import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction

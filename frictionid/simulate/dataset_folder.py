@@ -25,8 +25,9 @@ from frictionid.data.two_clock_table import (
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, write_bytes
 from frictionid.outputs import check_writable, replace_files
-from frictionid.simulate.rig import Rig
-from frictionid.simulate.simulation import COMMAND_DECIMALS
+
+from .rig import Rig
+from .simulation import COMMAND_DECIMALS
 
 Settings = TypeVar("Settings")
 

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from frictionid.arrays import solve
 from frictionid.data.signals import Array
 from frictionid.mechanics import Mechanism
-from frictionid.simulate.true_friction import Load, LoadFriction, TrueFriction
+
+from .true_friction import Load, LoadFriction, TrueFriction
 
 # A joint that neither slips nor sticks, to within rounding, would change its mode endlessly: after
 # this many events within one step (0.3 ms) the joints at rest stay at rest until its end.

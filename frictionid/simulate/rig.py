@@ -23,17 +23,10 @@ from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
-from frictionid.simulate.integrate import TrueSystem
-from frictionid.simulate.torques import AnyCommand, Controller, Fourier
-from frictionid.simulate.true_friction import (
-    Curve,
-    FilmLag,
-    LoadFriction,
-    LuGre,
-    Stribeck,
-    TrueFriction,
-    level_of,
-)
+
+from .integrate import TrueSystem
+from .torques import AnyCommand, Controller, Fourier
+from .true_friction import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction, level_of
 
 AnyFriction = Annotated[Stribeck | FilmLag | LuGre | LoadFriction, Field(discriminator="kind")]
 

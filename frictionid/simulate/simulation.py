@@ -8,9 +8,10 @@ import numpy as np
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.mechanics import Plant
-from frictionid.simulate.integrate import integrate_motion
-from frictionid.simulate.rig import Rig, Run, nominal_mechanism, true_system
-from frictionid.simulate.torques import track
+
+from .integrate import integrate_motion
+from .rig import Rig, Run, nominal_mechanism, true_system
+from .torques import track
 
 ORIGIN = "simulated by frictionid simulate"
 # Commands are multiples of 1e-6 N m, so that the tables hold them exactly.

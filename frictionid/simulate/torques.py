@@ -20,7 +20,8 @@ from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 from frictionid.progress import report_step
-from frictionid.simulate.integrate import TrueSystem, advance, modes_after_jump, next_modes
+
+from .integrate import TrueSystem, advance, modes_after_jump, next_modes
 
 
 class Command(ABC):

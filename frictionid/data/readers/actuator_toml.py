@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from frictionid.config import Strict, nearest
-from frictionid.data.readers.column_toml import Column, Names, as_list, check_per_joint
 from frictionid.errors import InputError
+
+from .column_toml import Column, Names, as_list, check_per_joint
 
 _Positive = Annotated[float, Field(gt=0)]
 _Gains = Annotated[

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.config import nearest
-from frictionid.data.signals import Array
 from frictionid.errors import InputError
+
+from ..signals import Array
 
 _RECORDER = "the reader drive_recorder (data/README.md)"
 _NAMES = 20  # of columns, in a complaint

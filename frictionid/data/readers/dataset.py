@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 
 from frictionid.config import imported, nearest, read_toml
-from frictionid.data.readers.column_toml import CURRENTS, OWN, check_per_joint
-from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
-from frictionid.data.readers.formats import part_of
-from frictionid.data.readers.public_collections import cached, check_file, download_hint, is_cached
-from frictionid.data.readers.reader_names import Reader, reader_of
-from frictionid.data.readers.table import read_headerless, read_table, table_name
-from frictionid.data.readers.table_recording import recorded
-from frictionid.data.recordings import Dataset, Recording, TrueMotion
-from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
+
+from ..recordings import Dataset, Recording, TrueMotion
+from ..signals import Signal, cut
+from .column_toml import CURRENTS, OWN, check_per_joint
+from .dataset_path import dataset_path
+from .dataset_toml import DatasetToml, check_dataset_toml
+from .formats import part_of
+from .public_collections import cached, check_file, download_hint, is_cached
+from .reader_names import Reader, reader_of
+from .table import read_headerless, read_table, table_name
+from .table_recording import recorded
 
 
 def load_dataset(

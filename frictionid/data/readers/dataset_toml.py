@@ -16,8 +16,9 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.actuator_toml import Actuator
-from frictionid.data.readers.column_toml import (
+
+from .actuator_toml import Actuator
+from .column_toml import (
     CURRENTS,
     OWN,
     UNITS,
@@ -31,8 +32,8 @@ from frictionid.data.readers.column_toml import (
     check_per_joint,
     unit_named,
 )
-from frictionid.data.readers.formats import part_of
-from frictionid.data.readers.table import Table
+from .formats import part_of
+from .table import Table
 
 Directions = Annotated[list[Literal[1, -1]], Field(min_length=1), BeforeValidator(as_list)]
 Deviations = Annotated[

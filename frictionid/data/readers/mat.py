@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.data.readers.unpacking import most_bytes
-from frictionid.data.signals import Array
 from frictionid.errors import InputError
+
+from ..signals import Array
+from .unpacking import most_bytes
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

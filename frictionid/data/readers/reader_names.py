@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from frictionid.config import imported, nearest, untrusted
-from frictionid.data.readers.formats import READERS, part_of
-from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
+
+from ..recordings import Recording
+from .formats import READERS, part_of
 
 # From a file and the settings in [reader] to a recording in SI units.
 Reader = Callable[[Path, Mapping[str, Any]], Recording]

@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.data.readers.csv_table import check_header, csv_columns
-from frictionid.data.readers.mat import mat_column, read_mat
-from frictionid.data.readers.unpacking import check_cells, most_bytes, unzip
-from frictionid.data.signals import Array, Signal, first_fault
 from frictionid.errors import InputError, needs
+
+from ..signals import Array, Signal, first_fault
+from .csv_table import check_header, csv_columns
+from .mat import mat_column, read_mat
+from .unpacking import check_cells, most_bytes, unzip
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
 # Formats that only readers of their own understand.

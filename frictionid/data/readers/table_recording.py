@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.data.readers.column_toml import RELATIVE, UNITS, ColumnNames, Motor
-from frictionid.data.readers.dataset_toml import DatasetToml
-from frictionid.data.readers.table import Table, signal_of
-from frictionid.data.servo import Servo, servo_torque
-from frictionid.data.signals import Signal
 from frictionid.errors import InputError
+
+from ..servo import Servo, servo_torque
+from ..signals import Signal
+from .column_toml import RELATIVE, UNITS, ColumnNames, Motor
+from .dataset_toml import DatasetToml
+from .table import Table, signal_of
 
 _GAPS = 2.0  # of the targets' usual gaps, by which they may begin late or end early
 

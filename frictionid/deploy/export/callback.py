@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings
-from frictionid.deploy.export.expressions import rendered
-from frictionid.deploy.export.formats import python
-from frictionid.deploy.export.nearest import break_away
 from frictionid.errors import InputError
+
+from .exported import ExportedFriction, ExportSettings
+from .expressions import rendered
+from .formats import python
+from .nearest import break_away
 
 
 def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:

@@ -14,15 +14,16 @@ from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.deploy.export import FORMATS
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written, exported
-from frictionid.deploy.export.nearest import Replay, cost_of, cost_sentence
-from frictionid.deploy.export.round_trip import sentence
-from frictionid.deploy.pooling.random_effects import pooled_draws
 from frictionid.errors import InputError
 from frictionid.files import model_path, write_bytes
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
+
+from ..pooling.random_effects import pooled_draws
+from .exported import ExportedFriction, ExportSettings, Written, exported
+from .nearest import Replay, cost_of, cost_sentence
+from .round_trip import sentence
 
 
 class Exported(NamedTuple):

@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from frictionid.deploy.export.exported import ExportedFriction, operands
 from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
+
+from .exported import ExportedFriction, operands
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
 # operations of values of other libraries, by Python's operators

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.nearest import nearest
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Cogging, CoulombViscous, Dahl, LuGre, Quadratic, Sum
+
+from .exported import ExportedFriction
+from .nearest import nearest
 
 # a motor without constants, as `dcmotor` needs some: its back-EMF is 1e-12 N m s/rad
 _NO_MOTOR = {"input": "none", "motorconst": "1e-06 1e-06", "resistance": "1.0"}

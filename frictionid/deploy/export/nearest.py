@@ -8,13 +8,14 @@ from scipy.optimize import nnls
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import joint_sizes, norm_of
-from frictionid.deploy.export.exported import ExportedFriction
 from frictionid.errors import InputError
 from frictionid.evaluation.curves import POINTS, curves, slow_speed
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, Inputs, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
+
+from .exported import ExportedFriction
 
 _SAME = 1e-9  # of the torques: what rounding does
 

@@ -8,10 +8,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, holds, sample
-from frictionid.deploy.export.exported import ExportedFriction
-from frictionid.deploy.export.nearest import Replay, reaching, replayed
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import memory_at
+
+from .exported import ExportedFriction
+from .nearest import Replay, reaching, replayed
 
 _MOST = 48  # predictions
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.deploy.pooling.random_effects import random_effects
 from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction, Groups
 from frictionid.friction.provenance import Estimate, Pooled, PooledEstimate, Provenance
+
+from .random_effects import random_effects
 
 Key = tuple[str, str, int | None]  # block, name without the joint's, and joint
 

@@ -15,15 +15,6 @@ from frictionid.arrays import Array
 from frictionid.comparison.equal_joints import groups_of
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration, stack_calibrations
-from frictionid.deploy.pooling.models import (
-    Key,
-    check_alike,
-    estimates,
-    joint_names,
-    place_of,
-    pooled,
-)
-from frictionid.deploy.pooling.random_effects import Regression, meta_regression, pooled_draws
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
@@ -33,6 +24,9 @@ from frictionid.report.console import console, printed
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+
+from .models import Key, check_alike, estimates, joint_names, place_of, pooled
+from .random_effects import Regression, meta_regression, pooled_draws
 
 _LEAST = 1e-4  # p-values below it are not told apart
 

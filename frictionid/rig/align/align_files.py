@@ -20,12 +20,13 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.report.tables import render
-from frictionid.rig.align.clock import Alignment, Clock, align, by_marker
-from frictionid.rig.align.cross_correlation import around
-from frictionid.rig.align.drive_response import DriveResponse, drive_response
-from frictionid.rig.align.sync_edges import MarkerClock, clock_from_edges, edges_of
-from frictionid.rig.logfile import ClockRuns, Log, column_names, read_log
-from frictionid.rig.rig_settings import RigSettings, rig_settings_of, rig_tables
+
+from ..logfile import ClockRuns, Log, column_names, read_log
+from ..rig_settings import RigSettings, rig_settings_of, rig_tables
+from .clock import Alignment, Clock, align, by_marker
+from .cross_correlation import around
+from .drive_response import DriveResponse, drive_response
+from .sync_edges import MarkerClock, clock_from_edges, edges_of
 
 _EPOCH = 1e8  # [s]: later times count from 1970, as those of other computers do
 _MAX_DIFFERENCE = 600.0  # [s] by which the clocks of two computers may differ

@@ -33,8 +33,9 @@ from frictionid.fitting.shooting import (
 )
 from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
-from frictionid.rig.align.cross_correlation import CoarseOffset, around, coarse_offset
-from frictionid.rig.align.drifting import Drifting, drifting
+
+from .cross_correlation import CoarseOffset, around, coarse_offset
+from .drifting import Drifting, drifting
 
 LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
@@ -138,10 +139,7 @@ class Alignment:
 
 
 def align(
-    mechanism: Mechanism,
-    angle: Signal,
-    torque: Signal,
-    start: Clock | None = None,
+    mechanism: Mechanism, angle: Signal, torque: Signal, start: Clock | None = None
 ) -> Alignment:
     """Offset and drift of a torque log against angles of the same motion.
 

@@ -80,20 +80,11 @@ def coarse_offset(
     peaks = _peaks(offsets, explained)
     if not len(peaks):
         raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
-    refined = sorted(
-        (_refined(rows, base, angle, torque, float(p)) for p in peaks),
-    )
+    refined = sorted(_refined(rows, base, angle, torque, float(p)) for p in peaks)
     best = refined[0]
     others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION / 2]
     second = others[0] if others else (1.0, float("nan"))
-    out = CoarseOffset(
-        best[1],
-        best[0],
-        second[::-1],
-        float(reversed_.max()),
-        offsets,
-        explained,
-    )
+    out = CoarseOffset(best[1], best[0], second[::-1], float(reversed_.max()), offsets, explained)
     _check(out)
     return out
 

@@ -34,8 +34,9 @@ from frictionid.report.figures.style import (
     rendered,
 )
 from frictionid.report.numbers import either
-from frictionid.rig.align.align_files import Aligned, align_files, load_rig
-from frictionid.rig.align.drive_response import DriveResponse
+
+from .align_files import Aligned, align_files, load_rig
+from .drive_response import DriveResponse
 
 ORIGIN = "aligned by frictionid align"
 _DECIMALS = 9

@@ -11,7 +11,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.rig.align.drifting import DRIFT_SIGMA
+
+from .drifting import DRIFT_SIGMA
 
 _CLOSE = 0.25  # of the distance between dark and lit: such a brightness is one or the other
 _CLEAR = 5.0  # standard deviations of the noise that dark and lit must lie apart, and

@@ -9,8 +9,9 @@ from frictionid.arrays import Array
 from frictionid.data.marker_geometry import Plane, flattened, link_lengths, mirror
 from frictionid.data.two_clock_table import csv_text
 from frictionid.errors import InputError
-from frictionid.rig.camera.follow import Markers, unwrapped_direction
-from frictionid.rig.camera.marker_setup import Camera, MarkerSetup
+
+from .follow import Markers, unwrapped_direction
+from .marker_setup import Camera, MarkerSetup
 
 _MAX_FRAMES = 600
 # Prior standard deviations of stretch, slant and bulge, see Plane, and of a given pivot [px].
@@ -215,11 +216,7 @@ def angles_of(tracks: Markers, setup: MarkerSetup, size: tuple[int, int], name: 
 
 
 def _angles(
-    tracks: Markers,
-    camera: Camera,
-    markers: Array,
-    seen: Array,
-    calibration: ViewCalibration,
+    tracks: Markers, camera: Camera, markers: Array, seen: Array, calibration: ViewCalibration
 ) -> Angles:
     """Angles of links between markers in the plane of motion.
 

@@ -14,8 +14,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import needs
-from frictionid.rig.camera.marker_setup import Marker
-from frictionid.rig.camera.source import Image
+
+from .marker_setup import Marker
+from .source import Image
 
 with needs("camera"):
     import cv2

@@ -13,8 +13,9 @@ from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
 from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
-from frictionid.rig.camera.scene import Image, Look, Scene, SyncLed, View, chain
 from frictionid.simulate.dataset_folder import settings_of
+
+from .scene import Image, Look, Scene, SyncLed, View, chain
 
 with needs("camera"):
     import cv2

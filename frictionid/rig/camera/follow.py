@@ -14,17 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.rig.camera.blobs import (
-    Blob,
-    Dot,
-    Patch,
-    centroid,
-    colour_patch,
-    colour_regions,
-    noise_of,
-)
-from frictionid.rig.camera.marker_setup import MarkerSetup
-from frictionid.rig.camera.source import Frame, Image
+
+from .blobs import Blob, Dot, Patch, centroid, colour_patch, colour_regions, noise_of
+from .marker_setup import MarkerSetup
+from .source import Frame, Image
 
 _MARGIN = 9.0  # [px] around a predicted dot
 _MARGIN_PER_MISS = 5.0  # [px] more for each frame in which the dot was missing

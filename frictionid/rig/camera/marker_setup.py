@@ -11,7 +11,8 @@ import tomli_w
 from pydantic import Field, field_validator, model_validator
 
 from frictionid.config import Positive, Strict, checked
-from frictionid.rig.rig_settings import rig_tables
+
+from ..rig_settings import rig_tables
 
 MIN_HUE_DISTANCE = 40.0  # [deg]; colours nearer than this cannot be distinguished
 

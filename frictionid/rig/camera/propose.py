@@ -13,15 +13,9 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
-from frictionid.rig.camera.marker_setup import (
-    MIN_HUE_DISTANCE,
-    Camera,
-    Links,
-    Marker,
-    MarkerSetup,
-    hue_distance,
-)
-from frictionid.rig.camera.source import Image, Source
+
+from .marker_setup import MIN_HUE_DISTANCE, Camera, Links, Marker, MarkerSetup, hue_distance
+from .source import Image, Source
 
 with needs("camera"):
     import cv2

@@ -9,10 +9,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
-from frictionid.rig.camera.angles import Angles, angles_of
-from frictionid.rig.camera.follow import Markers, follow, gather, unwrapped_direction
-from frictionid.rig.camera.marker_setup import Marker, MarkerSetup, SyncLed
-from frictionid.rig.camera.source import Frame, Image, Source
+
+from .angles import Angles, angles_of
+from .follow import Markers, follow, gather, unwrapped_direction
+from .marker_setup import Marker, MarkerSetup, SyncLed
+from .source import Frame, Image, Source
 
 with needs("camera"):
     import cv2

@@ -14,12 +14,13 @@ from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
 from frictionid.files import write_bytes, write_text
 from frictionid.outputs import check_outputs
-from frictionid.rig.camera.angles import FOUND, LOST, PREDICTED, Angles, angles_csv
-from frictionid.rig.camera.follow import Markers
-from frictionid.rig.camera.marker_setup import MarkerSetup, load_marker_setup
-from frictionid.rig.camera.source import Frame, Image, Source, open_source
-from frictionid.rig.camera.track import Method
-from frictionid.rig.camera.track import track as track_frames
+
+from .angles import FOUND, LOST, PREDICTED, Angles, angles_csv
+from .follow import Markers
+from .marker_setup import MarkerSetup, load_marker_setup
+from .source import Frame, Image, Source, open_source
+from .track import Method
+from .track import track as track_frames
 
 with needs("camera"):
     import cv2

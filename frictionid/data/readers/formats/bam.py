@@ -17,13 +17,14 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.table import table_name
-from frictionid.data.readers.unpacking import unzip
-from frictionid.data.recordings import Recording
-from frictionid.data.servo import Servo, servo_torque, terminal_voltage
-from frictionid.data.signals import Array, Signal, first_fault, taken
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
+
+from ...recordings import Recording
+from ...servo import Servo, servo_torque, terminal_voltage
+from ...signals import Array, Signal, first_fault, taken
+from ..table import table_name
+from ..unpacking import unzip
 
 # Firmware of the XL330: 4096 counts a turn, divided by 256 times a full duty of 885.
 XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)

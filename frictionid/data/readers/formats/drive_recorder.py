@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.csv_table import number, separator_of
-from frictionid.data.readers.table import Table
-from frictionid.data.readers.unpacking import unzip
-from frictionid.data.signals import Array
 from frictionid.errors import InputError
+
+from ...signals import Array
+from ..column_toml import ColumnNames
+from ..csv_table import number, separator_of
+from ..table import Table
+from ..unpacking import unzip
 
 _HEAD, _BELOW = 200, 60  # lines that may stand above the names, and between these and the numbers
 _NUMBERED = re.compile(r"(.*)\[\d+\]")

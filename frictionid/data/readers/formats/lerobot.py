@@ -14,10 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from frictionid.config import Strict, checked, nearest
-from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.table import Table, read_table
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
+
+from ..column_toml import ColumnNames
+from ..table import Table, read_table
 
 _EPISODE = "episode_index"
 _ELEMENT = re.compile(r"(.+)\[(.+)\]")

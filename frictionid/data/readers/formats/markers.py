@@ -9,19 +9,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from frictionid.config import Strict, checked
-from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
-from frictionid.data.readers.column_toml import UNITS, Column
-from frictionid.data.readers.table import (
-    Table,
-    read_headerless,
-    read_table,
-    signal_of,
-    table_name,
-)
-from frictionid.data.recordings import Recording
-from frictionid.data.signals import Array, Signal
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
+
+from ...marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
+from ...recordings import Recording
+from ...signals import Array, Signal
+from ..column_toml import UNITS, Column
+from ..table import Table, read_headerless, read_table, signal_of, table_name
 
 FRAME = "time of the frame"
 

@@ -13,11 +13,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from frictionid.config import Strict, checked, nearest
-from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.table import Table, table_name
-from frictionid.data.recordings import Recording
-from frictionid.data.signals import Array, Signal, first_fault
 from frictionid.errors import InputError
+
+from ...recordings import Recording
+from ...signals import Array, Signal, first_fault
+from ..column_toml import ColumnNames
+from ..table import Table, table_name
 
 _KIND = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")

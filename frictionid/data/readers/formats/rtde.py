@@ -12,8 +12,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from frictionid.config import Strict, checked
-from frictionid.data.readers.column_toml import ColumnNames
-from frictionid.data.readers.table import Table, read_table
+
+from ..column_toml import ColumnNames
+from ..table import Table, read_table
 
 _MOMENT = "target_moment"
 

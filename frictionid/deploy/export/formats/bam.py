@@ -9,13 +9,14 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.nearest import follows_more, sliding
 from frictionid.evaluation.curves import slow_speed
 from frictionid.friction import Friction, Law
 from frictionid.friction.bam_files import GEAR, MODELS, MOTOR
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
 from frictionid.friction.laws.levels import VELOCITIES
+
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..nearest import follows_more, sliding
 
 _ALPHA = 2.0  # exponent of our Stribeck peak
 _NONE = 1.0  # [rad/s], Stribeck velocity of a friction without a peak
@@ -44,7 +45,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     if not is_same:
         lost.append(
             f"BAM has no {type(model.law).__name__}: {' and '.join(sorted(kinds))} is the nearest "
-            "to the model's torques, by least squares",
+            "to the model's torques, by least squares"
         )
     if missing:
         lost.append(f"{', '.join(missing)} of the motor are not known: BAM takes its own values")

@@ -3,7 +3,8 @@
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+
+from ..exported import ExportedFriction, ExportSettings, Written
 
 _CALLS = ("sqrt", "exp", "log", "log1p", "tanh", "sin", "cos")
 

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import OPERATORS, functions
 from frictionid.errors import needs
+
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..expressions import OPERATORS, functions
 
 with needs("export"):
     import casadi

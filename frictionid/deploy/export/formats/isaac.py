@@ -11,11 +11,12 @@ import re
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import rendered
-from frictionid.deploy.export.formats.python import LANGUAGE
-from frictionid.deploy.export.native import delay_of
-from frictionid.deploy.export.nearest import break_away, differs, lost_by, nearest
+
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..expressions import rendered
+from ..native import delay_of
+from ..nearest import break_away, differs, lost_by, nearest
+from .python import LANGUAGE
 
 held = nearest
 

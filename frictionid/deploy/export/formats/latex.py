@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
+
+from ..exported import ExportedFriction, ExportSettings, Written
 
 _CLOSED = {"sqrt": r"\sqrt{{{}}}", "absolute": r"\left|{}\right|", "number": r"\left[{}\right]"}
 _NAMES = {

@@ -14,9 +14,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.callback import callback
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.native import (
+from frictionid.errors import InputError
+from frictionid.friction import Friction
+from frictionid.mechanics import Mechanism
+from frictionid.mechanics.mjcf_text import mjcf_of
+
+from ..callback import callback
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..native import (
     delay_of,
     delay_values,
     drive_values,
@@ -28,9 +33,9 @@ from frictionid.deploy.export.native import (
     lost_bristles,
     passive_motor,
 )
-from frictionid.deploy.export.nearest import Replay, differs, lost_by
-from frictionid.deploy.export.round_trip import in_mujoco
-from frictionid.deploy.export.xml_text import (
+from ..nearest import Replay, differs, lost_by
+from ..round_trip import in_mujoco
+from ..xml_text import (
     Element,
     by_name,
     elements,
@@ -39,10 +44,6 @@ from frictionid.deploy.export.xml_text import (
     stated_before,
     with_attributes,
 )
-from frictionid.errors import InputError
-from frictionid.friction import Friction
-from frictionid.mechanics import Mechanism
-from frictionid.mechanics.mjcf_text import mjcf_of
 
 _EXACT = 1e-9
 

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import TRUTHS, takes_truth
 from frictionid.errors import InputError, needs
 from frictionid.programs.program import Line, Operand, Program, Value
 from frictionid.programs.trace import chained
+
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..expressions import TRUTHS, takes_truth
 
 with needs("export"):
     import onnx

@@ -1,7 +1,8 @@
 """Friction as a Python module without dependencies: plain numbers, `math` only."""
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+
+from ..exported import ExportedFriction, ExportSettings, Written
 
 _MATH = ("sqrt", "log", "log1p", "tanh", "sin", "cos")
 _SYNTAX: dict[str, str | ex.Form] = {

@@ -8,7 +8,8 @@ gives the torques; `reset` begins a motion.
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
+
+from ..exported import ExportedFriction, ExportSettings, Written
 
 _HELPERS = {
     "exp": ["RESULT := EXP(MAX(MIN(a, {top}), -{top}));"],

@@ -5,10 +5,11 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-from frictionid.deploy.export.exported import INPUTS, ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.expressions import OPERATORS
 from frictionid.errors import InputError, needs
 from frictionid.friction import Inputs
+
+from ..exported import INPUTS, ExportedFriction, ExportSettings, Written
+from ..expressions import OPERATORS
 
 with needs("networks"):
     import torch

@@ -3,18 +3,12 @@
 from collections.abc import Sequence
 
 from frictionid.data.position_control import PositionControl
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
-from frictionid.deploy.export.nearest import lost_by, nearest
-from frictionid.deploy.export.xml_text import (
-    Element,
-    by_name,
-    read_xml,
-    replaced,
-    stated_before,
-    with_attributes,
-)
 from frictionid.errors import InputError
 from frictionid.files import json_text
+
+from ..exported import ExportedFriction, ExportSettings, Written
+from ..nearest import lost_by, nearest
+from ..xml_text import Element, by_name, read_xml, replaced, stated_before, with_attributes
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
 held = nearest

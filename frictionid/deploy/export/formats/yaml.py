@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, Written
 from frictionid.errors import needs
 from frictionid.friction import Friction
 from frictionid.friction.laws import Table
 from frictionid.friction.wrapped import LinearOutside
+
+from ..exported import ExportedFriction, ExportSettings, Written
 
 with needs("export"):
     import yaml
