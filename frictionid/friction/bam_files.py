@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from frictionid.errors import InputError
-from frictionid.friction.friction import Friction
-from frictionid.friction.law import Law
-from frictionid.friction.laws import CoulombViscous, GearLoad
+
+from .friction import Friction
+from .law import Law
+from .laws import CoulombViscous, GearLoad
 
 # names in BAM of what each model has, in the order of the parameters of `GearLoad`
 GEAR = (

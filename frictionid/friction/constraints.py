@@ -23,7 +23,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.friction.law import Law, LawParameter
+
+from .law import Law, LawParameter
 
 Groups = tuple[tuple[int, ...], ...]  # of joints, from 1
 _FREE = (0.0, float("inf"))

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array, inverse, like, namespace, times
-from frictionid.friction.friction import Friction
-from frictionid.friction.law import Inputs
 from frictionid.mechanics import Mechanism, Plant
+
+from .friction import Friction
+from .law import Inputs
 
 _RESTING = 1e-9  # of |A| (|w| + 1 rad/s): a part that is slower rests, but for rounding
 

@@ -16,10 +16,11 @@ import numpy as np
 
 from frictionid.arrays import Array, like, namespace, plain
 from frictionid.data.calibration import Calibration
-from frictionid.friction.constraints import Constraints
-from frictionid.friction.law import Inputs, Law, Memory, at_rest, check_temperature
-from frictionid.friction.provenance import Provenance, read_provenance
 from frictionid.programs.loops import compiled
+
+from .constraints import Constraints
+from .law import Inputs, Law, Memory, at_rest, check_temperature
+from .provenance import Provenance, read_provenance
 
 
 def relaxed(target: Array, keep: Array, start: Array, first: Array) -> Array:

@@ -20,7 +20,8 @@ from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError, needs
 from frictionid.files import TEMPORARY, model_path, read_json, regular_file, write_bytes, write_json
 from frictionid.friction import Friction, Law, units_of
-from frictionid.friction.bam_files import is_bam, read_bam
+
+from .bam_files import is_bam, read_bam
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"

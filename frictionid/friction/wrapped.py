@@ -8,7 +8,8 @@ from pydantic import Field
 
 from frictionid.arrays import Array, like, namespace
 from frictionid.config import Positive
-from frictionid.friction.law import Inputs, Law, LawParameter, Memory
+
+from .law import Inputs, Law, LawParameter, Memory
 
 _LAST = 0.01  # of the speed: the line goes on as the last per cent of the curve
 

@@ -4,9 +4,9 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description
-from frictionid.mechanics.mechanism import Parameter
-from frictionid.mechanics.symbolic import SymbolicMechanism
+from .description import Base, Body, Description
+from .mechanism import Parameter
+from .symbolic import SymbolicMechanism
 
 _ROUND = 1e-5  # [rad], over which the corners of a dead zone are rounded
 

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, times
-from frictionid.mechanics.mechanism import Mechanism
+
+from .mechanism import Mechanism
 
 _SAMPLES = 20
 _STEP = 1e-5  # of differences: their errors are 1e-10 by curvature, 1e-11 by rounding

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import sympy as sp
 
-from frictionid.mechanics.mechanism import Parameter
+from .mechanism import Parameter
 
 
 class Base(NamedTuple):

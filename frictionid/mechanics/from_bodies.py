@@ -9,7 +9,8 @@ import sympy as sp
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.mechanics.description import (
+
+from .description import (
     Base,
     Body,
     Description,
@@ -18,8 +19,8 @@ from frictionid.mechanics.description import (
     combination,
     energies,
 )
-from frictionid.mechanics.mechanism import Parameter
-from frictionid.mechanics.symbolic import SymbolicMechanism
+from .mechanism import Parameter
+from .symbolic import SymbolicMechanism
 
 _LONGEST = 24  # of an expression that serves as a name
 

@@ -11,9 +11,10 @@ import sympy as sp
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics.description import Body, Description, Expression
-from frictionid.mechanics.rigid_body.kinematics import placements
-from frictionid.mechanics.rigid_body.robot import Tree, moved
+
+from .description import Body, Description, Expression
+from .rigid_body.kinematics import placements
+from .rigid_body.robot import Tree, moved
 
 _SAME = 1e-9  # [m], or [1] of turns
 

@@ -7,11 +7,12 @@ from typing import Any
 
 from frictionid.config import nearest, untrusted
 from frictionid.errors import InputError
-from frictionid.mechanics.axes import linear_axis, two_mass_axis
-from frictionid.mechanics.mechanism import Mechanism
-from frictionid.mechanics.pendulum import pendulum
-from frictionid.mechanics.rigid_body.described import FORMATS
-from frictionid.mechanics.two_links import acrobot, double_pendulum
+
+from .axes import linear_axis, two_mass_axis
+from .mechanism import Mechanism
+from .pendulum import pendulum
+from .rigid_body.described import FORMATS
+from .two_links import acrobot, double_pendulum
 
 # From `module:function` to the function.
 Code = Callable[[str], Any]

@@ -8,11 +8,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.mechanics.links_of_bodies import Links, links_of_bodies
-from frictionid.mechanics.mechanism import Mechanism
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
-from frictionid.mechanics.rigid_body.robot import matrix_of
-from frictionid.mechanics.symbolic import SymbolicMechanism
+
+from .links_of_bodies import Links, links_of_bodies
+from .mechanism import Mechanism
+from .rigid_body.rigid_body_tree import RigidBodyTree
+from .rigid_body.robot import matrix_of
+from .symbolic import SymbolicMechanism
 
 _LEAST = 1e-14  # [kg, kg m^2]: MuJoCo takes no link whose mass or inertia is below 1e-15
 _SHARE = 1e-9  # of the inertia, by which rounding may make it one that no body has

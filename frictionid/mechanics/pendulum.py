@@ -4,9 +4,9 @@ from functools import cache
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description
-from frictionid.mechanics.mechanism import Parameter
-from frictionid.mechanics.symbolic import SymbolicMechanism
+from .description import Base, Body, Description
+from .mechanism import Parameter
+from .symbolic import SymbolicMechanism
 
 _MOTOR = (
     Parameter("kt", 0.0, "N m/A", "torque constant of the motor, at the joint"),

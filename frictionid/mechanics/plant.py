@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, like, namespace
-from frictionid.mechanics.mechanism import Mechanism, Terms
+
+from .mechanism import Mechanism, Terms
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
 

@@ -17,14 +17,15 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from frictionid.arrays import Array, like, namespace, solve, times
-from frictionid.mechanics.description import (
+
+from .description import (
     Description,
     Equations,
     bearing_forces,
     equations_of_motion,
     full_matrix,
 )
-from frictionid.mechanics.mechanism import Mechanism, Partials, Terms
+from .mechanism import Mechanism, Partials, Terms
 
 
 class _Printer(StrPrinter):

@@ -11,9 +11,9 @@ from itertools import product
 
 import sympy as sp
 
-from frictionid.mechanics.description import Base, Body, Description, Expression
-from frictionid.mechanics.mechanism import Parameter
-from frictionid.mechanics.symbolic import SymbolicMechanism
+from .description import Base, Body, Description, Expression
+from .mechanism import Parameter
+from .symbolic import SymbolicMechanism
 
 _Q1, _Q2 = sp.symbols("q1 q2")
 

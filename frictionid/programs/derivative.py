@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Collection, Mapping
 
-from frictionid.programs.program import Line, Operand, Program, Value, needed
-from frictionid.programs.trace import Recorder
+from .program import Line, Operand, Program, Value, needed
+from .trace import Recorder
 
 _Record = Callable[..., Operand]
 

@@ -15,8 +15,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-from frictionid.programs.loops import called
-from frictionid.programs.program import Operand, Program, Value
+from .loops import called
+from .program import Operand, Program, Value
 
 _NUMBER, _INDEX = ir.DoubleType(), ir.IntType(64)
 _FUNCTION = ir.FunctionType(ir.VoidType(), [ir.PointerType(_NUMBER)])

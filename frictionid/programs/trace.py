@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value, needed
+
+from .program import OPERATIONS, Line, Operand, Program, Value, needed
 
 _SAME = {"abs": "absolute", "fabs": "absolute", "logical_and": "and", "bitwise_and": "and"} | {
     "logical_or": "or",

@@ -15,11 +15,12 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import unknown
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory, at_rest
-from frictionid.friction.laws.cogging import Cogging
-from frictionid.friction.laws.levels import NoFriction
-from frictionid.friction.laws.load import LoadDependent, MotorLoad
-from frictionid.friction.laws.relaxing import Dahl, FilmLag, LuGre
-from frictionid.friction.laws.stribeck import CoulombViscous, Quadratic, Stribeck
+
+from .cogging import Cogging
+from .levels import NoFriction
+from .load import LoadDependent, MotorLoad
+from .relaxing import Dahl, FilmLag, LuGre
+from .stribeck import CoulombViscous, Quadratic, Stribeck
 
 # Laws that others can be made of.
 PARTS: Mapping[str, type[Law]] = {

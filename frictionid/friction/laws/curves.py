@@ -20,8 +20,9 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.levels import (
+
+from ..law import smooth_sign
+from .levels import (
     LOAD,
     SIDES,
     Speeds,

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction, Inputs, Law, LawParameter, Memory
-from frictionid.friction.laws.mlp import MLP
+
+from .mlp import MLP
 
 
 @dataclass(frozen=True)

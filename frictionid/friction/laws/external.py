@@ -13,9 +13,10 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import needs
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.layers import laid, stacked, unlaid
-from frictionid.friction.laws.network_law import LevelNetwork, side_of, within
+
+from ..law import smooth_sign
+from .layers import laid, stacked, unlaid
+from .network_law import LevelNetwork, side_of, within
 
 
 @dataclass(frozen=True, eq=False)

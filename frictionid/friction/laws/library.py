@@ -18,8 +18,9 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory, units_of
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.levels import above_zero, on_side, stribeck_factor
+
+from ..law import smooth_sign
+from .levels import above_zero, on_side, stribeck_factor
 
 
 def written_sums(

@@ -16,8 +16,9 @@ from typing import ClassVar
 from frictionid.arrays import Array, namespace
 from frictionid.config import NotNegative
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.levels import (
+
+from ..law import smooth_sign
+from .levels import (
     COARSE_VELOCITIES,
     COULOMB,
     LOAD,

@@ -11,11 +11,12 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.layers import Hidden, cells_after, count, input_slopes, stacked
-from frictionid.friction.laws.levels import above_zero
-from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.network_law import Features, LevelNetwork, fine, side_of, within
+
+from ..law import smooth_sign
+from .layers import Hidden, cells_after, count, input_slopes, stacked
+from .levels import above_zero
+from .mlp import MLP
+from .network_law import Features, LevelNetwork, fine, side_of, within
 
 
 @dataclass(frozen=True)

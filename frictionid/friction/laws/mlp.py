@@ -17,10 +17,11 @@ from pydantic import Field
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, NotNegative, Positive
 from frictionid.friction import Inputs, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.layers import Hidden, slopes, stacked
-from frictionid.friction.laws.levels import above_zero
-from frictionid.friction.laws.network_law import (
+
+from ..law import smooth_sign
+from .layers import Hidden, slopes, stacked
+from .levels import above_zero
+from .network_law import (
     HEAD,
     REACH,
     LevelNetwork,

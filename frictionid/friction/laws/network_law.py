@@ -16,9 +16,10 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.layers import count, drawn, drawn_gates, outputs, rise
-from frictionid.friction.laws.levels import above_zero, on_side
+
+from ..law import smooth_sign
+from .layers import count, drawn, drawn_gates, outputs, rise
+from .levels import above_zero, on_side
 
 _FINE = 30.0  # how much finer slow speeds are resolved than fast ones: friction peaks there
 

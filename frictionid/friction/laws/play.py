@@ -20,7 +20,8 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.laws.combined import CombinedLaw
+
+from .combined import CombinedLaw
 
 _GAP = LawParameter("gap", "rad", 1e-4, 1.0, (0.002, 0.006, 0.02, 0.06), stepwise=True, size=0.03)
 _SLOW = 0.02  # [rad/s], contact closes no more sharply than at this speed

@@ -25,8 +25,9 @@ from dataclasses import dataclass
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.levels import (
+
+from ..law import smooth_sign
+from .levels import (
     COARSE_VELOCITIES,
     COULOMB,
     LOSS,

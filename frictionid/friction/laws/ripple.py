@@ -16,8 +16,9 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.laws.cogging import waves
-from frictionid.friction.laws.combined import CombinedLaw
+
+from .cogging import waves
+from .combined import CombinedLaw
 
 
 @dataclass(frozen=True)

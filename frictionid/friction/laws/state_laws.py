@@ -18,10 +18,11 @@ from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.layers import Hidden, cells_after, count, outputs, stacked
-from frictionid.friction.laws.library import written_sums
-from frictionid.friction.laws.network_law import Features, NetworkLaw
+
+from ..law import smooth_sign
+from .layers import Hidden, cells_after, count, outputs, stacked
+from .library import written_sums
+from .network_law import Features, NetworkLaw
 
 _LARGEST = 2000
 

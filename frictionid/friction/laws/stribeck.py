@@ -6,7 +6,7 @@ Tf = (Fc + Fp exp(-(w/ws)^2)) sgn(w) + Fv w, break-away at Fc + Fp [Olsson1998].
 from dataclasses import dataclass
 from typing import ClassVar
 
-from frictionid.friction.laws.levels import DRAG_TERM, VISCOUS_TERM, Level, LevelLaw
+from .levels import DRAG_TERM, VISCOUS_TERM, Level, LevelLaw
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from typing import Any
 from frictionid.arrays import Array, namespace
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
-from frictionid.friction.laws.combined import CombinedLaw
+
+from .combined import CombinedLaw
 
 _LEVEL = "N m"  # units of parameters that are levels of friction, and of viscous terms
 _VISCOUS = ("N m s/rad", "N m s^2/rad^2")

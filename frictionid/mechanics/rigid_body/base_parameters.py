@@ -16,8 +16,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.mechanics.rigid_body import loops
-from frictionid.mechanics.rigid_body.loops import Geometry
-from frictionid.mechanics.rigid_body.robot import MOMENT_UNITS, MOMENTS, Tree
+
+from .loops import Geometry
+from .robot import MOMENT_UNITS, MOMENTS, Tree
 
 # A column that this little of the largest one is left of, beyond the columns before, is dependent:
 # files round right angles to four digits or more, and an axis that is off by that much has

@@ -10,10 +10,11 @@ import numpy as np
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.mechanics.rigid_body.base_parameters import base_parameters
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, parameters_of_tree
-from frictionid.mechanics.rigid_body.robot import Choice, Robot, Tree, tree_of, with_rotors
-from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf
+
+from .base_parameters import base_parameters
+from .rigid_body_tree import RigidBodyTree, parameters_of_tree
+from .robot import Choice, Robot, Tree, tree_of, with_rotors
+from .robot_files import read_mjcf, read_urdf
 
 
 def urdf(

@@ -8,13 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.rigid_body.kinematics import (
+from frictionid.programs.loops import compiled, inlined
+
+from .kinematics import (
     add_to_parents,
     motion,
     placements,
     world_inertias,
 )
-from frictionid.mechanics.rigid_body.rnea import (
+from .rnea import (
     add_mass_matrix,
     lagrangian_slopes,
     prepare,
@@ -22,7 +24,6 @@ from frictionid.mechanics.rigid_body.rnea import (
     torque_regressor,
     torques,
 )
-from frictionid.programs.loops import compiled, inlined
 
 
 class Geometry(NamedTuple):

@@ -20,16 +20,17 @@ from scipy.optimize import least_squares
 
 from frictionid.arrays import Array, solve, times
 from frictionid.errors import InputError
-from frictionid.mechanics.mechanism import Mechanism, Parameter, Partials, Terms
 from frictionid.mechanics.rigid_body import loops
-from frictionid.mechanics.rigid_body.base_parameters import (
+
+from ..mechanism import Mechanism, Parameter, Partials, Terms
+from .base_parameters import (
     BaseParameters,
     geometry,
     regressor,
 )
-from frictionid.mechanics.rigid_body.kinematics import placements
-from frictionid.mechanics.rigid_body.loops import Geometry
-from frictionid.mechanics.rigid_body.robot import Attached, Tree, moved
+from .kinematics import placements
+from .loops import Geometry
+from .robot import Attached, Tree, moved
 
 PAYLOAD = (
     ("mass", "kg", "mass of the payload"),

@@ -2,14 +2,15 @@
 
 from typing import Any
 
-from frictionid.mechanics.rigid_body.kinematics import (
+from frictionid.programs.loops import inlined
+
+from .kinematics import (
     add_to_parents,
     cross_force,
     cross_motion,
     dot,
     momentum,
 )
-from frictionid.programs.loops import inlined
 
 
 @inlined

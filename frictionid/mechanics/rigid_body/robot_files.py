@@ -11,7 +11,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.files import regular_file
-from frictionid.mechanics.rigid_body.robot import Joint, Limits, Robot, moved, rotation
+
+from .robot import Joint, Limits, Robot, moved, rotation
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")  # of its elements
