@@ -97,6 +97,12 @@ def run_of(data, states, friction=TRUTH, begin=0.0):
     return free_run(plant_of(data), friction, trajectory), trajectory
 
 
+@pytest.fixture(scope="module")
+def usual(logs):
+    """What the true friction gives from the begin of the logs, and the trajectory."""
+    return run_of(*logs)
+
+
 # --- Truth in, truth out -------------------------------------------------------------------------
 
 
@@ -109,9 +115,8 @@ def test_the_true_friction_follows_the_whole_motion(logs, begin):
     assert moved > 1.0 and error.max() < 2e-3 and error.mean() < 3e-4
 
 
-def test_another_friction_or_another_motor_does_not(logs):
-    data, states = logs
-    q, trajectory = run_of(data, states)
+def test_another_friction_or_another_motor_does_not(logs, usual):
+    (data, states), (q, trajectory) = logs, usual
     good = np.nanmean(np.abs(q - trajectory.measured))
     heavy = Friction(CoulombViscous(), np.array([[0.0, 2 * VISCOUS]]))
     weak = replace(
@@ -130,12 +135,12 @@ def servoed(data, change):
     return replace(data, recordings=tuple(changed))
 
 
-def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs):
+def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs, usual):
     data, states = logs
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
     calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
     corrected, _ = run_of(calibrated_dataset(weak, calibration), states)
-    np.testing.assert_allclose(corrected, run_of(data, states)[0], atol=1e-9)
+    np.testing.assert_allclose(corrected, usual[0], atol=1e-9)
 
 
 def test_a_bias_of_the_rig_is_a_constant_torque(logs):
@@ -172,7 +177,7 @@ def test_a_delay_of_the_rig_makes_the_controller_late_and_takes_damping(logs):
     assert change > 1e-3 and np.abs(corrected - shifted).max() < 0.1 * change
 
 
-def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
+def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs, usual):
     data, states = logs
     spoilt = replace(
         data,
@@ -187,16 +192,14 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs):
             for r in data.recordings
         ),
     )
-    runs = (free_run(plant_of(data), TRUTH, make_trajectory(d, states)) for d in (data, spoilt))
-    np.testing.assert_array_equal(*runs)
+    np.testing.assert_array_equal(run_of(spoilt, states)[0], usual[0])
 
 
 # --- Routes that must agree ----------------------------------------------------------------------
 
 
-def test_together_is_as_alone(logs):
-    data, states = logs
-    q, trajectory = run_of(data, states)
+def test_together_is_as_alone(logs, usual):
+    (data, states), (q, trajectory) = logs, usual
     for i in range(len(states)):
         alone, _ = run_of(subset(data, i), states[i : i + 1])
         known = np.isfinite(trajectory.measured[:, i, 0])

@@ -1,6 +1,7 @@
 """Start states that a model finds itself: right for the right model, blind to what comes later."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ TRUE = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
 
 
+@cache
 def data(noise=0.0016, seed=3, rate=60.0):
     rig = Rig(
         "pendulum",
@@ -44,6 +46,13 @@ def states(prepared, friction=TRUE):
     )
 
 
+@cache
+def estimated():
+    """Prepared data, and the states that the true model estimates of it."""
+    prepared = ready(data())
+    return prepared, states(prepared)
+
+
 def errors(dataset, prepared, w):
     starts = prepared.initial_states
     pairs = zip(starts.recording, starts.index, strict=True)
@@ -52,10 +61,9 @@ def errors(dataset, prepared, w):
 
 
 def test_the_true_model_knows_velocities_ten_times_better_than_a_filter():
-    dataset = data()
-    prepared = ready(dataset)
-    own = errors(dataset, prepared, states(prepared).w)
-    filtered = errors(dataset, prepared, prepared.initial_states.w)
+    prepared, state = estimated()
+    own = errors(data(), prepared, state.w)
+    filtered = errors(data(), prepared, prepared.initial_states.w)
     assert np.median(own) < 0.1 * np.median(filtered)
     assert np.median(own) < 0.01
 
@@ -69,7 +77,7 @@ def test_without_noise_the_true_model_finds_the_true_state(rate):
 
 def test_what_comes_later_changes_nothing():
     dataset = data()
-    prepared = ready(dataset)
+    prepared, before = estimated()
     recording = dataset.recordings[1]
     at = 90
     angle = recording.angle.value.copy()
@@ -85,13 +93,13 @@ def test_what_comes_later_changes_nothing():
     changed = ready(replace(dataset, recordings=others))
     early = (prepared.initial_states.recording == 1) & (prepared.initial_states.index <= at)
     assert early.sum() > 3
-    a, b = states(prepared), states(changed)
-    np.testing.assert_allclose(a.w[early], b.w[early], atol=2e-3)
-    np.testing.assert_allclose(a.q[early], b.q[early], atol=2e-4)
+    after = states(changed)
+    np.testing.assert_allclose(before.w[early], after.w[early], atol=2e-3)
+    np.testing.assert_allclose(before.q[early], after.q[early], atol=2e-4)
 
 
 def test_starts_side_by_side_are_each_alone():
-    prepared = ready(data())
+    prepared, _ = estimated()
     starts = prepared.initial_states
     theta = np.stack([TRUE.theta * (1 + 0.2 * (s % 2)) for s in range(len(starts.index))])
     plant = prepared.plant[starts.recording]
@@ -129,7 +137,7 @@ class SampledViscous(Law):
 
 @pytest.mark.parametrize("drag", [0.002, 0.02])
 def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
-    prepared = ready(data())
+    prepared, _ = estimated()
     starts = prepared.initial_states
     state = states(prepared, Friction(SampledViscous(), np.array([[0.02, drag]])))
     own = np.abs(state.w - starts.w).max(axis=-1) > 0.0  # the others are the filter's
@@ -145,8 +153,7 @@ def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
     ],
 )
 def test_any_law_finds_its_start(law, theta):
-    dataset = data()
-    prepared = ready(dataset)
+    prepared, _ = estimated()
     state = states(prepared, Friction(law, np.array(theta)))
     assert all(np.isfinite(z).all() and z.shape == state.w.shape for z in state.memory)
-    assert np.median(errors(dataset, prepared, state.w)) < 0.02
+    assert np.median(errors(data(), prepared, state.w)) < 0.02

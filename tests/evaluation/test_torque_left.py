@@ -98,7 +98,7 @@ def test_fit_evaluation_and_comparison_say_the_same(data):
 
 
 def test_the_commands_print_it_without_a_file_to_write(monkeypatch, capsys, tmp_path):
-    fit = fid.fit("acrobot_clean", "coulomb_viscous")
+    fit = fid.fit("acrobot_clean", "coulomb_viscous", method="one_step")
     fit.save(tmp_path / "model.json")
     arguments = "evaluate", "model.json", "acrobot_clean", "--horizons", "0.1"
     code, out, _ = run_command(monkeypatch, capsys, tmp_path, *arguments)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.result_folders import leave_blank
 
 from frictionid.__main__ import main
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
@@ -139,6 +140,7 @@ kind = "coulomb_viscous"
 
 
 def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, capsys):
+    leave_blank(monkeypatch)
     write_dataset(DATA, tmp_path / "data")
     (tmp_path / "s.toml").write_text(SUITE)
     out = tmp_path / "out"

@@ -78,16 +78,16 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
     )
     intervals = intervals_of(acrobot())
     problem, estimate = prepare_fit(friction, intervals, blocks, Settings())
-    nodes, rows = problem.initial_nodes(estimate), np.arange(len(intervals.dt))
-    lines = problem.linearise(estimate, nodes, rows)
+    nodes = problem.initial_nodes(estimate)
     # a joint that meets w = 0 has a kink there
-    smooth = (np.abs(intervals.w) > 1.5).all(axis=1)
-    assert smooth.sum() > 50
+    rows = np.flatnonzero((np.abs(intervals.w) > 1.5).all(axis=1))[:60]
+    assert len(rows) > 50
+    lines = problem.linearise(estimate, nodes, rows)
 
     def agree(ours, up, down, step):
-        theirs = ((up - down) / (2 * step))[smooth]
+        theirs = ((up - down) / (2 * step))[rows]
         size = np.linalg.norm(theirs, axis=0)
-        off = np.linalg.norm(ours[smooth] - theirs, axis=0)
+        off = np.linalg.norm(ours[rows] - theirs, axis=0)
         assert (off <= 2e-2 * size + 1e-9).all(), off / size
         return size.any()
 
