@@ -7,6 +7,8 @@ and Stribeck friction, 4 recordings of 5 s each at 60 Hz with 0.3 to 2 mrad of n
 below. Smoothing commutes with linear maps of the angles, so that one smoothing serves many faults.
 """
 
+from functools import cache
+
 import numpy as np
 import pytest
 from fixtures import planted_faults as pool
@@ -19,12 +21,21 @@ CASES, FOUND, FALSE = 200, 0.95, 0.02
 CLEAR, CLEARLY_HEALTHY = 60, 150  # cases without an exception: 0.95^60 and 0.98^150 < 0.05
 
 
-@pytest.fixture(scope="module")
+@cache
 def healthy():
-    """Cases with their motions: enough that 200 have two joints and 200 wrap."""
+    """Cases: enough that 200 have two joints and 200 wrap."""
     rigs, rng = pool.pool(seed=0), np.random.default_rng(11)
-    cases = [pool.case(rigs[i % len(rigs)], rng) for i in range(270)]
-    return list(zip(cases, smoothed(cases), strict=True))
+    return [pool.case(rigs[i % len(rigs)], rng) for i in range(270)]
+
+
+@cache
+def block(k):
+    """Motions of the cases of the k-th thirty."""
+    return smoothed(healthy()[30 * k : 30 * k + 30])
+
+
+def with_motions(numbers):
+    return [(healthy()[i], block(i // 30)[i % 30]) for i in numbers]
 
 
 def smoothed(cases):
@@ -57,10 +68,10 @@ def applicable(case, fault, two):
     return (not two or pool.joints_of(case) == 2) and (fault != "wrapped_angle" or pool.wraps(case))
 
 
-def test_healthy_recordings_are_called_good(healthy):
-    alarms = false_alarms(healthy[:CLEARLY_HEALTHY])
+def test_healthy_recordings_are_called_good():
+    alarms = false_alarms(with_motions(range(CLEARLY_HEALTHY)))
     if alarms:
-        alarms += false_alarms(healthy[CLEARLY_HEALTHY:CASES])
+        alarms += false_alarms(with_motions(range(CLEARLY_HEALTHY, CASES)))
     assert len(alarms) <= FALSE * CASES, alarms
 
 
@@ -70,14 +81,14 @@ def false_alarms(cases):
 
 
 @pytest.mark.parametrize("fault", pool.FAULTS)
-def test_a_planted_fault_is_found_and_named(fault, healthy):
+def test_a_planted_fault_is_found_and_named(fault):
     _, two = pool.FAULTS[fault]
     rng = np.random.default_rng(100 + list(pool.FAULTS).index(fault))
-    chosen = [pair for pair in healthy if applicable(pair[0], fault, two)][:CASES]
+    chosen = [i for i, case in enumerate(healthy()) if applicable(case, fault, two)][:CASES]
     assert len(chosen) == CASES
-    missed, others = exceptions(chosen[:CLEAR], fault, rng)
+    missed, others = exceptions(with_motions(chosen[:CLEAR]), fault, rng)
     if missed or others:
-        more = exceptions(chosen[CLEAR:], fault, rng)
+        more = exceptions(with_motions(chosen[CLEAR:]), fault, rng)
         missed, others = missed + more[0], others + more[1]
     assert len(missed) <= (1 - FOUND) * CASES, missed
     # and one fault raises no suspicion of others
@@ -129,9 +140,10 @@ def verdicts_of(cases):
 
 
 @pytest.mark.parametrize("fault", ["flipped_angle", "degrees", "swapped_joints", "wrapped_angle"])
-def test_the_motions_of_planted_angles_are_those_of_the_smoother(fault, healthy):
+def test_the_motions_of_planted_angles_are_those_of_the_smoother(fault):
     plant, two = pool.FAULTS[fault]
-    case, motions = next(pair for pair in healthy if applicable(pair[0], fault, two))
+    number = next(i for i, case in enumerate(healthy()) if applicable(case, fault, two))
+    ((case, motions),) = with_motions([number])
     planted, words = plant(case, np.random.default_rng(0))
     made = motions_of(unwrapped(planted)[0].recordings)
     for ours, theirs in zip(mapped(motions, fault, words), made, strict=True):

@@ -63,7 +63,8 @@ def test_identifiers_keep_to_the_contract(identifier):
 QUICK = {"epochs": 2}
 NETWORKS = ("mlp", "lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm")
 SETTINGS = {
-    "gear_load": {"moment": 0.1},
+    "gear_load": {"moment": 0.1, "iterations": 10},
+    "lugre": {"iterations": 10},
     "mlp": {"hidden": [6]},
     "sklearn": {"estimator": "kernel_ridge"},
     **dict.fromkeys(("lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm"), QUICK),
