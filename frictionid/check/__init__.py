@@ -14,6 +14,6 @@ questions                 answers, also where nothing is wrong; what to record n
 verdict                   the sequence of all checks
 """
 
-from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.torque_source import TorqueSource, source_sentences, torque_sources
-from frictionid.check.verdict import Verdict, check, judge
+from .findings import LEVELS, Finding
+from .torque_source import TorqueSource, source_sentences, torque_sources
+from .verdict import Verdict, check, judge

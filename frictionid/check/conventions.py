@@ -17,15 +17,16 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import (
+from frictionid.data.readers.column_toml import Gears
+from frictionid.fitting.one_step.balances import Rows, balances_of
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+
+from .findings import Finding, finding
+from .motion import (
     WIDTH,
     Measured,
     characteristic_speeds,
 )
-from frictionid.data.readers.column_toml import Gears
-from frictionid.fitting.one_step.balances import Rows, balances_of
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.motion import Motion, resolution, speeds_of
 from frictionid.data.recordings import Recording
+
+from .motion import Motion, resolution, speeds_of
 
 
 @dataclass(frozen=True)

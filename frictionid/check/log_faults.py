@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.facts import deviations, run_edges, scatter_of
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import Measured
 from frictionid.data.clock_facts import GAP, usual_intervals
 from frictionid.data.recordings import Dataset, Recording
+
+from .facts import deviations, run_edges, scatter_of
+from .findings import Finding, finding
+from .motion import Measured
 
 # Kinks at least; second differences around one are so many times those with the sign turned, and no
 # reading is zero so many samples before or behind: what is cut off at zero is no size.

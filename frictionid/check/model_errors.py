@@ -13,11 +13,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, finding, sentence
-from frictionid.check.motion import WIDTH, Measured
-from frictionid.check.partial_regression import MODEL, PartialRegression, partial_regression
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.mechanics import Plant
+
+from .findings import Finding, finding, sentence
+from .motion import WIDTH, Measured
+from .partial_regression import MODEL, PartialRegression, partial_regression
 
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
 # torque shows from this share of it.

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.regression import block_numbers, friction_columns, row_rms
 from frictionid.fitting.one_step.balances import Rows
+
+from .regression import block_numbers, friction_columns, row_rms
 
 # Prior standard deviation of the mechanism's parameters where they are a nuisance, as a share.
 PARAMETER_PRIOR = 0.3

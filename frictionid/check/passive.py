@@ -6,14 +6,15 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.facts import run_edges
-from frictionid.check.findings import Finding, finding, percent
-from frictionid.check.hypothesis_tests import HypothesisTests
-from frictionid.check.motion import Measured, Motion
-from frictionid.check.regression import Estimate
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
+
+from .facts import run_edges
+from .findings import Finding, finding, percent
+from .hypothesis_tests import HypothesisTests
+from .motion import Measured, Motion
+from .regression import Estimate
 
 # Shortest passive phase [s]; energy may seem to rise by this share of its range in it.
 PHASE, RISE = 0.5, 0.25

@@ -9,15 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.conventions import ALIKE, EXPLAINS, MARGIN, Scored
-from frictionid.check.facts import JointFacts
-from frictionid.check.findings import Finding, finding, percent, percent_unexplained
-from frictionid.check.hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
-from frictionid.check.motion import MIN_WINDOWS, Measured, sliding_speeds
-from frictionid.check.passive import energy_answer, rest_answers
-from frictionid.check.regression import Estimate, row_rms
-from frictionid.check.torque_source import TorqueSource
 from frictionid.mechanics import Mechanism
+
+from .conventions import ALIKE, EXPLAINS, MARGIN, Scored
+from .facts import JointFacts
+from .findings import Finding, finding, percent, percent_unexplained
+from .hypothesis_tests import UNUSABLE_DELAY, HypothesisTests
+from .motion import MIN_WINDOWS, Measured, sliding_speeds
+from .passive import energy_answer, rest_answers
+from .regression import Estimate, row_rms
+from .torque_source import TorqueSource
 
 # Findings beside which an estimate is only right if nothing else is wrong.
 RIVALS = frozenset({"load", "unknown_cause", "zero_torque", "constant_angle"})

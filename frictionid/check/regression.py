@@ -24,11 +24,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import Measured
 from frictionid.fitting.one_step.balances import PART_SHAPES, SHAPE_NAMES, Rows
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
+
+from .findings import Finding, finding
+from .motion import Measured
 
 FRICTION, SLOW = ("coulomb", "viscous", "offset"), ("slow", "slower")
 # Errors are correlated within a swing: this long a block [s] counts as one observation, or a whole

@@ -15,12 +15,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
+
+from .findings import Finding, finding
+from .motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
 
 TURN = 2 * np.pi
 READINGS = 5  # fewest equal readings

@@ -12,20 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import MIN_WINDOWS, Measured, Motion, adapted
-from frictionid.check.partial_regression import (
-    Nuisance,
-    PartialRegression,
-    nuisance_of,
-    refined_delay,
-)
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, holds
 from frictionid.fitting.one_step.balances import Rows
+
+from .findings import Finding, finding
+from .motion import MIN_WINDOWS, Measured, Motion, adapted
+from .partial_regression import (
+    Nuisance,
+    PartialRegression,
+    nuisance_of,
+    refined_delay,
+)
 
 _LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its last steps
 _WIDE = 2.5  # standard errors, as of a measured torque's delay

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.check.conventions import MARGIN, log_unexplained
-from frictionid.check.findings import Finding, finding
-from frictionid.check.motion import Measured, motions_of, windows_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
+
+from .conventions import MARGIN, log_unexplained
+from .findings import Finding, finding
+from .motion import Measured, motions_of, windows_of
 
 # [s] between samples of angles: machines are sampled 5 to 5000 times a second, which leaves one
 # unit of time to compare with the one of the table.

@@ -11,15 +11,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check.facts import noise_of, repeated, unexplained_noise
-from frictionid.check.findings import Finding, finding, percent
-from frictionid.check.hypothesis_tests import HypothesisTests, sampling_findings
-from frictionid.check.motion import DISTINCT, resolution
-from frictionid.check.passive import GravityShares, gravity_shares
-from frictionid.check.regression import Estimate, Regression, row_rms
 from frictionid.data.plants import LINK_TORQUE, LINK_TORQUE_REMEDY
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
+
+from .facts import noise_of, repeated, unexplained_noise
+from .findings import Finding, finding, percent
+from .hypothesis_tests import HypothesisTests, sampling_findings
+from .motion import DISTINCT, resolution
+from .passive import GravityShares, gravity_shares
+from .regression import Estimate, Regression, row_rms
 
 Source = Literal["measured", "commanded", "modelled", "cannot tell"]
 

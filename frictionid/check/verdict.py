@@ -4,27 +4,32 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
-from frictionid.check.conventions import Scored
-from frictionid.check.facts import JointFacts, joints_of
-from frictionid.check.findings import LEVELS, Finding
-from frictionid.check.hypothesis_tests import (
+from frictionid.data.clock_facts import ClockFacts, clock_of
+from frictionid.data.plants import plant_of
+from frictionid.data.recordings import Dataset
+from frictionid.friction import Friction
+
+from .conventions import Scored
+from .facts import JointFacts, joints_of
+from .findings import LEVELS, Finding
+from .hypothesis_tests import (
     Delay,
     HypothesisTests,
     run_tests,
     sampling_findings,
     untested,
 )
-from frictionid.check.log_faults import dead_torques, log_findings
-from frictionid.check.model_errors import ModelError
-from frictionid.check.motion import Measured, Motion, adapted, is_blurred, motions_of
-from frictionid.check.passive import (
+from .log_faults import dead_torques, log_findings
+from .model_errors import ModelError
+from .motion import Measured, Motion, adapted, is_blurred, motions_of
+from .passive import (
     energy_findings,
     gravity_findings,
     gravity_shares,
     passive_time,
     rest_findings,
 )
-from frictionid.check.questions import (
+from .questions import (
     Identifiable,
     Question,
     advice,
@@ -32,7 +37,7 @@ from frictionid.check.questions import (
     questions,
     still_joints,
 )
-from frictionid.check.regression import (
+from .regression import (
     Compared,
     Estimate,
     Regression,
@@ -41,7 +46,7 @@ from frictionid.check.regression import (
     regress,
     widened,
 )
-from frictionid.check.sensors import (
+from .sensors import (
     frozen_angles,
     frozen_findings,
     frozen_torques,
@@ -49,18 +54,14 @@ from frictionid.check.sensors import (
     velocity_findings,
     without_outliers,
 )
-from frictionid.check.servos import servo_advice, servo_findings, with_late_targets
-from frictionid.check.time_unit import in_seconds
-from frictionid.check.torque_source import (
+from .servos import servo_advice, servo_findings, with_late_targets
+from .time_unit import in_seconds
+from .torque_source import (
     TorqueSource,
     place_findings,
     torque_sources,
     unmeasured_findings,
 )
-from frictionid.data.clock_facts import ClockFacts, clock_of
-from frictionid.data.plants import plant_of
-from frictionid.data.recordings import Dataset
-from frictionid.friction import Friction
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,12 @@ from frictionid.arrays import Array, times
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.residual import Problem, integral_problem
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Plant, double_pendulum, pendulum
+
+from ..identifier import Identifier
+from ..one_step.residual import Problem, integral_problem
 
 _RATE = 50.0  # [Hz]
 _SAMPLES = 45

@@ -8,9 +8,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import bounded
-from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.friction import along
+
+from ..gauss_newton import bounded
+from ..one_step.linearised import Linearised
 
 _RIDGE = 1e-12
 _SWEEPS = 2

@@ -13,14 +13,15 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import Conditions, minimum
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers.initial_guess import best_initial_guess
-from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.one_step_fit import spread_of
-from frictionid.fitting.one_step.residual import Problem, huber_factors, normalised
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import check_temperature
+
+from ..gauss_newton import Conditions, minimum
+from ..identifier import Identifier
+from ..one_step.linearised import Given, Linearised, Ranges
+from ..one_step.one_step_fit import spread_of
+from ..one_step.residual import Problem, huber_factors, normalised
+from .initial_guess import best_initial_guess
 
 _ROUNDS = 2  # of weights
 _ENOUGH = 100_000  # rows to begin with, where there are more

@@ -7,16 +7,17 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.config import validated
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import box_step
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers.initial_guess import check_rows
-from frictionid.fitting.identifiers.least_squares import LeastSquares
-from frictionid.fitting.one_step.grams import check_linear, columns, grams
-from frictionid.fitting.one_step.linearised import Given, Linearised, Ranges
-from frictionid.fitting.one_step.residual import Problem, data_range, normalised
 from frictionid.friction import Friction, Groups, Law
 from frictionid.friction.law import NUMERICAL_WIDTH
 from frictionid.friction.laws import Spline
+
+from ..gauss_newton import box_step
+from ..identifier import Identifier
+from ..one_step.grams import check_linear, columns, grams
+from ..one_step.linearised import Given, Linearised, Ranges
+from ..one_step.residual import Problem, data_range, normalised
+from .initial_guess import check_rows
+from .least_squares import LeastSquares
 
 _RIDGE = 1e-13
 _CHECKED = 200  # nodes of each joint

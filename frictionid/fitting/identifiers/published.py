@@ -7,10 +7,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import stack_calibrations
 from frictionid.errors import InputError
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction
+
+from ..identifier import Identifier
+from ..one_step.residual import Problem
 
 
 @dataclass(frozen=True)

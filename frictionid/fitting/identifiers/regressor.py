@@ -18,11 +18,12 @@ from pydantic import Field
 from frictionid.arrays import Array, times
 from frictionid.config import is_installed, validated
 from frictionid.errors import InputError, needs
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.laws.curves import Table
 from frictionid.friction.laws.external import Predicted, features
+
+from ..identifier import Identifier
+from ..one_step.residual import Problem, normalised
 
 _FIRST, _PER_DECADE = 0.01, 12  # [rad/s], speeds of a table
 _WIDTH = 0.02  # [rad/s]

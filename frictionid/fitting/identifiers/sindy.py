@@ -22,8 +22,14 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError, needs
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers.active_sets import (
+from frictionid.friction import Friction
+from frictionid.friction.laws.library import Library
+from frictionid.friction.laws.state_laws import StateLibrary
+
+from ..identifier import Identifier
+from ..one_step.grams import clusters, columns, grams
+from ..one_step.residual import Problem, normalised
+from .active_sets import (
     ActiveSet,
     Constraints,
     admissible,
@@ -33,11 +39,6 @@ from frictionid.fitting.identifiers.active_sets import (
     selected,
     unit_columns,
 )
-from frictionid.fitting.one_step.grams import clusters, columns, grams
-from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.friction import Friction
-from frictionid.friction.laws.library import Library
-from frictionid.friction.laws.state_laws import StateLibrary
 
 _DIGITS = 9
 _UNCHECKED: dict[str, Any] = {"assume_finite": True, "skip_parameter_validation": True}

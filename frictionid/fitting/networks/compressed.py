@@ -18,18 +18,19 @@ from scipy.sparse import csr_array, diags_array, hstack
 from frictionid.arrays import Array
 from frictionid.config import Count, NotNegative, Positive, validated
 from frictionid.errors import InputError
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.networks.training import (
+from frictionid.friction import Friction, Inputs, Law, at_rest
+from frictionid.friction.law import smooth_sign
+from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
+
+from ..identifier import Identifier
+from ..one_step.residual import Problem, normalised
+from .training import (
     Share,
     friction_scales,
     held_out,
     member_seeds,
 )
-from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.friction import Friction, Inputs, Law, at_rest
-from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 _FINE = 30.0  # how much closer nodes stand at rest than at the highest speed
 

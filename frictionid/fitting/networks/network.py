@@ -18,9 +18,15 @@ from pydantic import Field
 from frictionid.arrays import Array
 from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError, needs
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.identifiers.sindy import accelerations
-from frictionid.fitting.networks.training import (
+from frictionid.friction import Friction, Law
+from frictionid.friction.laws.ensemble import together
+from frictionid.friction.laws.mlp import MLP
+from frictionid.friction.laws.network_law import NetworkLaw, is_learned
+
+from ..identifier import Identifier
+from ..identifiers.sindy import accelerations
+from ..one_step.residual import Problem, normalised
+from .training import (
     Adam,
     EarlyStopping,
     Share,
@@ -32,14 +38,9 @@ from frictionid.fitting.networks.training import (
     member_seeds,
     padded_items,
 )
-from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.friction import Friction, Law
-from frictionid.friction.laws.ensemble import together
-from frictionid.friction.laws.mlp import MLP
-from frictionid.friction.laws.network_law import NetworkLaw, is_learned
 
 if TYPE_CHECKING:
-    from frictionid.fitting.networks.training_sets import (
+    from .training_sets import (
         FoldStack,
         RowTrainingSet,
         SequenceTrainingSet,
@@ -122,7 +123,7 @@ class Network(Identifier):
         scales : (F, n, k) of the first k parameters of the law
         costs : in training and on what is held out; means over the members
         """
-        from frictionid.fitting.networks.training_sets import FoldStack  # imports torch: late
+        from .training_sets import FoldStack  # imports torch: late
 
         check_device(self.device)
         problem = problems[0]
@@ -180,7 +181,7 @@ class Network(Identifier):
     def _training_set(
         self, stack: FoldStack, weights: Array
     ) -> RowTrainingSet | SequenceTrainingSet:
-        from frictionid.fitting.networks.training_sets import (
+        from .training_sets import (
             RowTrainingSet,
             SequenceTrainingSet,
         )

@@ -18,9 +18,10 @@ from pydantic import Field
 
 from frictionid.arrays import Array, times
 from frictionid.errors import InputError, needs
-from frictionid.fitting.identifiers.least_squares import LeastSquares
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction.laws import CoulombViscous
+
+from ..identifiers.least_squares import LeastSquares
+from ..one_step.residual import Problem
 
 _FEW = 4  # recordings of a fold: fewer are divided into pieces
 _PIECES = 8

@@ -10,11 +10,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
-from frictionid.fitting.networks.cells import CompiledCells
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Nodes
 from frictionid.friction.laws.layers import count
 from frictionid.friction.laws.network_law import NetworkLaw
+
+from ..one_step.residual import Problem
+from .cells import CompiledCells
 
 with needs("networks"):
     import torch

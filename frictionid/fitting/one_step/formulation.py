@@ -17,18 +17,19 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
 from frictionid.data.state_estimators import RTS, Backward, Estimator, States, thin
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.one_step_fit import checked_fit, one_step_fit
-from frictionid.fitting.one_step.residual import (
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import with_units_of
+from frictionid.mechanics import Mechanism, Plant
+
+from ..fit import Fit
+from ..identifier import Identifier
+from .one_step_fit import checked_fit, one_step_fit
+from .residual import (
     Problem,
     euler_problem,
     integral_problem,
     mask_stiction,
 )
-from frictionid.friction import Friction
-from frictionid.friction.coordinates import with_units_of
-from frictionid.mechanics import Mechanism, Plant
 
 SCHEMES = ("euler", "integral")
 

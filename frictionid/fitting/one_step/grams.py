@@ -11,9 +11,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.one_step.linearised import Linearised
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Law
+
+from .linearised import Linearised
+from .residual import Problem
 
 FEW = 10  # recordings whose scatter says little
 _STRETCHES = 20

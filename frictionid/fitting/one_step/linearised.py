@@ -10,8 +10,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import Conditions
-from frictionid.fitting.one_step.residual import Problem, data_range
 from frictionid.friction import (
     Constraints,
     Friction,
@@ -21,6 +19,9 @@ from frictionid.friction import (
     along,
     constraints_of,
 )
+
+from ..gauss_newton import Conditions
+from .residual import Problem, data_range
 
 _DIFFERENCE = 1e-6
 _EXACT = 1e-22  # costs below this part of that without friction are rounding

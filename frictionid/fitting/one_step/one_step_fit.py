@@ -13,14 +13,15 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Covariance, Fit
-from frictionid.fitting.gauss_newton import Conditions
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.grams import clusters
-from frictionid.fitting.one_step.linearised import Linearised
-from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Friction
+
+from ..fit import Covariance, Fit
+from ..gauss_newton import Conditions
+from ..identifier import Identifier
+from ..parameters.parameter_block import Parameter
+from .grams import clusters
+from .linearised import Linearised
+from .residual import Problem, normalised
 
 
 def covariance_of_fit(friction: Friction, problem: Problem, weights: Array) -> tuple[Array, int]:

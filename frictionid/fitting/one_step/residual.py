@@ -23,7 +23,6 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import MAD
 from frictionid.friction import DataRange, Inputs, Nodes, joined
 from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
@@ -35,6 +34,8 @@ from frictionid.mechanics.plant import (
     momentum_balance,
     with_midpoints,
 )
+
+from ..gauss_newton import MAD
 
 # An interval this many times longer than the recording's usual one is a gap: no row bridges it, one
 # of half a second has cost seven per cent of the friction curve.

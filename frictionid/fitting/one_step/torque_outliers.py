@@ -22,9 +22,10 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
-from frictionid.fitting.gauss_newton import MAD
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import interval_stencil, momentum_balance, with_midpoints
+
+from ..gauss_newton import MAD
 
 _OFF = 6.0  # times the usual distance from the neighbours
 _ALIKE = 0.8  # of what a neighbour is off: the same size

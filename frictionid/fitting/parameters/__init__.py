@@ -1,6 +1,6 @@
 """Parameters that fits can free: friction, inertia, sensors and clocks, servos."""
 
-from frictionid.fitting.parameters.blocks import (
+from .blocks import (
     ActuatorBlock,
     BacklashBlock,
     BiasBlock,
@@ -11,4 +11,4 @@ from frictionid.fitting.parameters.blocks import (
     OffsetBlock,
     TargetDelayBlock,
 )
-from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from .parameter_block import Estimate, Parameter, ParameterBlock

@@ -12,7 +12,10 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import DataRange, Friction, constraints_of
+from frictionid.mechanics import Mechanism, configurations
+
+from .parameter_block import (
     FREE,
     Estimate,
     Logged,
@@ -21,8 +24,6 @@ from frictionid.fitting.parameters.parameter_block import (
     Values,
     check_fixed,
 )
-from frictionid.friction import DataRange, Friction, constraints_of
-from frictionid.mechanics import Mechanism, configurations
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")

@@ -9,21 +9,26 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Covariance, Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.grams import clusters
-from frictionid.fitting.one_step.one_step_fit import checked_fit
-from frictionid.fitting.one_step.residual import data_range
-from frictionid.fitting.parameters import ParameterBlock
-from frictionid.fitting.parameters.blocks import on_support
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import Friction, Inputs, along, constraints_of
+from frictionid.friction.coordinates import with_units_of
+from frictionid.friction.laws import NoFriction
+from frictionid.friction.provenance import Diagnostics, Dropped
+
+from ..fit import Covariance, Fit
+from ..identifier import Identifier
+from ..one_step.grams import clusters
+from ..one_step.one_step_fit import checked_fit
+from ..one_step.residual import data_range
+from ..parameters import ParameterBlock
+from ..parameters.blocks import on_support
+from ..parameters.parameter_block import (
     Estimate,
     free_blocks,
     values_of,
     with_excess,
 )
-from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
-from frictionid.fitting.shooting.neutral import (
+from ..shooting.covariance import grouped_covariance, least_significant
+from ..shooting.neutral import (
     Key,
     Unknown,
     at_neutral,
@@ -31,8 +36,8 @@ from frictionid.fitting.shooting.neutral import (
     unknown_parameters,
     with_held,
 )
-from frictionid.fitting.shooting.sandwich import FEW, Groups, excess_of
-from frictionid.fitting.torque_balance.solve import (
+from ..shooting.sandwich import FEW, Groups, excess_of
+from .solve import (
     TorqueProblem,
     TorqueSettings,
     TorqueSolution,
@@ -41,11 +46,7 @@ from frictionid.fitting.torque_balance.solve import (
     made_consistent,
     solve,
 )
-from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
-from frictionid.friction import Friction, Inputs, along, constraints_of
-from frictionid.friction.coordinates import with_units_of
-from frictionid.friction.laws import NoFriction
-from frictionid.friction.provenance import Diagnostics, Dropped
+from .torque_balance import TorqueBalance
 
 BLOCKS = ("friction", "inertia", "delay", "gain", "bias")
 _STARTS = 2

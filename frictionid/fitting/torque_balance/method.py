@@ -6,24 +6,25 @@ from typing import ClassVar
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.fit import Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.parameters import (
+
+from ..fit import Fit
+from ..identifier import Identifier
+from ..one_step.formulation import INTEGRAL, Recipe
+from ..parameters import (
     BiasBlock,
     DelayBlock,
     FrictionBlock,
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting.recipe import (
+from ..shooting.recipe import (
     ShootingData,
     with_folds,
 )
-from frictionid.fitting.shooting.settings import applicable
-from frictionid.fitting.torque_balance.fit import fit_torques
-from frictionid.fitting.torque_balance.solve import TorqueSettings
-from frictionid.fitting.torque_balance.torque_balance import TorqueBalance, torque_balance
+from ..shooting.settings import applicable
+from .fit import fit_torques
+from .solve import TorqueSettings
+from .torque_balance import TorqueBalance, torque_balance
 
 DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     FrictionBlock(),

@@ -10,9 +10,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.gauss_newton import MAD, Conditions, minimum
-from frictionid.fitting.one_step.linearised import torque_gradient
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import along
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
+
+from ..gauss_newton import MAD, Conditions, minimum
+from ..one_step.linearised import torque_gradient
+from ..parameters.parameter_block import (
     Estimate,
     FreeBlock,
     Limits,
@@ -24,9 +27,7 @@ from frictionid.fitting.parameters.parameter_block import (
     values_of,
     with_values,
 )
-from frictionid.fitting.torque_balance.torque_balance import TorqueBalance
-from frictionid.friction import along
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
+from .torque_balance import TorqueBalance
 
 _RECENT = 4  # estimates that are kept
 

@@ -25,11 +25,12 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.fitting.one_step.residual import GAP, Problem, stiction_mask
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.mechanics import Mechanism, Plant
 from frictionid.mechanics.plant import with_midpoints
+
+from ..one_step.residual import GAP, Problem, stiction_mask
 
 _SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
 _NODES = 4000  # whose regressor is computed at a time
