@@ -22,11 +22,7 @@ from frictionid.fitting.one_step.balances import Rows, balances_of
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 from .findings import Finding, finding
-from .motion import (
-    WIDTH,
-    Measured,
-    characteristic_speeds,
-)
+from .motion import WIDTH, Measured, characteristic_speeds
 
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
@@ -101,10 +97,7 @@ class Scored(NamedTuple):
 
 
 def hypotheses(
-    n: int,
-    driven: Sequence[bool],
-    position_units: Sequence[str] = (),
-    gears: Gears | None = None,
+    n: int, driven: Sequence[bool], position_units: Sequence[str] = (), gears: Gears | None = None
 ) -> Iterator[Convention]:
     """Conventions that recordings of n joints may follow; the first is the data as given.
 

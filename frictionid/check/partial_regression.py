@@ -100,11 +100,7 @@ class Nuisance(NamedTuple):
 
 
 def nuisance_of(
-    rows: Rows,
-    nominal: Array,
-    *,
-    uncertain_mechanism: bool = False,
-    prior: float = PARAMETER_PRIOR,
+    rows: Rows, nominal: Array, *, uncertain_mechanism: bool = False, prior: float = PARAMETER_PRIOR
 ) -> Nuisance:
     """Free friction of rows of unit parameter vectors, and perhaps changes of the mechanism.
 

@@ -21,12 +21,7 @@ from frictionid.fitting.one_step.balances import Rows
 
 from .findings import Finding, finding
 from .motion import MIN_WINDOWS, Measured, Motion, adapted
-from .partial_regression import (
-    Nuisance,
-    PartialRegression,
-    nuisance_of,
-    refined_delay,
-)
+from .partial_regression import Nuisance, PartialRegression, nuisance_of, refined_delay
 
 _LATEST, _COARSE, _STEP = 0.06, 0.004, 0.001  # [s], of the search and of its last steps
 _WIDE = 2.5  # standard errors, as of a measured torque's delay
@@ -167,11 +162,7 @@ def servo_advice(dataset: Dataset) -> list[str]:
 def _late_findings(best: _Late, first: _Late) -> Iterator[Finding]:
     """Findings of the delay of targets and of backlash; first : the best without backlash."""
     late, margin = best.late, _WIDE * best.error
-    words = {
-        "low": late - margin,
-        "high": late + margin,
-        "digits": 1 if 2e3 * margin > 0.1 else 2,
-    }
+    words = {"low": late - margin, "high": late + margin, "digits": 1 if 2e3 * margin > 0.1 else 2}
     yield finding("late_targets", {"delay": late, "error": best.error}, words)
     if best.play:
         numbers = {"backlash": best.play, "explains": 1.0 - best.left / first.left}

@@ -12,40 +12,13 @@ from frictionid.friction import Friction
 from .conventions import Scored
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding
-from .hypothesis_tests import (
-    Delay,
-    HypothesisTests,
-    run_tests,
-    sampling_findings,
-    untested,
-)
+from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
 from .log_faults import dead_torques, log_findings
 from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, is_blurred, motions_of
-from .passive import (
-    energy_findings,
-    gravity_findings,
-    gravity_shares,
-    passive_time,
-    rest_findings,
-)
-from .questions import (
-    Identifiable,
-    Question,
-    advice,
-    identifiable,
-    questions,
-    still_joints,
-)
-from .regression import (
-    Compared,
-    Estimate,
-    Regression,
-    compared,
-    incompatible,
-    regress,
-    widened,
-)
+from .passive import energy_findings, gravity_findings, gravity_shares, passive_time, rest_findings
+from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
+from .regression import Compared, Estimate, Regression, compared, incompatible, regress, widened
 from .sensors import (
     frozen_angles,
     frozen_findings,
@@ -56,12 +29,7 @@ from .sensors import (
 )
 from .servos import servo_advice, servo_findings, with_late_targets
 from .time_unit import in_seconds
-from .torque_source import (
-    TorqueSource,
-    place_findings,
-    torque_sources,
-    unmeasured_findings,
-)
+from .torque_source import TorqueSource, place_findings, torque_sources, unmeasured_findings
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,13 +102,7 @@ def rollout(
 
 
 def ahead(
-    plant: Plant,
-    friction: Friction,
-    state: State,
-    u: Array,
-    dt: Array,
-    size: StepSize,
-    many: bool,
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, size: StepSize, many: bool
 ) -> State:
     """State after dt (...) within a sample interval, in which a memory of samples stands still.
 

@@ -121,12 +121,7 @@ class Substepped(NamedTuple):
 
 
 def substep(
-    plant: Plant,
-    friction: Friction,
-    state: State,
-    u: Array,
-    dt: Array,
-    begin: Begin | None = None,
+    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, begin: Begin | None = None
 ) -> Substepped:
     """State after one substep, and what happened in it."""
     held = stiction(Instant(plant, friction, state, u)) if begin is None else begin.stiction

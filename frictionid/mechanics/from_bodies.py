@@ -10,15 +10,7 @@ import sympy as sp
 from frictionid.config import nearest
 from frictionid.errors import InputError
 
-from .description import (
-    Base,
-    Body,
-    Description,
-    Expression,
-    by_motion,
-    combination,
-    energies,
-)
+from .description import Base, Body, Description, Expression, by_motion, combination, energies
 from .mechanism import Parameter
 from .symbolic import SymbolicMechanism
 

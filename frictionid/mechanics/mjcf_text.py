@@ -20,10 +20,7 @@ _SHARE = 1e-9  # of the inertia, by which rounding may make it one that no body 
 
 
 def mjcf_of(
-    mechanism: Mechanism,
-    parameters: Mapping[str, float] | None = None,
-    *,
-    timestep: float = 0.001,
+    mechanism: Mechanism, parameters: Mapping[str, float] | None = None, *, timestep: float = 0.001
 ) -> str:
     """MJCF of a mechanism without its friction: accelerations in MuJoCo are those of ours.
 

@@ -18,13 +18,7 @@ from sympy.printing.str import StrPrinter
 
 from frictionid.arrays import Array, like, namespace, solve, times
 
-from .description import (
-    Description,
-    Equations,
-    bearing_forces,
-    equations_of_motion,
-    full_matrix,
-)
+from .description import Description, Equations, bearing_forces, equations_of_motion, full_matrix
 from .mechanism import Mechanism, Partials, Terms
 
 

@@ -93,12 +93,7 @@ def test_joints_may_have_units_of_their_own():
     table = FRAME.assign(q2=np.degrees(FRAME.q2), w2=np.degrees(FRAME.w2))
     alike = Dataset.from_frames(table, RIG, time="t", angle=["q1", "q2"], units="deg", sigma=0.1)
     own = Dataset.from_frames(
-        FRAME,
-        RIG,
-        time="t",
-        angle=["q1", "q2"],
-        units=["deg", "rad"],
-        sigma=[0.1, np.radians(0.1)],
+        FRAME, RIG, time="t", angle=["q1", "q2"], units=["deg", "rad"], sigma=[0.1, np.radians(0.1)]
     )
     (a,), (b,) = alike.recordings, own.recordings
     np.testing.assert_allclose(a.angle.value, b.angle.value, rtol=1e-14)

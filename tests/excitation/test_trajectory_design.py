@@ -11,12 +11,7 @@ from fixtures.command_line import run_command
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.errors import InputError
-from frictionid.excitation import (
-    TrajectoryTask,
-    design_trajectories,
-    limits_of,
-    prior_friction_of,
-)
+from frictionid.excitation import TrajectoryTask, design_trajectories, limits_of, prior_friction_of
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.friction.laws import CoulombViscous

@@ -5,12 +5,7 @@ import pytest
 from fixtures.memory_laws import Follower, Sampled
 
 from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
-from frictionid.friction.laws import (
-    CoulombViscous,
-    FilmLag,
-    NoFriction,
-    Stribeck,
-)
+from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
 
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {

@@ -2,13 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.random_machines import (
-    MECHANISMS,
-    assert_close,
-    assert_same_terms,
-    physical,
-    states,
-)
+from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
 
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 

@@ -88,11 +88,7 @@ def test_dots_of_one_colour_that_pass_each_other_do_not_swap():
     look = Look(dots=(RED, RED, RED))
     film = Film((0.153, 0.155), view=SMALL, look=look)
     setup = MarkerSetup(
-        markers=[
-            marker("pivot", RED, moves=False),
-            marker("elbow", RED),
-            marker("tip", RED),
-        ],
+        markers=[marker("pivot", RED, moves=False), marker("elbow", RED), marker("tip", RED)],
         links=Links(pixels=[91.8, 93.0]),
     )
     for seed, whirl in ((0, 14.0), (1, -18.0)):

@@ -8,23 +8,13 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.simulated_films import (
-    LENGTHS,
-    SMALL,
-    Film,
-    Look,
-    errors,
-    marker_setup_of,
-    motion,
-)
+from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
 
 import frictionid as fid
 from frictionid import load_dataset
 from frictionid.errors import InputError
 from frictionid.rig.camera.film import shots, write_film
-from frictionid.rig.camera.marker_setup import (
-    load_marker_setup,
-)
+from frictionid.rig.camera.marker_setup import load_marker_setup
 from frictionid.rig.camera.source import Source, open_source
 from frictionid.rig.camera.track import track
 from frictionid.rig.camera.tracked import contact_sheet

@@ -114,11 +114,7 @@ def test_checksums_may_be_written_in_small_letters(kind):
 @pytest.mark.parametrize(
     ("line", "form", "said"),
     [
-        (
-            b"\xfe\x81\x00\xf3" * 9,
-            PLAIN,
-            "nothing but garbage in 999 bytes: the baud rate",
-        ),
+        (b"\xfe\x81\x00\xf3" * 9, PLAIN, "nothing but garbage in 999 bytes: the baud rate"),
         (b"1,2,3,4", PLAIN, "their number of values is another: correct columns"),
         (b"1,2,3", SAFE, "'1,2,3' do not follow the protocol '$time,command,current*crc16'"),
         (

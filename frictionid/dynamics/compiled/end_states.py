@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.loops import (
-    begin_substep,
-    copy,
-    in_one,
-    rows_of_numbers,
-    substep,
-)
+from frictionid.dynamics.compiled.loops import begin_substep, copy, in_one, rows_of_numbers, substep
 from frictionid.dynamics.compiled.tangent import TangentMachine
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque, advance_in_pieces

@@ -9,9 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, program_of
-from frictionid.dynamics.torque_balance import (
-    has_break_away,
-)
+from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.programs.machine_code import machine_code

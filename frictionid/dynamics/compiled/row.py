@@ -40,12 +40,7 @@ from frictionid.dynamics.zero_crossing import (
     turned_back,
 )
 from frictionid.friction import Inputs, Law
-from frictionid.friction.coordinates import (
-    at_places,
-    of_parts,
-    resting_parts,
-    turns_of,
-)
+from frictionid.friction.coordinates import at_places, of_parts, resting_parts, turns_of
 from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Program
 from frictionid.programs.trace import traced

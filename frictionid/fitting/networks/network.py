@@ -40,11 +40,7 @@ from .training import (
 )
 
 if TYPE_CHECKING:
-    from .training_sets import (
-        FoldStack,
-        RowTrainingSet,
-        SequenceTrainingSet,
-    )
+    from .training_sets import FoldStack, RowTrainingSet, SequenceTrainingSet
 
 
 @validated
@@ -181,10 +177,7 @@ class Network(Identifier):
     def _training_set(
         self, stack: FoldStack, weights: Array
     ) -> RowTrainingSet | SequenceTrainingSet:
-        from .training_sets import (
-            RowTrainingSet,
-            SequenceTrainingSet,
-        )
+        from .training_sets import RowTrainingSet, SequenceTrainingSet
 
         if not stack.law.cells:
             return RowTrainingSet(stack, weights)

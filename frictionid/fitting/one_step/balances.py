@@ -213,11 +213,7 @@ class Balances(NamedTuple):
 
 
 def balances_of(
-    mechanism: Mechanism,
-    samples: Samples,
-    parameters: Array | None,
-    threshold: Array,
-    fast: Array,
+    mechanism: Mechanism, samples: Samples, parameters: Array | None, threshold: Array, fast: Array
 ) -> Balances:
     """Running integrals of the balances.
 

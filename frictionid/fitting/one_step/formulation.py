@@ -24,12 +24,7 @@ from frictionid.mechanics import Mechanism, Plant
 from ..fit import Fit
 from ..identifier import Identifier
 from .one_step_fit import checked_fit, one_step_fit
-from .residual import (
-    Problem,
-    euler_problem,
-    integral_problem,
-    mask_stiction,
-)
+from .residual import Problem, euler_problem, integral_problem, mask_stiction
 
 SCHEMES = ("euler", "integral")
 

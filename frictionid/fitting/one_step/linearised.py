@@ -10,15 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import (
-    Constraints,
-    Friction,
-    Groups,
-    Law,
-    Nodes,
-    along,
-    constraints_of,
-)
+from frictionid.friction import Constraints, Friction, Groups, Law, Nodes, along, constraints_of
 
 from ..gauss_newton import Conditions
 from .residual import Problem, data_range

@@ -15,15 +15,7 @@ from frictionid.errors import InputError
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.mechanics import Mechanism, configurations
 
-from .parameter_block import (
-    FREE,
-    Estimate,
-    Logged,
-    Parameter,
-    ParameterBlock,
-    Values,
-    check_fixed,
-)
+from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, Values, check_fixed
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")

@@ -26,12 +26,7 @@ from frictionid.fitting.parameters.parameter_block import (
     ParameterBlock,
     Values,
 )
-from frictionid.fitting.shooting.network_curves import (
-    curve_of,
-    distance,
-    has_curve,
-    network_of,
-)
+from frictionid.fitting.shooting.network_curves import curve_of, distance, has_curve, network_of
 from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
 from frictionid.friction import Friction, Inputs, LawParameter, Memory
 from frictionid.mechanics import Mechanism

@@ -21,21 +21,9 @@ from ..one_step.one_step_fit import checked_fit
 from ..one_step.residual import data_range
 from ..parameters import ParameterBlock
 from ..parameters.blocks import on_support
-from ..parameters.parameter_block import (
-    Estimate,
-    free_blocks,
-    values_of,
-    with_excess,
-)
+from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess
 from ..shooting.covariance import grouped_covariance, least_significant
-from ..shooting.neutral import (
-    Key,
-    Unknown,
-    at_neutral,
-    followed,
-    unknown_parameters,
-    with_held,
-)
+from ..shooting.neutral import Key, Unknown, at_neutral, followed, unknown_parameters, with_held
 from ..shooting.sandwich import FEW, Groups, excess_of
 from .solve import (
     TorqueProblem,

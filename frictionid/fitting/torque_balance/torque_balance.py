@@ -78,8 +78,7 @@ class TorqueBalance:
         needed, G = with_places(self.dataset.mechanism, needed, eye)
         rows = (self.recording, self.start, self.stop - self.start)
         return Problem(
-            *(self.nodes, needed, G, self.stencil, self.coefficients, *rows),
-            slowest=self.slowest,
+            *(self.nodes, needed, G, self.stencil, self.coefficients, *rows), slowest=self.slowest
         )
 
     def sliding_problem(self, needed: Array) -> Problem:

@@ -22,15 +22,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
 from ..law import smooth_sign
-from .levels import (
-    LOAD,
-    SIDES,
-    Speeds,
-    above_zero,
-    by_side,
-    check_increasing,
-    on_side,
-)
+from .levels import LOAD, SIDES, Speeds, above_zero, by_side, check_increasing, on_side
 
 
 @dataclass(frozen=True)

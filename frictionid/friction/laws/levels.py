@@ -70,10 +70,7 @@ class Level(NamedTuple):
         coulomb = by_direction(self.symmetric, COULOMB)
         if not self.symmetric:  # a direction without motion is like the other one
             up, down = coulomb
-            coulomb = (
-                up._replace(size=0.5, like=down.name),
-                down._replace(size=0.5, like=up.name),
-            )
+            coulomb = (up._replace(size=0.5, like=down.name), down._replace(size=0.5, like=up.name))
         if not self.peaked:
             return coulomb
         # fits bound velocities by what the data resolve, see `friction.constraints`

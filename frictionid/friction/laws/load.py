@@ -45,10 +45,7 @@ class LoadDependent(LevelLaw):
     shape: str = "tanh"
     stribeck: bool = False
     uses_load = True
-    terms: ClassVar = (
-        Term(LOAD, lambda x: x.load, rubbing=True),
-        VISCOUS_TERM,
-    )
+    terms: ClassVar = (Term(LOAD, lambda x: x.load, rubbing=True), VISCOUS_TERM)
 
     @property
     def level(self) -> Level:

@@ -21,15 +21,7 @@ from frictionid.friction import Inputs, LawParameter, Memory
 from ..law import smooth_sign
 from .layers import Hidden, slopes, stacked
 from .levels import above_zero
-from .network_law import (
-    HEAD,
-    REACH,
-    LevelNetwork,
-    fine,
-    fine_slope,
-    side_of,
-    within,
-)
+from .network_law import HEAD, REACH, LevelNetwork, fine, fine_slope, side_of, within
 
 
 @dataclass(frozen=True)

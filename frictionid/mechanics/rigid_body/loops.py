@@ -10,12 +10,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.programs.loops import compiled, inlined
 
-from .kinematics import (
-    add_to_parents,
-    motion,
-    placements,
-    world_inertias,
-)
+from .kinematics import add_to_parents, motion, placements, world_inertias
 from .rnea import (
     add_mass_matrix,
     lagrangian_slopes,

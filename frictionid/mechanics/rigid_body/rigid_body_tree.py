@@ -23,11 +23,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body import loops
 
 from ..mechanism import Mechanism, Parameter, Partials, Terms
-from .base_parameters import (
-    BaseParameters,
-    geometry,
-    regressor,
-)
+from .base_parameters import BaseParameters, geometry, regressor
 from .kinematics import placements
 from .loops import Geometry
 from .robot import Attached, Tree, moved

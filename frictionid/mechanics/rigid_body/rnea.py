@@ -4,13 +4,7 @@ from typing import Any
 
 from frictionid.programs.loops import inlined
 
-from .kinematics import (
-    add_to_parents,
-    cross_force,
-    cross_motion,
-    dot,
-    momentum,
-)
+from .kinematics import add_to_parents, cross_force, cross_motion, dot, momentum
 
 
 @inlined

@@ -8,15 +8,7 @@ import pytest
 import scipy.io
 from fixtures.dataset_files import described, load, motion
 from fixtures.own_reader import read_by
-from fixtures.reader_files import (
-    MARKERS,
-    MOTOR,
-    bam_bytes,
-    bam_log,
-    column,
-    marker_csv,
-    mat_bytes,
-)
+from fixtures.reader_files import MARKERS, MOTOR, bam_bytes, bam_log, column, marker_csv, mat_bytes
 
 from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.data.readers.formats.bam import read as read_bam
@@ -154,7 +146,7 @@ def test_rows_without_a_marker_can_be_dropped_and_keep_their_time(tmp_path):
 
 def test_texts_without_a_header_have_numbered_columns(tmp_path):
     document = described(
-        columns={"time": "1", "angle": ["2", "4"], "torque": ["", ""], "header": False},
+        columns={"time": "1", "angle": ["2", "4"], "torque": ["", ""], "header": False}
     )
     for name, separator in (("a_csv", b","), ("a_txt", b" ")):
         rows = b"0.0 0.7 9 3\n0.05 0.6 9 3\n\n0.1 0.5 nan 3\n"

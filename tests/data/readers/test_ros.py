@@ -149,9 +149,7 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
     two = write(tmp_path / "two", good, topics=("/a", "/b"))
     header = STORE.types["std_msgs/msg/Header"]
     other = write(
-        tmp_path / "other",
-        [(0, header(good[0][1].header.stamp, "x"))],
-        kind="std_msgs/msg/Header",
+        tmp_path / "other", [(0, header(good[0][1].header.stamp, "x"))], kind="std_msgs/msg/Header"
     )
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(file.read_bytes()[: len(file.read_bytes()) // 2])

@@ -15,13 +15,7 @@ from frictionid.deploy.export.nearest import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, along
 from frictionid.friction.bam_files import GEAR, MODELS, read_bam
-from frictionid.friction.laws import (
-    CoulombViscous,
-    GearLoad,
-    MotorLoad,
-    Quadratic,
-    Stribeck,
-)
+from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Quadratic, Stribeck
 
 MOMENT = 0.48
 

@@ -17,13 +17,7 @@ from frictionid.deploy.export.exported import exported
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest
-from frictionid.friction.laws import (
-    CoulombViscous,
-    FilmLag,
-    LuGre,
-    Spline,
-    Stribeck,
-)
+from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Spline, Stribeck
 
 sys.path.append(str(ROOT / "comparisons"))
 import compensation as study

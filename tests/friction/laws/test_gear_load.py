@@ -7,12 +7,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, Inputs, Nodes
-from frictionid.friction.laws import (
-    CoulombViscous,
-    GearLoad,
-    MotorLoad,
-    Stribeck,
-)
+from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
 
 MOMENT = 0.5
 GEAR = GearLoad(MOMENT)

@@ -10,11 +10,7 @@ from frictionid.dynamics.step import step
 from frictionid.dynamics.step_size import substeps
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import (
-    CoulombViscous,
-    LuGre,
-    Stribeck,
-)
+from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
 # coulomb, peak, stribeck_velocity, viscous, presliding, damping, damping_velocity

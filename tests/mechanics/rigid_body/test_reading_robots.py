@@ -14,8 +14,7 @@ from frictionid.mechanics import mechanism_of, mjcf, urdf
 from frictionid.mechanics.mechanism import Mechanism
 
 INERTIAL = '<inertial><mass value="{m}"/>{i}</inertial>'.format(
-    m=2.0,
-    i='<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.025"/>',
+    m=2.0, i='<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.025"/>'
 )
 
 
