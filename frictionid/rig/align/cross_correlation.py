@@ -5,7 +5,7 @@ the predicted acceleration without a motor, times M. It is compared with the log
 What any friction could have done is projected out of both: its amount is irrelevant.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second to import
@@ -140,36 +140,6 @@ def check_spans(motion: float, log: float) -> None:
         )
 
 
-class _Grids(NamedTuple):
-    """Even time grids: motion (A,) by the angles' clock, log (B,) by its own.
-
-    Entry i of a convolution of the motion with the reversed log pairs sample k of the motion with
-    sample k + B - 1 - i of the log, which is offset i.
-    """
-
-    motion: Array
-    log: Array
-
-    @property
-    def offsets(self) -> Array:
-        size = len(self.motion) + len(self.log) - 1
-        return self.motion[0] - self.log[0] + STEP * (np.arange(size) - (len(self.log) - 1))
-
-
-class _Sums(NamedTuple):
-    """Sums over the overlap at each offset (D,), of one joint.
-
-    cross : (P y).x; energy : |P x|^2; covered : number of moving samples; asked, moving : |P y|^2
-    and number of moving samples of the whole motion
-    """
-
-    cross: Array
-    energy: Array
-    covered: Array
-    asked: float
-    moving: float
-
-
 def correlate(
     rows: Rows, asked: Array, torque: Signal, driven: Array
 ) -> tuple[Array, Array, Array]:
@@ -187,46 +157,52 @@ def correlate(
     """
     middle = (rows.start + rows.stop) / 2
     check_spans(float(np.ptp(middle)), float(np.ptp(torque.time)))
-    grids = _Grids(
-        np.arange(middle[0], middle[-1], STEP),
-        np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP),
-    )
-    if len(grids.log) < 2:
+    motion = np.arange(middle[0], middle[-1], STEP)
+    log = np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP)
+    if len(log) < 2:
         return np.zeros(0), np.zeros(0), np.zeros(1)
-    sums = [_joint_sums(rows, asked, torque, grids, j) for j in range(len(driven)) if driven[j]]
-    cross, energy, covered = (sum(s[k] for s in sums) for k in range(3))
-    moving = sum(s.moving for s in sums)
+    sums = [_joint_sums(rows, asked, torque, motion, log, int(j)) for j in np.flatnonzero(driven)]
+    cross, energy, covered, total, moving = (sum(parts) for parts in zip(*sums, strict=True))
     # of little motion, such as the response to one pulse, nearly all must be covered
     few = max(min(MIN_WINDOWS * WIDTH / 2 / STEP, _NEARLY * moving), MIN_WINDOWS)
     enough = (covered >= _OVERLAP * moving) & (covered >= few)
-    scale = max(sum(s.asked for s in sums), 1e-300)
+    scale = max(total, 1e-300)
     explained, reversed_ = (
         np.where(enough, (sign * 2 * cross - energy) / scale, -np.inf) for sign in (1.0, -1.0)
     )
-    return grids.offsets, explained, reversed_
+    # entry i of a convolution with the reversed log pairs sample k of the motion with sample
+    # k + len(log) - 1 - i of the log
+    offsets = motion[0] - log[0] + STEP * (np.arange(len(explained)) - (len(log) - 1))
+    return offsets, explained, reversed_
 
 
-def _joint_sums(rows: Rows, asked: Array, torque: Signal, grids: _Grids, j: int) -> _Sums:
-    """Sums of `correlate` for joint j."""
+def _joint_sums(
+    rows: Rows, asked: Array, torque: Signal, motion: Array, log: Array, j: int
+) -> tuple[Any, ...]:
+    """Sums of joint j over the overlap at each offset (D,), and of the whole motion.
+
+    (P y).x; |P x|^2; number of moving samples that the log covers; |P y|^2; number of all moving.
+    motion, log : even times of both, each by its clock
+    """
     middle = (rows.start + rows.stop) / 2
     # the motion in a gap is unknown
-    after = np.clip(np.searchsorted(middle, grids.motion), 1, len(middle) - 1)
+    after = np.clip(np.searchsorted(middle, motion), 1, len(middle) - 1)
     dense = (middle[after] - middle[after - 1] < WIDTH).astype(float)
-    free = np.interp(grids.motion, middle, rows.moving[:, j].astype(float))
+    free = np.interp(motion, middle, rows.moving[:, j].astype(float))
     moves = (free > 0.999) * dense
 
     def on_grid(values: Array) -> Array:
-        return moves * np.interp(grids.motion, middle, values)
+        return moves * np.interp(motion, middle, values)
 
     Q = _basis(np.stack([on_grid(shape) for shape in rows.shapes(j).T], axis=1))
     y = on_grid(asked[:, j])
     y = y - Q @ (Q.T @ y)
-    x = _means(torque._replace(value=torque.value[:, [j]]), grids.log)[::-1]
+    x = _means(torque._replace(value=torque.value[:, [j]]), log)[::-1]
     energy = _convolved(moves, x**2)
     for q in Q.T:
         energy -= _convolved(q, x) ** 2
     covered = _convolved(moves, np.ones(len(x)))
-    return _Sums(_convolved(y, x), energy, covered, float(y @ y), float(moves.sum()))
+    return _convolved(y, x), energy, covered, float(y @ y), float(moves.sum())
 
 
 def _convolved(a: Array, b: Array) -> Array:
