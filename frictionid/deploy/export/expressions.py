@@ -326,16 +326,12 @@ def functions(model: ExportedFriction) -> tuple[Function, ...]:
 
 
 def rendered(
-    template: str,
-    model: ExportedFriction,
-    language: Language,
-    context: Mapping[str, Any],
-    filters: Mapping[str, Callable[[Any], str]] | None = None,
+    template: str, model: ExportedFriction, language: Language, context: Mapping[str, Any]
 ) -> bytes:
     """Text of a template of this room, which knows the friction, its functions and the language."""
     from frictionid.report.tables import environment
 
     templates = environment("frictionid.deploy.export")
-    templates.filters |= {"folded": folded, "repr": repr, **(filters or {})}
+    templates.filters |= {"folded": folded, "repr": repr}
     names = {"model": model, "n": len(model.joints), "language": language, **context}
     return templates.get_template(template).render(names).encode()

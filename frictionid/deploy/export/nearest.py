@@ -186,8 +186,8 @@ def replayed(model: ExportedFriction, initial: InitialStates, held: Array) -> Re
     norms = [norm_of(a - b, units, sizes) for a, b in pairs]
     # a motion that has diverged is far away, no number that is left out
     errors = [np.nan_to_num(error, nan=np.inf) for error, _ in norms]
-    medians = (float(np.median(error)) for error in errors)
-    return Replay(*medians, float(errors[-1].mean()), norms[0][1], len(measured))
+    first, second, apart = (float(np.median(error)) for error in errors)
+    return Replay(first, second, apart, float(errors[-1].mean()), norms[0][1], len(measured))
 
 
 def predictions(model: ExportedFriction, friction: Friction, initial: InitialStates) -> Array:

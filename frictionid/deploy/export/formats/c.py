@@ -13,8 +13,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
     real, functions = settings.precision, ex.functions(model)
     heads = {f.name: _head(f, len(model.joints), settings) for f in functions}
-    context = {"name": settings.name, "stem": settings.stem, "real": real}
-    context |= {"functions": functions, "heads": heads, "comment": _comment}
+    names = {"name": settings.name, "stem": settings.stem, "real": real}
+    context = {**names, "functions": functions, "heads": heads, "comment": _comment}
     templates = {".c": "source.c.j2", ".h": "header.h.j2"}
     language = _language(real)
     files = {end: ex.rendered(name, model, language, context) for end, name in templates.items()}

@@ -54,6 +54,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     noise_alone = friction.provenance.noise_alone
     context = {
         "name": settings.name,
+        "escaped": _escaped,
+        "number": _number,
         "equations": [[line for f in functions for line in _lines(f, j)] for j in joints],
         "parameters": [
             zip(model.law.names, friction.units_at(j), friction.theta[j], has[j], strict=True)
@@ -64,8 +66,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
             (e.joint, e.parameter): e.interval_95 for e in estimates if np.isfinite(e.error)
         },
     }
-    filters = {"escaped": _escaped, "number": _number}
-    text = ex.rendered("equations.tex.j2", model, LANGUAGE, context, filters)
+    text = ex.rendered("equations.tex.j2", model, LANGUAGE, context)
     note = rf"\input{{{settings.stem}}}, with amsmath and booktabs"
     return Written({".tex": text}, notes=(note,))
 
