@@ -375,7 +375,7 @@ def test_functions_have_the_names_and_defaults_of_the_commands(name):
 
 def test_a_suggestion_is_frames(data):
     limits = {"torque": 0.6, "velocity": 8.0}
-    found = fid.suggest(data, limits, recordings=1, length=2.0, effort=20)
+    found = fid.suggest(data, limits, recordings=1, length=2.0, effort=6)
     (table,) = found.frames.values()
     assert list(table.columns) == ["time", "u1"] and table.u1.abs().max() <= 0.6
     assert list(found.errors.columns[:3]) == ["name", "unit", "prior"]

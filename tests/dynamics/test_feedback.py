@@ -44,9 +44,21 @@ def states(n):
     return State(q, w)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("mechanism", [pendulum(mass=0.5, length=0.3), acrobot(), COUPLED])
+PENDULUM, ACROBOT = pendulum(mass=0.5, length=0.3), acrobot()
+CASES = [
+    *(("coulomb", mechanism) for mechanism in (PENDULUM, ACROBOT, COUPLED)),
+    *(
+        (law, mechanism)
+        for law in ("motor load", "bearing load")
+        for mechanism in (ACROBOT, COUPLED)
+    ),
+    *(("an arctangent", PENDULUM), ("bristles", ACROBOT)),
+]
+
+
+@pytest.mark.parametrize(("law", "mechanism"), CASES)
 def test_the_compiled_motion_is_that_of_arrays(law, mechanism, monkeypatch):
+    """Every law and every mechanism; on two, laws that see the torque of the loop."""
     own, numbers = LAWS[law]
     plant, start = looped(mechanism, COUNT), states(mechanism.n)
     friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))

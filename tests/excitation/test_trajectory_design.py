@@ -31,6 +31,10 @@ def design():
     return design_trajectories(TASK, effort=80, seed=1)
 
 
+def hasty():
+    return design_trajectories(replace(TASK, recordings=1), effort=4, seed=1)
+
+
 def test_all_limits_are_kept_between_the_samples_too(design):
     time = np.linspace(0.0, 12.0, 4001)  # two periods
     for trajectory in design.trajectories:
@@ -47,13 +51,11 @@ def test_all_limits_are_kept_between_the_samples_too(design):
 
 def test_more_effort_and_more_trajectories_tell_more(design):
     assert design.values[1] < design.values[0]
-    hasty = design_trajectories(replace(TASK, recordings=1), effort=4, seed=1)
-    assert design.values[0] < hasty.values[0]
+    assert design.values[0] < hasty().values[0]
 
 
-def test_the_same_seed_gives_the_same(design):
-    again = design_trajectories(TASK, effort=80, seed=1)
-    assert again.trajectories[0].references == design.trajectories[0].references
+def test_the_same_seed_gives_the_same():
+    assert hasty().trajectories[0].references == hasty().trajectories[0].references
 
 
 def test_a_fit_has_the_errors_that_were_expected(design):
