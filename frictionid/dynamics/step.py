@@ -74,7 +74,9 @@ def _halved(now: Instant, dt: Array, parts: int) -> State:
 
 def _joined(which: Array, part: State, whole: State) -> State:
     """A state with rows (...) of another."""
-    out = State(1.0 * whole.q, 1.0 * whole.w, tuple(1.0 * z for z in whole.memory))
+    batch, xp = whole.q.shape[:-1], namespace(whole.q)
+    memory = (1.0 * xp.broadcast_to(z, (*batch, z.shape[-1])) for z in whole.memory)
+    out = State(1.0 * whole.q, 1.0 * whole.w, tuple(memory))
     for x, rows in ((out.q, part.q), (out.w, part.w), *zip(out.memory, part.memory, strict=True)):
         x[which] = rows
     return out
