@@ -22,9 +22,10 @@ from distributed import Client, Future, KilledWorker, Worker, as_completed, get_
 from distributed.comm import CommClosedError
 from threadpoolctl import threadpool_limits
 
-from frictionid.comparison.processes import one_torch_thread, package_digest, versions
 from frictionid.config import is_installed
 from frictionid.errors import InputError
+
+from .processes import one_torch_thread, package_digest, versions
 
 Returned = TypeVar("Returned")
 

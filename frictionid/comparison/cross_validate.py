@@ -13,8 +13,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.fit_model import with_notes
-from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
     CalibratedView,
@@ -47,6 +45,9 @@ from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Constraints, Friction
+
+from .fit_model import with_notes
+from .training_set import TrainingSet, training_set
 
 
 def complexity_score(fit: Fit) -> Score | None:

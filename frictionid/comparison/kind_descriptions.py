@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from frictionid.comparison.registry import IDENTIFIERS, LAWS, Choice, Kind
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.friction.laws.levels import SIDES
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
+
+from .registry import IDENTIFIERS, LAWS, Choice, Kind
 
 _ENTRY = re.compile(r"([a-z]\w*(?:, [a-z]\w*)*) : (.*)", re.IGNORECASE)
 _SECTION = re.compile(r"[A-Z][a-z]+\n-{3,}$", re.MULTILINE)

@@ -13,10 +13,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from frictionid.comparison.registry import IDENTIFIERS, Kind, built
-from frictionid.comparison.search_space import Search, Tuning
-from frictionid.comparison.sensitivity.variations import SensitivitySettings
-from frictionid.comparison.suite_recipes import Name, RecipeEntry
 from frictionid.config import (
     STRICT,
     Strict,
@@ -33,6 +29,11 @@ from frictionid.files import suite_path
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
 from frictionid.fitting.networks.network import Network
+
+from .registry import IDENTIFIERS, Kind, built
+from .search_space import Search, Tuning
+from .sensitivity.variations import SensitivitySettings
+from .suite_recipes import Name, RecipeEntry
 
 SPLIT, LOOPS = Kind((Split,)), Kind((HysteresisSettings,))
 PROTOCOL = Kind((Protocol,), internal=frozenset({"loops"}))

@@ -9,15 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from frictionid.comparison.registry import (
-    BLOCKS,
-    ESTIMATORS,
-    IDENTIFIERS,
-    RECIPES,
-    Kind,
-    built,
-    friction_of,
-)
 from frictionid.config import STRICT, Positive, Strict, distinct, nearest
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Flexible, Frictionless
@@ -28,6 +19,16 @@ from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
+
+from .registry import (
+    BLOCKS,
+    ESTIMATORS,
+    IDENTIFIERS,
+    RECIPES,
+    Kind,
+    built,
+    friction_of,
+)
 
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.processes import side_by_side
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -24,6 +23,8 @@ from frictionid.fitting.shooting import CalibratedRecipe
 from frictionid.fitting.shooting.calibrated_recipe import PARTS, part_of_calibration
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.mechanics import Mechanism
+
+from .processes import side_by_side
 
 
 @dataclass(frozen=True, eq=False)

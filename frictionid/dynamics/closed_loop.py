@@ -18,7 +18,11 @@ import numpy as np
 from frictionid.arrays import Array, times
 from frictionid.data.integrals import integrals_of, pieces_of
 from frictionid.data.servo import Controller, Linear, Servo
-from frictionid.dynamics.rollout import (
+from frictionid.friction import Friction
+from frictionid.friction.coordinates import turns_of
+from frictionid.mechanics import Plant
+
+from .rollout import (
     MANY,
     Rollout,
     ahead,
@@ -28,12 +32,9 @@ from frictionid.dynamics.rollout import (
     masked,
     sampled,
 )
-from frictionid.dynamics.state import State, velocities
-from frictionid.dynamics.step_size import StepSize, step_size_of
-from frictionid.dynamics.torque_balance import inverse_of_free
-from frictionid.friction import Friction
-from frictionid.friction.coordinates import turns_of
-from frictionid.mechanics import Plant
+from .state import State, velocities
+from .step_size import StepSize, step_size_of
+from .torque_balance import inverse_of_free
 
 _PIECE = 4e-3  # [s], in which a limit holds or does not
 _VARIES = ("command", "share", "scale")  # of a controller with time

@@ -1,7 +1,5 @@
 """Prediction over many samples: the physics step, repeated for all starts side by side."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,14 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, plain
-from frictionid.dynamics.compiled.loops import rolled_out
-from frictionid.dynamics.compiled.machine import machine_of
-from frictionid.dynamics.state import State, inputs
-from frictionid.dynamics.step import adaptive_step, euler_step, semi_implicit_step
-from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
+
+from .compiled.loops import rolled_out
+from .compiled.machine import machine_of
+from .state import State, inputs
+from .step import adaptive_step, euler_step, semi_implicit_step
+from .step_size import StepSize, step_size_of
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
 MANY = 300  # samples: fewer are predicted before loops are compiled

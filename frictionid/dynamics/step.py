@@ -9,25 +9,24 @@ that turn with several of them. Around A w = 0 friction is set-valued: `stiction
 stick, `zero_crossing` which stop, `break_away` which begin to move.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.dynamics.state import Instant, State, driven, inputs, rows_of
-from frictionid.dynamics.step_size import StepSize
-from frictionid.dynamics.torque_balance import Stiction, constrained, friction_torque
-from frictionid.dynamics.zero_crossing import (
+from frictionid.friction import Friction, Memory
+from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
+from frictionid.mechanics import Plant
+
+from .state import Instant, State, driven, inputs, rows_of
+from .step_size import StepSize
+from .torque_balance import Stiction, constrained, friction_torque
+from .zero_crossing import (
     Crossing,
     Substep,
     after_break_away,
     after_crossing,
     stiction,
 )
-from frictionid.friction import Friction, Memory
-from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
-from frictionid.mechanics import Plant
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 _BEND = 0.01  # of a slow speed

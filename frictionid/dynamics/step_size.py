@@ -1,7 +1,5 @@
 """How a step is divided: by friction and feedback, and further where a joint comes near rest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, like, plain
-from frictionid.dynamics.torque_balance import has_break_away, is_sharp
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.coordinates import at_places, mobility, turns_of
 from frictionid.mechanics import Plant, configurations
 from frictionid.mechanics.plant import SLOW
+
+from .torque_balance import has_break_away, is_sharp
 
 _STABLE = 2.0  # RK4 is stable up to 2.78 / rate
 _RESOLVED = 0.25  # [rad] of a feedback's oscillation, to 1e-5 of its amplitude per substep

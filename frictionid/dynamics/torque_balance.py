@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, columns, inverse, like, namespace, solve, times
-from frictionid.dynamics.state import Instant, driven
 from frictionid.friction import Friction, Inputs, Law, Memory, at_rest
 from frictionid.friction.coordinates import mobility, of_parts, onto_joints, turns_of
 from frictionid.friction.law import NUMERICAL_WIDTH, SHARP_WIDTH
+
+from .state import Instant, driven
 
 SWEEPS = 50
 SETTLED = 1e-12  # [N m]

@@ -10,8 +10,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, times
-from frictionid.dynamics.state import Instant, State, rows_of
-from frictionid.dynamics.torque_balance import (
+from frictionid.friction.coordinates import mobility, onto_joints, resting_parts
+
+from .state import Instant, State, rows_of
+from .torque_balance import (
     Balance,
     Stiction,
     balance,
@@ -22,7 +24,6 @@ from frictionid.dynamics.torque_balance import (
     is_sharp,
     sticking_torque,
 )
-from frictionid.friction.coordinates import mobility, onto_joints, resting_parts
 
 _FIRM = 0.9  # of the break-away level: joints held by more may break away soon
 

@@ -11,9 +11,10 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import LARGEST
 from frictionid.errors import InputError
-from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.laws import Ensemble, FilmLag, LuGre, Stribeck, members_of
+
+from .score_frame import Score
 
 POINTS = 401
 _SLOW, _SHARE = 0.05, 0.01  # [rad/s], and of the speeds of slower joints

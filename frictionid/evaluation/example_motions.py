@@ -13,8 +13,9 @@ from scipy.special import stdtrit
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import joint_sizes, norm_of
-from frictionid.evaluation.initial_states import InitialStates
-from frictionid.evaluation.prepared import Prepared
+
+from .initial_states import InitialStates
+from .prepared import Prepared
 
 PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}  # ranks among all predictions
 FEWEST = 3  # folds that a band needs

@@ -25,12 +25,13 @@ from frictionid.dynamics.closed_loop import closed_loop, controllers_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.initial_states import padded, servos_of, temperatures
-from frictionid.evaluation.score_frame import Score
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_last_joints
 from frictionid.mechanics import Plant
+
+from .folds import Folds
+from .initial_states import padded, servos_of, temperatures
+from .score_frame import Score
 
 _AT_ONE_TEMPERATURE = 100  # intervals
 

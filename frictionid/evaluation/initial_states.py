@@ -18,12 +18,13 @@ from frictionid.data.temperatures import temperature_at
 from frictionid.dynamics.closed_loop import Controllers, controllers_of
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.evaluation.folds import Folds
 from frictionid.fitting.one_step.residual import GAP
 from frictionid.fitting.shooting import SampleWindows, drive_of, intervals_of, solve_states
 from frictionid.friction import Friction, Inputs, Nodes
 from frictionid.friction.coordinates import at_places, of_last_joints
 from frictionid.mechanics import Plant
+
+from .folds import Folds
 
 
 class InitialStates(NamedTuple):

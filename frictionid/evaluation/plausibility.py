@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, solve
-from frictionid.evaluation.curves import curves, slow_speed
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, at_rest
+
+from .curves import curves, slow_speed
 
 BEYOND = 1.5  # of the velocities of the curves: as far as extrapolation is looked at
 _BEYOND_POINTS = 8  # of the curves' velocities one in so many

@@ -14,21 +14,22 @@ from frictionid.dynamics.closed_loop import closed_loop
 from frictionid.dynamics.rollout import Rollout, rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.evaluation.free_run import free_run
-from frictionid.evaluation.initial_states import InitialStates, estimate_initial_states
-from frictionid.evaluation.prepared import (
+from frictionid.fitting.shooting import SampleWindows
+from frictionid.friction import Friction, Memory, memory_along
+from frictionid.mechanics import Plant
+
+from .free_run import free_run
+from .initial_states import InitialStates, estimate_initial_states
+from .prepared import (
     Prepared,
     Protocol,
     calibrated_views,
     prepare,
     prepared_for,
 )
-from frictionid.evaluation.reference_model import StartErrors
-from frictionid.evaluation.score_frame import Score, summarise_rollouts
-from frictionid.evaluation.statistics import FEWEST
-from frictionid.fitting.shooting import SampleWindows
-from frictionid.friction import Friction, Memory, memory_along
-from frictionid.mechanics import Plant
+from .reference_model import StartErrors
+from .score_frame import Score, summarise_rollouts
+from .statistics import FEWEST
 
 
 def predict(

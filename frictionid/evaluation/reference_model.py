@@ -19,7 +19,8 @@ import numpy as np
 from scipy.special import stdtr, stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.evaluation.statistics import FEWEST, REGION, CorrelatedTest, t_test
+
+from .statistics import FEWEST, REGION, CorrelatedTest, t_test
 
 WITHIN = float(np.log(1.0 + REGION))  # of the logarithm of a loss: no practical difference
 CERTAIN = 0.9  # probability from which on a statement counts as shown

@@ -16,39 +16,40 @@ from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
 from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
-from frictionid.evaluation.curves import curve_error, curve_scores, curves, steady_state
-from frictionid.evaluation.example_motions import (
+from frictionid.fitting.one_step.residual import Problem
+from frictionid.fitting.shooting import SampleWindows
+from frictionid.friction import Friction, Law, along, along_own
+
+from .curves import curve_error, curve_scores, curves, steady_state
+from .example_motions import (
     FEWEST,
     common_examples,
     jackknife_width,
     ranked_examples,
 )
-from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.free_run import free_run, free_run_scores, trajectory_folds
-from frictionid.evaluation.initial_states import InitialStates, initial_state_folds
-from frictionid.evaluation.plausibility import dissipated
-from frictionid.evaluation.predicted_motion import (
+from .folds import Folds
+from .free_run import free_run, free_run_scores, trajectory_folds
+from .initial_states import InitialStates, initial_state_folds
+from .plausibility import dissipated
+from .predicted_motion import (
     HorizonErrors,
     horizon_errors,
     predict,
     rollout_scores,
 )
-from frictionid.evaluation.prepared import (
+from .prepared import (
     CalibratedView,
     Prepared,
     calibrated_views,
 )
-from frictionid.evaluation.score_frame import Score, score_frame, summarise
-from frictionid.evaluation.torque_left import (
+from .score_frame import Score, score_frame, summarise
+from .torque_left import (
     TorqueWindows,
     has_torque,
     row_torques,
     torque_scores,
     torque_windows,
 )
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.shooting import SampleWindows
-from frictionid.friction import Friction, Law, along, along_own
 
 
 def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Array) -> Array:

@@ -18,12 +18,13 @@ import pandas as pd
 from frictionid.arrays import Array, solve
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
-from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.prepared import Prepared, prepared_for, with_calibration
-from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.one_step.residual import Problem, stiction_mask
 from frictionid.friction import Friction, along
 from frictionid.mechanics import Mechanism
+
+from .folds import Folds
+from .prepared import Prepared, prepared_for, with_calibration
+from .score_frame import Score
 
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
 _WINDOW = 0.05  # [s]

@@ -15,11 +15,12 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.parameters.parameter_block import IDEAL, Parameter
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
 from frictionid.mechanics import Mechanism
+
+from .one_step.residual import Problem
+from .parameters.parameter_block import IDEAL, Parameter
 
 _NORMAL = 1.96, 1.645  # half-widths of 95 and 90 % over standard errors
 _DRAWS = 2000

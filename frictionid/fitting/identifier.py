@@ -4,8 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 from frictionid.arrays import Array
-from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
+
+from .one_step.residual import Problem
 
 
 class Identifier(ABC):

@@ -3,11 +3,12 @@
 from typing import Protocol
 
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import Recipe
-from frictionid.fitting.shooting import CalibratedRecipe
-from frictionid.fitting.shooting.recipe import ShootingData
+
+from .fit import Fit
+from .identifier import Identifier
+from .one_step.formulation import Recipe
+from .shooting import CalibratedRecipe
+from .shooting.recipe import ShootingData
 
 
 class Method(Protocol):

@@ -1,7 +1,5 @@
 """From tables and a URDF or MJCF to a dataset.toml: joints, columns, sides, and what is missing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

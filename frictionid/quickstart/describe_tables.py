@@ -3,8 +3,6 @@
 Columns are guessed by names and numbers, signs by the physics.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -3,8 +3,6 @@
 Columns are assigned by what their names share with the joints' names, or by their order.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

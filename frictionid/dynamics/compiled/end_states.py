@@ -1,16 +1,15 @@
 """End states of intervals and their derivatives, row by row, by the compiled step."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.loops import begin_substep, copy, in_one, rows_of_numbers, substep
-from frictionid.dynamics.compiled.tangent import TangentMachine
-from frictionid.dynamics.state import State
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
 from frictionid.programs.loops import called, compiled
 from frictionid.programs.machine_code import run_at
+
+from ..state import State
+from ..tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
+from .loops import begin_substep, copy, in_one, rows_of_numbers, substep
+from .tangent import TangentMachine
 
 
 def end_states_of(

@@ -1,20 +1,19 @@
 """The physics step row by row: what machine code is run for, and when."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.machine import Machine
-from frictionid.dynamics.state import State
-from frictionid.dynamics.torque_balance import SWEEPS
 from frictionid.friction import Memory
 from frictionid.mechanics import Plant
 from frictionid.programs.loops import called, compiled, kept
 from frictionid.programs.machine_code import run_at
+
+from ..state import State
+from ..torque_balance import SWEEPS
+from .machine import Machine
 
 
 @called

@@ -1,18 +1,17 @@
 """The programs of a mechanism and its friction as machine code, which `compiled.loops` runs."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, program_of
-from frictionid.dynamics.torque_balance import has_break_away
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.programs.machine_code import machine_code
+
+from ..torque_balance import has_break_away
+from .row import NO_PROGRAM, Row, places_of, program_of
 
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 

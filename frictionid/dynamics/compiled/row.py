@@ -4,8 +4,6 @@ What `step`, `zero_crossing` and `torque_balance` compute of arrays is written d
 that a row holds, and all that programs hand on to each other, are named numbers of one array.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
@@ -15,9 +13,15 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.state import State
-from frictionid.dynamics.step import bends, parts_near_rest, rk4
-from frictionid.dynamics.torque_balance import (
+from frictionid.friction import Inputs, Law
+from frictionid.friction.coordinates import at_places, of_parts, resting_parts, turns_of
+from frictionid.mechanics import Mechanism
+from frictionid.programs.program import Program
+from frictionid.programs.trace import traced
+
+from ..state import State
+from ..step import bends, parts_near_rest, rk4
+from ..torque_balance import (
     SETTLED,
     Balance,
     braked,
@@ -28,7 +32,7 @@ from frictionid.dynamics.torque_balance import (
     sliding_velocity,
     swept_torque,
 )
-from frictionid.dynamics.zero_crossing import (
+from ..zero_crossing import (
     Crossing,
     crossing_jump,
     located,
@@ -39,11 +43,6 @@ from frictionid.dynamics.zero_crossing import (
     stopped_too,
     turned_back,
 )
-from frictionid.friction import Inputs, Law
-from frictionid.friction.coordinates import at_places, of_parts, resting_parts, turns_of
-from frictionid.mechanics import Mechanism
-from frictionid.programs.program import Program
-from frictionid.programs.trace import traced
 
 NO_PROGRAM = (NotImplementedError, TypeError, ValueError, AttributeError)
 

@@ -11,11 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.compiled.machine import Machine, machine_of, row_of
-from frictionid.dynamics.compiled.row import NO_PROGRAM, Row, places_of, program_of
-from frictionid.dynamics.state import State
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, Slopes
-from frictionid.dynamics.tangent.substep import (
+from frictionid.friction.coordinates import resting_parts
+from frictionid.mechanics import Partials
+from frictionid.programs.derivative import with_derivatives
+from frictionid.programs.machine_code import machine_code
+from frictionid.programs.program import Operand, Program, needed
+
+from ..state import State
+from ..tangent.law_derivatives import FreeTheta, Slopes
+from ..tangent.substep import (
     MemoryRates,
     advanced,
     at_break_away,
@@ -25,12 +29,9 @@ from frictionid.dynamics.tangent.substep import (
     middle,
     without_held,
 )
-from frictionid.dynamics.tangent.tangent import MotionModel
-from frictionid.friction.coordinates import resting_parts
-from frictionid.mechanics import Partials
-from frictionid.programs.derivative import with_derivatives
-from frictionid.programs.machine_code import machine_code
-from frictionid.programs.program import Operand, Program, needed
+from ..tangent.tangent import MotionModel
+from .machine import Machine, machine_of, row_of
+from .row import NO_PROGRAM, Row, places_of, program_of
 
 
 class TangentMachine(NamedTuple):

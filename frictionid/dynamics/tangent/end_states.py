@@ -3,19 +3,23 @@
 The motion is that of `step.substep`, nothing else; the derivatives follow the variational equation.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, solve
 from frictionid.dynamics import step
-from frictionid.dynamics.compiled.end_states import end_states_of
-from frictionid.dynamics.compiled.tangent import tangent_machine_of
-from frictionid.dynamics.state import State, driven, inputs, velocities
-from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta, slopes
-from frictionid.dynamics.tangent.substep import (
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.coordinates import of_parts, onto_joints
+from frictionid.mechanics import Plant
+
+from ..compiled.end_states import end_states_of
+from ..compiled.tangent import tangent_machine_of
+from ..state import State, driven, inputs, velocities
+from ..torque_balance import Stiction, constrained
+from ..zero_crossing import Crossing
+from .law_derivatives import SPEED, by_memory, by_theta, slopes
+from .substep import (
     MemoryRates,
     advanced,
     at_break_away,
@@ -25,12 +29,7 @@ from frictionid.dynamics.tangent.substep import (
     middle,
     without_held,
 )
-from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque, advance_in_pieces
-from frictionid.dynamics.torque_balance import Stiction, constrained
-from frictionid.dynamics.zero_crossing import Crossing
-from frictionid.friction import Friction, Inputs, Memory
-from frictionid.friction.coordinates import of_parts, onto_joints
-from frictionid.mechanics import Plant
+from .tangent import MotionModel, MotorTorque, advance_in_pieces
 
 COMPILED = 500  # intervals: fewer are done before loops are compiled
 

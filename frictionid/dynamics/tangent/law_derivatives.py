@@ -6,16 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.state import State, inputs
-from frictionid.dynamics.torque_balance import (
+from frictionid.friction import Friction, Inputs, Law, Memory
+from frictionid.friction.coordinates import of_parts, torque_map, turns_of
+from frictionid.mechanics import Plant
+
+from ..state import State, inputs
+from ..torque_balance import (
     Stiction,
     least_sliding_speed,
     sharpened,
     sliding_velocity,
 )
-from frictionid.friction import Friction, Inputs, Law, Memory
-from frictionid.friction.coordinates import of_parts, torque_map, turns_of
-from frictionid.mechanics import Plant
 
 # Central differences: the cube root of rounding, times the scale on which friction changes
 SPEED = 1e-6  # [rad/s], and [rad], [N m]

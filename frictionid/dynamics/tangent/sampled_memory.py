@@ -5,12 +5,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.state import State, inputs
-from frictionid.dynamics.tangent.end_states import EndStates, MotorTorque
-from frictionid.dynamics.tangent.law_derivatives import SPEED, by_memory, by_theta
-from frictionid.dynamics.tangent.tangent import MotionModel
 from frictionid.friction import Inputs, Memory
 from frictionid.friction.coordinates import torque_map
+
+from ..state import State, inputs
+from .end_states import EndStates, MotorTorque
+from .law_derivatives import SPEED, by_memory, by_theta
+from .tangent import MotionModel
 
 
 def memory_after_sample(

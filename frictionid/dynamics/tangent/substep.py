@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace, times
-from frictionid.dynamics.state import State
-from frictionid.dynamics.tangent.law_derivatives import Slopes
-from frictionid.dynamics.torque_balance import braked, inverse_of_free
-from frictionid.dynamics.zero_crossing import Crossing
 from frictionid.friction.coordinates import of_parts
 from frictionid.mechanics import Partials
+
+from ..state import State
+from ..torque_balance import braked, inverse_of_free
+from ..zero_crossing import Crossing
+from .law_derivatives import Slopes
 
 _GRAZE = 0.1  # of a slow speed
 

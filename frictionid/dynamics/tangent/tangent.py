@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import turns_of
 from frictionid.mechanics import Plant
+
+from .law_derivatives import FreeTheta, LawReads
 
 
 class MotionModel(NamedTuple):

@@ -11,13 +11,13 @@
 `solve_states` fits the motion alone, with all parameters fixed.
 """
 
-from frictionid.fitting.shooting.calibrated_recipe import CalibratedRecipe
-from frictionid.fitting.shooting.covariance import covariance_of
-from frictionid.fitting.shooting.gauss_newton import Solution, solve
-from frictionid.fitting.shooting.problem import Linearisation, ShootingProblem, shooting_problem
-from frictionid.fitting.shooting.recipe import Shooting, refine_folds
-from frictionid.fitting.shooting.refine import refine
-from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.servo import drive_of
-from frictionid.fitting.shooting.settings import Settings
-from frictionid.fitting.shooting.window_states import SampleWindows, solve_states
+from .calibrated_recipe import CalibratedRecipe
+from .covariance import covariance_of
+from .gauss_newton import Solution, solve
+from .problem import Linearisation, ShootingProblem, shooting_problem
+from .recipe import Shooting, refine_folds
+from .refine import refine
+from .sample_intervals import Intervals, intervals_of
+from .servo import drive_of
+from .settings import Settings
+from .window_states import SampleWindows, solve_states

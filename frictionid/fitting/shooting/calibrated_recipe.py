@@ -17,14 +17,15 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
-from frictionid.fitting.one_step.one_step_fit import checked, checked_fit, one_step_fit
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.shooting.recipe import Shooting, ShootingData, refine_folds
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import with_units_of
+
+from ..fit import Fit
+from ..identifier import Identifier
+from ..one_step.formulation import INTEGRAL, Recipe
+from ..one_step.one_step_fit import checked, checked_fit, one_step_fit
+from ..one_step.residual import Problem
+from .recipe import Shooting, ShootingData, refine_folds
 
 # Parts of a calibration that may correct the data, under the names of the blocks that free them.
 PARTS = ("inertia", "delay", "gain", "bias", "offset")

@@ -7,17 +7,20 @@ import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.fitting.fit import Covariance
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import Friction, Inputs
+from frictionid.friction.provenance import Dropped
+
+from ..fit import Covariance
+from ..parameters.parameter_block import (
     IDEAL,
     Parameter,
     ParameterBlock,
     limits_of,
     values_of,
 )
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.problem import ShootingProblem
-from frictionid.fitting.shooting.sandwich import (
+from .gauss_newton import Solution
+from .problem import ShootingProblem
+from .sandwich import (
     SINGULAR,
     Groups,
     groups_of,
@@ -25,8 +28,6 @@ from frictionid.fitting.shooting.sandwich import (
     shown_once,
     solve_scaled,
 )
-from frictionid.friction import Friction, Inputs
-from frictionid.friction.provenance import Dropped
 
 _TEMPERATURES = (0.0, 80.0)  # [degC]
 _POINTS, _SPEED, _DECADES = 200, 10.0, 4  # [rad/s], and how much slower the slowest is

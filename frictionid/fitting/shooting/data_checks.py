@@ -9,13 +9,14 @@ from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Covariance
-from frictionid.fitting.parameters.parameter_block import Estimate, Parameter, ParameterBlock
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.problem import ShootingProblem
-from frictionid.fitting.shooting.sample_intervals import Intervals, cut_windows
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
+
+from ..fit import Covariance
+from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
+from .gauss_newton import Solution
+from .problem import ShootingProblem
+from .sample_intervals import Intervals, cut_windows
 
 _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name

@@ -16,16 +16,18 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.dynamics.step_size import TooSteepError
-from frictionid.fitting.gauss_newton import MAD, box_step
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.progress import report_step
+
+from ..gauss_newton import MAD, box_step
+from ..parameters.parameter_block import (
     Estimate,
     Parameter,
     values_of,
     with_values,
 )
-from frictionid.fitting.shooting.problem import ShootingProblem
-from frictionid.fitting.shooting.sample_intervals import cut_windows
-from frictionid.fitting.shooting.window_steps import (
+from .problem import ShootingProblem
+from .sample_intervals import cut_windows
+from .window_steps import (
     Point,
     cost_of,
     counts_of,
@@ -34,8 +36,7 @@ from frictionid.fitting.shooting.window_steps import (
     moved_nodes,
     with_windows_checked,
 )
-from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
-from frictionid.progress import report_step
+from .windows import NormalEquations, eliminate_states
 
 _DAMPING = (1e-8, 1e4)
 _WORSE = 1.02  # a cost that grows by more was a step too far

@@ -19,17 +19,18 @@ from frictionid.dynamics.state import State, inputs
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta
 from frictionid.dynamics.tangent.tensor_law import SmoothedLaw, TensorLaw
 from frictionid.errors import needs
-from frictionid.fitting.parameters.blocks import FrictionBlock
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import Friction, Inputs, LawParameter, Memory
+from frictionid.mechanics import Mechanism
+
+from ..parameters.blocks import FrictionBlock
+from ..parameters.parameter_block import (
     Estimate,
     Parameter,
     ParameterBlock,
     Values,
 )
-from frictionid.fitting.shooting.network_curves import curve_of, distance, has_curve, network_of
-from frictionid.fitting.shooting.sample_intervals import Intervals, logged_torque
-from frictionid.friction import Friction, Inputs, LawParameter, Memory
-from frictionid.mechanics import Mechanism
+from .network_curves import curve_of, distance, has_curve, network_of
+from .sample_intervals import Intervals, logged_torque
 
 
 @dataclass(frozen=True, eq=False, repr=False)

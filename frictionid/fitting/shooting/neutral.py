@@ -16,20 +16,21 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.fit import Covariance
-from frictionid.fitting.gauss_newton import box_step
-from frictionid.fitting.one_step.one_step_fit import CLEAR, KNOWN
-from frictionid.fitting.parameters.blocks import FrictionBlock
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import Friction
+from frictionid.friction.provenance import Dropped
+
+from ..fit import Covariance
+from ..gauss_newton import box_step
+from ..one_step.one_step_fit import CLEAR, KNOWN
+from ..parameters.blocks import FrictionBlock
+from ..parameters.parameter_block import (
     IDEAL,
     Parameter,
     ParameterBlock,
     limits_of,
 )
-from frictionid.fitting.shooting.covariance import grouped_covariance, least_significant
-from frictionid.fitting.shooting.sandwich import Groups, solve_scaled
-from frictionid.friction import Friction
-from frictionid.friction.provenance import Dropped
+from .covariance import grouped_covariance, least_significant
+from .sandwich import Groups, solve_scaled
 
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.fitting.parameters import (
+
+from ..parameters import (
     BacklashBlock,
     BiasBlock,
     DelayBlock,
@@ -17,14 +18,14 @@ from frictionid.fitting.parameters import (
     OffsetBlock,
     TargetDelayBlock,
 )
-from frictionid.fitting.parameters.parameter_block import Estimate, ParameterBlock
-from frictionid.fitting.shooting.data_checks import telling
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
-from frictionid.fitting.shooting.sandwich import groups_of, sandwich, shown_once, solve_scaled
-from frictionid.fitting.shooting.servo import has_actuator, with_servo
-from frictionid.fitting.shooting.window_steps import linearised_at
-from frictionid.fitting.shooting.windows import NormalEquations, eliminate_states
+from ..parameters.parameter_block import Estimate, ParameterBlock
+from .data_checks import telling
+from .gauss_newton import Solution
+from .problem import ShootingProblem, shooting_problem
+from .sandwich import groups_of, sandwich, shown_once, solve_scaled
+from .servo import has_actuator, with_servo
+from .window_steps import linearised_at
+from .windows import NormalEquations, eliminate_states
 
 OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
 OF_SERVOS: tuple[ParameterBlock, ...] = (

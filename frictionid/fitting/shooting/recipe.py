@@ -10,16 +10,17 @@ from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, stack_calibrations, with_calibrated_servos
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
-from frictionid.fitting.identifier import Identifier
-from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe, TrainingData
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.fitting.parameters import ParameterBlock
-from frictionid.fitting.shooting.refine import fit_blocks
-from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.servo import has_actuator
-from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings
 from frictionid.friction import Friction
+
+from ..fit import Fit
+from ..identifier import Identifier
+from ..one_step.formulation import INTEGRAL, Recipe, TrainingData
+from ..one_step.residual import Problem
+from ..parameters import ParameterBlock
+from .refine import fit_blocks
+from .sample_intervals import Intervals
+from .servo import has_actuator
+from .settings import DEFAULT_BLOCKS, Settings
 
 _BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash")
 

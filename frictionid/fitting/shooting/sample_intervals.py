@@ -15,8 +15,9 @@ from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.fitting.one_step.formulation import states_of
-from frictionid.fitting.one_step.residual import GAP
+
+from ..one_step.formulation import states_of
+from ..one_step.residual import GAP
 
 
 @dataclass(frozen=True, eq=False)

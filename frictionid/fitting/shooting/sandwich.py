@@ -7,9 +7,10 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.fitting.parameters.parameter_block import Parameter, limits_of
-from frictionid.fitting.shooting.gauss_newton import Solution
-from frictionid.fitting.shooting.problem import ShootingProblem
+
+from ..parameters.parameter_block import Parameter, limits_of
+from .gauss_newton import Solution
+from .problem import ShootingProblem
 
 FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger

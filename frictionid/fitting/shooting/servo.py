@@ -27,15 +27,16 @@ from frictionid.data.servo import Servo, seen_by_encoder, with_steps
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.blocks import MOTOR
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.mechanics import Mechanism
+
+from ..parameters.blocks import MOTOR
+from ..parameters.parameter_block import (
     Estimate,
     FreeBlock,
     Parameter,
     ParameterBlock,
 )
-from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.mechanics import Mechanism
+from .sample_intervals import Intervals
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference
 _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero

@@ -10,7 +10,9 @@ import numpy as np
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
-from frictionid.fitting.parameters.blocks import (
+from frictionid.friction import Law
+
+from ..parameters.blocks import (
     BacklashBlock,
     BiasBlock,
     DelayBlock,
@@ -18,8 +20,7 @@ from frictionid.fitting.parameters.blocks import (
     InertiaBlock,
     TargetDelayBlock,
 )
-from frictionid.fitting.parameters.parameter_block import ParameterBlock
-from frictionid.friction import Law
+from ..parameters.parameter_block import ParameterBlock
 
 WINDOWS = (5 / 60, 10 / 60, 20 / 60)
 _RATE = 30.0  # [Hz]

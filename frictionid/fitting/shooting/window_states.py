@@ -13,18 +13,19 @@ from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.fitting.shooting.problem import Linearisation, memory_of
-from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.windows import (
+from frictionid.friction import Friction, Inputs, Memory
+from frictionid.friction.coordinates import at_places
+from frictionid.friction.wrapped import held
+from frictionid.mechanics import Plant
+
+from .problem import Linearisation, memory_of
+from .sample_intervals import Intervals
+from .windows import (
     START_VELOCITY,
     eliminate_states,
     initial_state_prior,
     predict_windows,
 )
-from frictionid.friction import Friction, Inputs, Memory
-from frictionid.friction.coordinates import at_places
-from frictionid.friction.wrapped import held
-from frictionid.mechanics import Plant
 
 _ROUNDS = 6
 _STILL = 1e-3  # of the noise, and of the slow velocity: a window whose nodes move less is solved

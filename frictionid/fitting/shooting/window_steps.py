@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.parameters.parameter_block import Estimate
-from frictionid.fitting.shooting.problem import ShootingProblem
-from frictionid.fitting.shooting.windows import (
+
+from ..parameters.parameter_block import Estimate
+from .problem import ShootingProblem
+from .windows import (
     AT_ONCE,
     START_VELOCITY,
     WindowPrediction,

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.fitting.shooting.problem import Linearisation
-from frictionid.fitting.shooting.sample_intervals import Intervals
+
+from .problem import Linearisation
+from .sample_intervals import Intervals
 
 START_VELOCITY = 10.0  # times the slow speed: deviation of a velocity from the smoothed one
 # Sizes of the joints per size, or size per second, of the initial state: predictions without
