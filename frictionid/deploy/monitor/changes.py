@@ -237,11 +237,20 @@ def _fitted(rows: _Rows, used: Array, prior: Array) -> tuple[Array, Array, Array
         inverse = np.linalg.inv(H + np.diag(prior**-2))
         x = inverse @ np.einsum("kip,ki->p", weighted, y)
         left = np.abs(y - A @ x)
-        scale = max(MAD * float(np.median(left[shows])), 1e-12)
+        scale = _scale(left[shows], float(np.trace(inverse @ H)), len(prior))
         weight = shows * np.minimum(1.0, _TUNING * scale / np.maximum(left, 1e-12)) / scale**2
     scores = (A * (weight * (y - A @ x))[..., None]).sum(axis=1)
     excess = _excess(scores, rows.time[used], (A**2 * weight[..., None]).sum(axis=(0, 1)))
     return x, inverse, excess, rows.residual - rows.columns @ x
+
+
+def _scale(left: Array, fitted: float, count: int) -> float:
+    """Standard deviation of what a fit of so many numbers left, robust.
+
+    One, that of the reference, counts as `count` more: few rows hardly tell it.
+    """
+    squares = len(left) * (MAD * float(np.median(left))) ** 2
+    return float(np.sqrt((squares + count) / (len(left) - fitted + count)))
 
 
 def _excess(scores: Array, time: Array, curvature: Array) -> Array:
