@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +22,11 @@ from frictionid.deploy.monitor.changes import (
 from frictionid.deploy.monitor.effects import PRIORS, Effect, effects_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
-from frictionid.files import read_json, write_json
+from frictionid.files import json_text, read_bytes, read_json, write_json
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction, Law, along
 from frictionid.friction.model_files import model_document, read_model
+from frictionid.mechanics import Mechanism
 
 FORMAT = "frictionid baseline 2"
 _SLOW = 0.1  # of the fast speed
@@ -36,7 +39,7 @@ class Baseline:
 
     Attributes
     ----------
-    mechanism : its [mechanism] table; joints : names of the n parts with friction
+    mechanism : as of `machine_of`; joints : names of the n parts with friction
     reference : what changes are measured against
     names, hashes : of the N recordings
     changes : of the N recordings
@@ -98,7 +101,7 @@ def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
     reference = reference_of(prepared, friction)
     names = _covariates(dataset)
     return Baseline(
-        mechanism=dict(dataset.mechanism.table),
+        mechanism=machine_of(dataset.mechanism),
         joints=tuple(dataset.mechanism.friction_names),
         reference=reference,
         names=tuple(r.name for r in dataset.recordings),
@@ -122,6 +125,14 @@ def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     return Reference(plain, friction.calibration, grid, noise, effects)
 
 
+def machine_of(mechanism: Mechanism) -> dict[str, Any]:
+    """The [mechanism] table as files have it, with the digest of a file in place of its path."""
+    table = json.loads(json_text(mechanism.table))
+    for name in {"urdf", "mjcf"} & {*table}:
+        table[name] = sha256(read_bytes(Path(table[name]))).hexdigest()
+    return dict(table)
+
+
 def _covariates(dataset: Dataset) -> tuple[str, ...]:
     """Columns that every recording has, and parameters (a payload) that one of them gives."""
     columns = [set(r.covariates) for r in dataset.recordings]
@@ -131,7 +142,6 @@ def _covariates(dataset: Dataset) -> tuple[str, ...]:
 
 def hashes_of(dataset: Dataset) -> tuple[str, ...]:
     """A digest of each recording's samples."""
-    from hashlib import sha256
 
     def digest(r: Any) -> str:
         parts = (r.angle.time, r.angle.value, r.torque.time, r.torque.value)
@@ -231,7 +241,7 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
         Where joints or a parameter of the mechanism differ, or a recording has a payload of which
         the baseline knows nothing.
     """
-    table, healthy = dict(dataset.mechanism.table), dict(baseline.mechanism)
+    table, healthy = machine_of(dataset.mechanism), dict(baseline.mechanism)
     if tuple(dataset.mechanism.friction_names) != baseline.joints or table.get(
         "kind"
     ) != healthy.get("kind"):
@@ -245,12 +255,13 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
             f"{where}: the mechanism of the baseline differs in {', '.join(differ)}: make a "
             "baseline of this machine"
         )
-    nominal = dataset.mechanism.defaults
+    carried = dict(zip(baseline.covariates, baseline.changes.covariates.T, strict=True))
     for recording in dataset.recordings:
         for name, value in recording.parameters.items():
-            if value != nominal[name] and name not in baseline.covariates:
+            usual = carried.get(name, [dataset.mechanism.defaults[name]])
+            if np.ptp(usual) == 0 and value != usual[0]:
                 raise InputError(
                     f"{where}, recording {recording.name!r}: {name} = {value:g} is not the "
-                    f"baseline's {nominal[name]:g}, and how friction depends on it is not known: "
+                    f"baseline's {usual[0]:g}, and how friction depends on it is not known: "
                     f"make a baseline with healthy recordings of different {name}"
                 )

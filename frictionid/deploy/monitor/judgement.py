@@ -87,11 +87,19 @@ def judge(
     single = [group[0] for group in explanation.groups if len(group) == 1]
     joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
     parts = tuple(_parts(baseline, tests, single))
-    answer = _answer(baseline, explanation, joints, parts)
-    if answer == "cannot_tell" and not explanation.groups:
-        notes.append("changes smaller than the friction itself would not be seen: record more")
+    totals = [p for p in parts if p.part == "total"]
+    blind = [
+        baseline.joints[p.joint]
+        for p in totals
+        if (p.high - p.low) / 2 > _BLIND * baseline.level[p.joint]
+    ]
+    if blind:
+        notes.append(
+            f"{', '.join(blind)}: changes smaller than the friction itself would not be seen: "
+            "record more of its motion"
+        )
     return Judgement(
-        answer,
+        _answer(explanation, joints, every_blind=len(blind) == n),
         rate,
         explanation.p,
         np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
@@ -102,18 +110,14 @@ def judge(
     )
 
 
-def _answer(
-    baseline: Baseline, explanation: Explanation, joints: Sequence[int], parts: Sequence[PartChange]
-) -> Answer:
+def _answer(explanation: Explanation, joints: Sequence[int], *, every_blind: bool) -> Answer:
     if joints:
         return "changed"
     if any(name.startswith("friction") for group in explanation.groups for name in group):
         return "cannot_tell"
     if explanation.groups:
         return "other"
-    totals = [p for p in parts if p.part == "total"]
-    blind = all((p.high - p.low) / 2 > _BLIND * baseline.level[p.joint] for p in totals)
-    return "cannot_tell" if blind else "unchanged"
+    return "cannot_tell" if every_blind else "unchanged"
 
 
 def _estimated(tests: CauseTests, causes: Sequence[str]) -> tuple[Array, Array]:
@@ -196,8 +200,8 @@ def _notes(
     for i, name in enumerate(baseline.covariates):
         low, high = (f(baseline.changes.covariates[:, i]) for f in (np.min, np.max))
         mean = float(new.covariates[:, i].mean())
-        if not low <= mean <= high:
-            yield (
-                f"{name} = {mean:.4g} lies outside the baseline's {low:.4g} to {high:.4g}: "
-                "a change of friction may be its effect"
-            )
+        beside = f"= {mean:.4g} lies outside the baseline's {low:.4g} to {high:.4g}"
+        if np.isnan(mean):
+            beside = "is not said of all new recordings"
+        if not np.isclose(mean, np.clip(mean, low, high)):
+            yield f"{name} {beside}: a change of friction may be its effect"

@@ -13,6 +13,7 @@ import numpy as np
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.comparison.registry import LAWS
+from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.monitor.baseline import (
     Arrival,
@@ -71,12 +72,12 @@ def baseline(
     >>> healthy.changes.value.shape  # recordings, and what may change
     (25, 16)
     """
-    dataset = chosen_recordings(dataset_of(data), only)
+    (dataset,) = chosen_recordings([dataset_of(data)], only)
     friction = (
         fit(dataset, law, method="one_step").friction if model is None else friction_of(model)
     )
-    if friction.theta.ndim != 2 or friction.mechanism:
-        raise InputError("the model of a baseline must hold one friction with physics")
+    if friction.theta.ndim != 2 or friction.mechanism or not friction.law.names:
+        raise InputError("a baseline needs one friction with physics, and a law other than none")
     healthy = make_baseline(prepared_data(dataset), friction)
     if out is not None:
         settings = {"law": str(friction.law), "dataset": dataset.name, "data": dataset.hashes}
@@ -131,7 +132,7 @@ def monitor(
     parts: list[Changes] = []
     disturbed: list[Segment] = []
     recordings: list[tuple[str, str]] = []
-    for dataset in (chosen_recordings(dataset_of(x), only) for x in several):
+    for dataset in chosen_recordings([dataset_of(x) for x in several], only):
         check_same_machine(healthy, dataset, dataset.name)
         prepared = prepared_data(dataset)
         reference, beside = healthy.reference, healthy.covariates
@@ -151,17 +152,23 @@ def monitor(
     return Monitored(healthy, judge(healthy, new, rate, disturbed), names, new, arrivals)
 
 
-def chosen_recordings(dataset: Dataset, only: Sequence[str]) -> Dataset:
-    """The data set with the recordings that are named; all where none is.
+def chosen_recordings(datasets: Sequence[Dataset], only: Sequence[str]) -> list[Dataset]:
+    """Data sets with the recordings that are named, all where none is.
 
     Raises
     ------
     InputError
-        For a name that it does not have.
+        For a name that none of them has, and where there is no recording.
     """
+    names = {r.name for dataset in datasets for r in dataset.recordings}
+    for name in sorted({*only} - names):
+        raise InputError(f"no recording {name!r}; {nearest(name, sorted(names))}")
+    if not names:
+        raise InputError("name a data set with recordings")
     if not only:
-        return dataset
-    return replace(dataset, recordings=tuple(dataset[name] for name in only))
+        return [*datasets]
+    chosen = [(d, tuple(r for r in d.recordings if r.name in only)) for d in datasets]
+    return [replace(d, recordings=recordings) for d, recordings in chosen if recordings]
 
 
 def log_bet(p: float) -> float:

@@ -101,10 +101,12 @@ def _mean(values: Array, covariances: Array) -> tuple[Array, Array]:
 def _covariates(healthy: Changes, new: Changes) -> tuple[Array, Array]:
     """Columns (N, 1 + c + 2 n) and (K, 1 + c + 2 n): one, covariates, and the motion.
 
-    A covariate that is the same in all healthy recordings, or unknown, is left out.
+    A covariate that is the same in all healthy recordings, or unknown, is left out, and all where
+    the recordings are too few to tell their effect.
     """
     both = np.concatenate([healthy.covariates, new.covariates])
     usable = np.isfinite(both).all(axis=0) & (np.ptp(healthy.covariates, axis=0) > 0)
+    usable &= len(healthy.value) >= usable.sum() + 3
     motion = [x.motion.reshape(len(x.motion), -1) for x in (healthy, new)]
     columns = []
     middle, size = (f(healthy.covariates[:, usable], axis=0) for f in (np.mean, np.std))

@@ -16,11 +16,13 @@ from frictionid.__main__ import main
 from frictionid.comparison.registry import LAWS
 from frictionid.deploy.monitor.baseline import (
     load_baseline,
+    machine_of,
     make_baseline,
     save_baseline,
 )
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
 from frictionid.deploy.monitor.monitor import load_state
+from frictionid.mechanics import mechanism_of
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -299,3 +301,64 @@ def test_a_baseline_of_one_recording_is_refused(healthy):
             prepared_data(some(healthy, 0, 1)),
             fid.fit(healthy, "stribeck", method="one_step").friction,
         )
+
+
+def test_pieces_of_healthy_recordings_raise_no_alarm(known, first):
+    """Thirty samples are hardly more than what may change: the noise is that of healthy ones."""
+
+    def piece(r, a):
+        rows = slice(a, a + 30)
+        angle = r.angle._replace(time=r.angle.time[rows], value=r.angle.value[rows])
+        return replace(r, name=f"{r.name} {a}", angle=angle, truth=None)
+
+    new = some(first, COUNT, COUNT + 5)
+    for a in range(0, 700, 100):
+        pieces = replace(new, recordings=tuple(piece(r, a) for r in new.recordings))
+        assert fid.monitor(known, pieces, rate=1e-3).judgement.causes == ()
+
+
+def test_recordings_are_chosen_over_all_data_sets(known, first):
+    new = [some(first, COUNT, COUNT + 2), some(first, COUNT + 2, COUNT + 4)]
+    name = new[0].recordings[1].name
+    assert fid.monitor(known, new, only=[name]).names == (name,)
+    with pytest.raises(fid.InputError, match="no recording 'r1'; known: 'r1-14'"):
+        fid.monitor(known, new, only=["r1"])
+    with pytest.raises(fid.InputError, match="name a data set with recordings"):
+        fid.monitor(known, [])
+
+
+def test_what_joints_cannot_tell_is_said(known, first):
+    """Joint 1 stands still, as under a brake: nothing is said of its friction."""
+
+    def braked(r):
+        value = r.angle.value - r.angle.value * [1.0, 0.0]
+        return replace(r, angle=r.angle._replace(value=value))
+
+    said = fid.monitor(known, changed(some(first, COUNT, COUNT + 5), braked)).judgement
+    assert 0 not in said.joints
+    assert any(note.startswith("joint 1: changes smaller") for note in said.notes)
+
+
+def test_a_reference_without_friction_is_refused(healthy):
+    with pytest.raises(fid.InputError, match="a law other than none"):
+        fid.baseline(healthy, law="none")
+
+
+def test_an_unknown_temperature_is_said(known, first):
+    base = replace(
+        known,
+        covariates=("temperature",),
+        changes=known.changes._replace(covariates=np.arange(20.0, 20 + COUNT)[:, None]),
+    )
+    notes = fid.monitor(base, some(first, COUNT, COUNT + 5)).judgement.notes
+    assert any("temperature is not said of all new recordings" in note for note in notes)
+
+
+def test_an_arm_is_the_same_wherever_its_file_stands(tmp_path):
+    from fixtures.seven_joints import MASS, urdf_text
+
+    machines = []
+    for name, mass in (("a", 0.6), ("b", 0.6), ("c", 0.7)):
+        (tmp_path / f"{name}.urdf").write_text(urdf_text([*MASS[:-1], mass]), encoding="utf-8")
+        machines.append(machine_of(mechanism_of({"urdf": str(tmp_path / f"{name}.urdf")})))
+    assert machines[0] == machines[1] != machines[2]

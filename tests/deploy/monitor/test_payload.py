@@ -94,3 +94,17 @@ def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy):
     with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
         fid.monitor(plain, dataset(heavy[0]))
     assert fid.monitor(plain, dataset(light[0])).answer == "unchanged"  # the same mass
+
+
+def test_a_payload_that_is_always_the_same_is_no_covariate_to_go_by(light, heavy):
+    """All healthy recordings say the light mass: the heavy one is refused as if none had said it."""
+    plain = fid.baseline(dataset(*light))
+    with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
+        fid.monitor(plain, dataset(heavy[0]))
+
+
+def test_few_recordings_with_covariates_have_finite_intervals(light, heavy):
+    """Two masses and three recordings do not tell how friction depends on the mass."""
+    few = fid.baseline(dataset(*light[:2], heavy[0]))
+    total = fid.monitor(few, dataset(heavy[1])).frame.query("part == 'total'").iloc[0]
+    assert total.high_95 - total.low_95 < 100 * LEVEL[HEAVY]
