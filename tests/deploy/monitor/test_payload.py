@@ -97,7 +97,7 @@ def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy):
 
 
 def test_a_payload_that_is_always_the_same_is_no_covariate_to_go_by(light, heavy):
-    """All healthy recordings say the light mass: the heavy one is refused as if none had said it."""
+    """All healthy recordings say the light mass: the heavy one is refused."""
     plain = fid.baseline(dataset(*light))
     with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
         fid.monitor(plain, dataset(heavy[0]))
