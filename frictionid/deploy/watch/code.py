@@ -1,4 +1,4 @@
-"""The observer as C99, beside its friction; the controller gives momentum and force."""
+"""The observer as C99, beside its friction; the controller gives M and dL/dq."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from frictionid.outputs import check_outputs
 
 _HEADER = """
 /* After each sample call observer_filter with the angles, the mean logged torque since
- * the last sample and its length; with its q and w compute the momentum p = M(q) w and dLdq (the
- * torque of gravity and velocities, C(q,w)' w - g(q)), then observer_update. It gives the external
- * torque of each joint, and half the width of its band; beyond it, something touches. The first
+ * the last sample and its length; with its q and w compute the inertia M(q) and dLdq (the torque
+ * of gravity and velocities, C(q,w)' w - g(q)), then observer_update. It gives the external torque
+ * of each joint, and half the width of its band; beyond it, something touches. The first
  * call is with dt = 0. What the model's parameters may be off by is a constant of the band. */
 typedef struct {{
     double angle[{n}], first[{m}], second[{m}], momentum[{n}], force[{n}];
@@ -29,13 +29,14 @@ typedef struct {{
 }} observer;
 void observer_filter(observer *s, const double angle[{n}], const double torque[{n}], double dt,
                      double q[{n}], double w[{n}]);
-void observer_update(observer *s, const double p[{n}], const double dLdq[{n}], double dt,
+void observer_update(observer *s, const double M[{n}][{n}], const double dLdq[{n}], double dt,
                      double torque[{n}], double band[{n}]);
 """
 _SOURCE = """
 static const double rate = {rate}, quick = {quick}, slow[{n}] = {slow}, level[{n}] = {level};
 static const double gain[{n}] = {gain}, bias[{n}] = {bias}, offset[{n}] = {offset};
-static const double noise[{n}] = {noise}, spread[{n}] = {spread}, factor[{n}] = {factor};
+static const double noise[{n}] = {noise}, shake[{n}] = {shake};
+static const double spread[{n}] = {spread}, factor[{n}] = {factor};
 
 static void filtered(double *x, double *y, double a, double b, double rate, double dt)
 {{
@@ -63,7 +64,7 @@ void observer_filter(observer *s, const double angle[{n}], const double torque[{
     }}
 }}
 
-void observer_update(observer *s, const double p[{n}], const double dLdq[{n}], double dt,
+void observer_update(observer *s, const double M[{n}][{n}], const double dLdq[{n}], double dt,
                      double torque[{n}], double band[{n}])
 {{
     double q[{n}], w[{n}], u[{n}], Tf[{n}];
@@ -80,19 +81,23 @@ void observer_update(observer *s, const double p[{n}], const double dLdq[{n}], d
         const double change = s->started ? fabs(w[j] - s->w[j]) : 0;
         const double ratio = w[j] / (slow[j] + change / (quick * step));
         const double stick = level[j] * exp(-ratio * ratio);
+        double p = 0, variance = noise[j] * noise[j] + spread[j] * spread[j];
+        for (int k = 0; k < {n}; k++) {{
+            p += M[j][k] * w[k];
+            variance += M[j][k] * M[j][k] * shake[k] * shake[k];
+        }}
         if (s->started) {{
-            const double left = (p[j] - s->momentum[j]) / step - (s->force[j] + force) / 2;
+            const double left = (p - s->momentum[j]) / step - (s->force[j] + force) / 2;
             const double rest = (s->stick[j] + stick) / 2;
             filtered(&s->slower[j], &s->torque[j], left, left, rate, dt);
             filtered(&s->slower[{n} + j], &s->torque[{n} + j], rest, rest, rate, dt);
         }}
-        s->momentum[j] = p[j];
+        s->momentum[j] = p;
         s->force[j] = force;
         s->stick[j] = stick;
         s->w[j] = w[j];
         torque[j] = s->torque[j];
-        band[j] = factor[j] * sqrt(noise[j] * noise[j] + spread[j] * spread[j]
-                                   + s->torque[{n} + j] * s->torque[{n} + j]);
+        band[j] = factor[j] * sqrt(variance + s->torque[{n} + j] * s->torque[{n} + j]);
     }}
     s->started = 1;
 }}
@@ -130,7 +135,10 @@ def write_code(watch: Watch, out: Path, read: Sequence[Path], *, replace: bool) 
         "call": f"friction_torque({', '.join(arguments)})",
         **{name: _array(getattr(members, name)[0]) for name in ("gain", "bias", "offset")},
         **{name: _array(getattr(source, name)) for name in ("slow", "level")},
-        **{name: _array(getattr(watch.band, name)) for name in ("noise", "spread", "factor")},
+        **{
+            name: _array(getattr(watch.band, name))
+            for name in ("noise", "shake", "spread", "factor")
+        },
     }
     motors = mechanism.motors
     numbers["gain"], numbers["bias"] = (

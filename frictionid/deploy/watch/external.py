@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import nnls
+from scipy.special import log_ndtr, ndtri_exp
 
+from frictionid.api.fit import fit as fit_again
 from frictionid.api.fitted import Fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
@@ -17,7 +20,7 @@ from frictionid.data.calibration import calibrated_plant
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import holds
+from frictionid.data.signals import cut, holds
 from frictionid.deploy.compensation import friction_in
 from frictionid.deploy.watch.members import members_of
 from frictionid.deploy.watch.momentum_observer import MomentumObserver, Observed
@@ -29,17 +32,21 @@ _DELAYS = 2.33  # of the observer's rate, which those of both filters add up to
 _BLOCK = 2000  # samples at a time, to spare memory
 _TAIL = 0.1  # share of the largest values that shows how fast they become rare
 _FEWEST = 20  # values in it
+_FOLDS = 3
+_ROUNDS, _CLIP = 4, 3.0  # of the fit of noises, and standard deviations beyond which none counts
 
 
 class Band(NamedTuple):
     """What the torque of a machine without contact is off by.
 
-    noise (n,) [N m] by the model's errors on quiet recordings; spread (n,) [N m] by its parameters
-    there; factor (n,) times which standard deviation a torque is a contact; rate : of false
-    contacts [1/h]; hours : of quiet recordings; response : by which torques lag [s]
+    noise (n,) [N m] by the model's errors on quiet recordings; shake (n,) [rad/s^2] by the angles'
+    noise, which M makes a torque; spread (n,) [N m] by the parameters there; factor (n,) times
+    which standard deviation a torque is a contact; rate : of false contacts [1/h]; hours : of quiet
+    recordings; response : by which torques lag [s]
     """
 
     noise: Array
+    shake: Array
     spread: Array
     factor: Array
     rate: float
@@ -178,71 +185,129 @@ def observed(momentum_observer: MomentumObserver, recording: Recording) -> Itera
         yield said
 
 
-def deviation(said: Observed, noise: Array) -> Array:
-    """Standard deviation (K, n) of the torque: the model's error, its parameters, and rest."""
-    return np.sqrt(noise**2 + _by_parameters(said) + said.stick**2)
+def deviation(said: Observed, noise: Array, shake: Array) -> Array:
+    """Standard deviation (K, n) of the torque: errors of model, angles, parameters, and rest."""
+    return np.sqrt(noise**2 + said.M**2 @ shake**2 + said.spread**2 + said.stick**2)
 
 
-def _by_parameters(said: Observed) -> Array:
-    """Variance (K, n) of the torque by the parameters."""
-    return np.asarray(((said.torque[:, 1:] - said.torque[:, :1]) ** 2).sum(axis=1))
+def joined(several: Iterable[Observed]) -> Observed:
+    """What was said of some samples after the other, where the filters have settled."""
+    both = Observed(*map(np.concatenate, zip(*several, strict=True)))
+    return Observed(*(values[both.settled] for values in both))
 
 
-def band_of(friction: Friction, quiet: Dataset, response: float, rate: float) -> Band:
-    """Band by recordings without contact.
+def noises(said: Observed) -> tuple[Array, Array]:
+    """Noise and shake (n,) of independent samples, by the squares of torques of joints that slide.
+
+    Nonnegative least squares in units of what they explain, robust against single contacts.
+    """
+    n = said.torque.shape[1]
+    slides = said.stick <= np.median(said.stick, axis=0)
+    squares = (said.torque**2)[slides]
+    columns = np.concatenate([np.broadcast_to(np.eye(n), said.M.shape), said.M**2], axis=-1)[slides]
+    usual = np.maximum(MAD**2 * np.median(said.torque**2, axis=0), 1e-18)
+    variance = np.broadcast_to(usual, slides.shape)[slides]
+    for _ in range(_ROUNDS):
+        clipped = np.minimum(squares, _CLIP**2 * variance) / variance
+        found, _ = nnls(columns / variance[:, None], clipped)
+        variance = np.maximum(columns @ found, 1e-18)
+    return np.sqrt(np.maximum(found[:n], 1e-18)), np.sqrt(found[n:])
+
+
+def held_out(fit: Fit) -> Iterator[tuple[Friction, Dataset]]:
+    """Frictions of folds of the fit's recordings, with those that each has not seen.
+
+    By the fit's law, method and blocks; a single recording is cut into two.
+    """
+    assert fit.data is not None
+    recordings, source = fit.data.recordings, fit.friction.provenance
+    if len(recordings) == 1:
+        (r,) = recordings
+        begin, middle, end = np.linspace(r.angle.time[0], r.angle.time[-1], 3)
+        halves = cut(r.angle, begin, middle), cut(r.angle, middle, end)
+        recordings = tuple(replace(r, angle=half, truth=None) for half in halves)
+    free = None if source.refined is None else {e.block for e in source.refined.parameters}
+    for k in range(count := min(_FOLDS, len(recordings))):
+        seen = tuple(r for i, r in enumerate(recordings) if i % count != k)
+        again = fit_again(
+            replace(fit.data, recordings=seen),
+            fit.friction.law,
+            method=fit.method,
+            free=None if free is None else sorted(free),
+            sample_time=source.sample_time,
+        )
+        yield again.friction, replace(fit.data, recordings=recordings[k::count])
+
+
+def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: float) -> Band:
+    """Band by recordings without contact, each set with the friction that is to explain it.
 
     The factor is where the largest ratios of torque and deviation, one of each response time, are
-    as rare as asked for: the largest tenth falls off exponentially beyond its threshold, as most
-    distributions do [Pickands1975].
+    as rare as asked for, by the tail of the largest tenth.
 
     Raises
     ------
     InputError
         Where they are too short.
     """
-    said = [
-        list(observed(momentum_observer_of(friction, quiet, r, response), x))
-        for r, x in enumerate(quiet.recordings)
+    runs = [
+        joined(observed(momentum_observer_of(friction, dataset, r, response), x))
+        for friction, dataset in quiet
+        for r, x in enumerate(dataset.recordings)
     ]
-    torque = np.concatenate([s.torque[s.settled, 0] for run in said for s in run])
-    if len(torque) < _FEWEST / _TAIL:
+    count = sum(len(run.time) for run in runs)
+    if count < _FEWEST / _TAIL:
         raise InputError(
-            f"data set {quiet.name!r}: {len(torque)} samples without contact are too few for a "
-            "band: give longer recordings"
+            f"external torque: {count} samples without contact are too few for a band: give longer "
+            "recordings"
         )
-    moving = np.concatenate([s.stick[s.settled] for run in said for s in run])
-    slides = moving < np.median(moving, axis=0) + 1e-12
-    noise = np.array(
-        [MAD * np.median(np.abs(t[m])) for t, m in zip(torque.T, slides.T, strict=True)]
+    edges = [_edges(run.time, response) for run in runs]
+    apart = [Observed(*(x[e] for x in run)) for run, e in zip(runs, edges, strict=True)]
+    noise, shake = noises(joined(apart))
+    largest = np.concatenate(
+        [
+            np.maximum.reduceat(np.abs(run.torque) / deviation(run, noise, shake), e)
+            for run, e in zip(runs, edges, strict=True)
+            if len(e)
+        ]
     )
-    noise = np.maximum(noise, 1e-9)
-    peaks, hours = [], 0.0
-    for run in said:
-        ratio = np.concatenate([np.abs(s.torque[:, 0]) / deviation(s, noise) for s in run])
-        time, settled = (np.concatenate([getattr(s, k) for s in run]) for k in ("time", "settled"))
-        if settled.any():
-            time, ratio = time[settled], ratio[settled]
-            edges = np.flatnonzero(np.diff(np.floor((time - time[0]) / response))) + 1
-            peaks.append(np.maximum.reduceat(ratio, np.concatenate([[0], edges])))
-            hours += float(np.ptp(time)) / 3600.0
-    largest = np.concatenate(peaks)
+    hours = sum(float(np.ptp(run.time)) for run in runs if len(run.time)) / 3600.0
     each = rate / largest.shape[1]
     factor = np.array([_factor(x, hours, each) for x in largest.T])
-    spread = np.sqrt(np.mean([_by_parameters(s).mean(axis=0) for run in said for s in run], axis=0))
-    return Band(noise, spread, factor, rate, hours, response)
+    spread = np.sqrt(np.mean(np.concatenate([run.spread for run in runs]) ** 2, axis=0))
+    return Band(noise, shake, spread, factor, rate, hours, response)
+
+
+def _edges(time: Array, response: float) -> Array:
+    """Indices of the first sample in each response time."""
+    blocks = np.floor((time - time[:1]) / response)
+    return np.flatnonzero(np.diff(blocks, prepend=-1.0))
 
 
 def _factor(peaks: Array, hours: float, rate: float) -> float:
-    """Value that peaks exceed `rate` times an hour, by their exponential tail.
+    """Value that peaks exceed `rate` times an hour, by their tail.
 
-    >>> peaks = np.random.default_rng(0).exponential(size=10_000)
-    >>> round(_factor(peaks, 1.0, 1.0), 1)  # ln 10000 = 9.2
+    Beyond a threshold they are as rare as exponential values [Pickands1975], or as normal ones,
+    whichever is likelier.
+
+    >>> random = np.random.default_rng(0)
+    >>> round(_factor(random.exponential(size=10_000), 1.0, 1.0), 1)  # ln 10000 = 9.2
     9.2
+    >>> round(_factor(np.abs(random.normal(size=100_000)), 1.0, 1.0), 1)  # two-sided 1e-5
+    4.4
     """
     count = max(int(_TAIL * len(peaks)), min(_FEWEST, len(peaks) - 1))
     ordered = np.sort(peaks)[::-1]
-    threshold, scale = ordered[count], float((ordered[:count] - ordered[count]).mean())
-    return float(max(threshold + scale * np.log(count / (hours * rate)), 1.0))
+    threshold, rarer = ordered[count], np.log(count / (hours * rate))
+    tail = ordered[:count] - threshold
+    scale = float(tail.mean())
+    # minus the logarithm of a normal value's tail is exponential
+    rare = -log_ndtr(-ordered[: count + 1])
+    normal_scale = float((rare[:count] - rare[count]).mean())
+    slopes = rare[:count] - ordered[:count] ** 2 / 2 - np.log(2.0 * np.pi) / 2
+    if float(slopes.mean()) - np.log(normal_scale) < -np.log(scale):
+        return float(max(threshold + scale * rarer, 1.0))
+    return float(max(-ndtri_exp(-(rare[count] + normal_scale * rarer)), 1.0))
 
 
 def external_torque(
@@ -265,7 +330,8 @@ def external_torque(
     data : data set
         Of the same machine.
     quiet : data set, optional
-        Recordings without contact, best such as were not fitted; those of the fit.
+        Recordings without contact, best such as were not fitted. None: those of the fit, each by a
+        fit to the others, which takes as long as three fits.
     response : float [s]
         By which the torque lags; the shorter, the noisier.
     rate : float [1/h]
@@ -288,12 +354,15 @@ def external_torque(
     for name, value in (("response", response), ("rate", rate)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value} must be a positive number")
-    without = quiet if quiet is not None else fit.data if isinstance(fit, Fit) else None
-    if without is None:
-        raise InputError("external torque: name recordings without contact: quiet = a data set")
     dataset = dataset_of(data)
     refuse_torques(dataset)
-    band = band_of(friction, dataset_of(without), response, rate)
+    if quiet is not None:
+        without = iter([(friction, dataset_of(quiet))])
+    elif isinstance(fit, Fit) and fit.data is not None:
+        without = held_out(fit)
+    else:
+        raise InputError("external torque: name recordings without contact: quiet = a data set")
+    band = band_of(without, response, rate)
     rows = [
         _judged(momentum_observer_of(friction, dataset, r, response), x, band)
         for r, x in enumerate(dataset.recordings)
@@ -306,7 +375,8 @@ def external_torque(
 def with_band(said: Observed, band: Band) -> tuple[Array, Array]:
     """Torque and half the band's width (K, n) [N m]; NaN before the filters have settled."""
     valid = np.where(said.settled, 1.0, np.nan)[:, None]
-    return valid * said.torque[:, 0], valid * band.factor * deviation(said, band.noise)
+    size = deviation(said, band.noise, band.shake)
+    return valid * said.torque, valid * band.factor * size
 
 
 def _judged(

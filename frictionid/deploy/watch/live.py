@@ -32,14 +32,14 @@ class Live(NamedTuple):
 
     stretches : their number; precision (D, D), pull (D,) : sums of curvature, and of it times value
     squares : sum of the stretches' distances from the mean before each, in units of the noise
-    checkpoint : total (n,) when half of the stretches were in; seconds : of data
+    checkpoints : totals (2, n) after half of `at` stretches and after all; seconds : of data
     """
 
     stretches: int
     precision: Array
     pull: Array
     squares: float
-    checkpoint: Array
+    checkpoints: Array
     at: int
     seconds: float
 
@@ -47,8 +47,8 @@ class Live(NamedTuple):
 class Estimate(NamedTuple):
     """Friction of each joint at its usual speed, over that of the model, with half its band (n,).
 
-    converged : whether more data would hardly move it: the band is below `within`, and so is what
-        the second half of the stretches changed
+    converged : whether more data would hardly move it: the band is below `within`, and holds what
+        at least the second half of the stretches changed
     """
 
     share: Array
@@ -83,7 +83,7 @@ class LiveFriction:
         effects = self.reference.effects
         size = np.array([e.size * (1.0 if e.name in PARTS else _KNOWN) for e in effects])
         n = len(self.reference.speeds)
-        return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.full(n, np.nan), 0, 0.0)
+        return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.zeros((2, n)), 0, 0.0)
 
     def added(self, live: Live, chunk: Chunk) -> Live:
         """With what a stretch says; unchanged where it is too short or nothing moves."""
@@ -107,18 +107,19 @@ class LiveFriction:
             live.precision + curvature,
             live.pull + pull,
             live.squares + squares,
-            live.checkpoint,
+            live.checkpoints,
             live.at,
             live.seconds + float(np.ptp(chunk.time)),
         )
         if now.stretches >= 2 * max(live.at, 1):
-            now = now._replace(checkpoint=self._total(now)[0], at=now.stretches)
+            last = np.stack([live.checkpoints[1], self._total(now)[0]])
+            now = now._replace(checkpoints=last, at=now.stretches)
         return now
 
     def estimate(self, live: Live) -> Estimate:
         """Friction with its band, and whether it has converged."""
         total, band = self._total(live)
-        moved = np.abs(total - live.checkpoint)
+        moved = np.abs(total - live.checkpoints[0])
         settled = live.stretches > _FEW <= live.at and bool((moved <= band).all())
         return Estimate(
             1.0 + total, band, settled and bool((band <= self.within).all()), live.seconds

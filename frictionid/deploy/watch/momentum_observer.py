@@ -69,12 +69,16 @@ class State(NamedTuple):
 class Observed(NamedTuple):
     """What the observer says of K samples.
 
-    time (K,); torque (K, S, n) [N m] by each member; stick (K, n) [N m]; settled (K,) of bool
+    time (K,); torque (K, n) [N m] by the fit; spread (K, n) [N m], of the members about it
+    stick (K, n) [N m]; M (K, n, n) [kg m^2], which makes torques of the angles' noise
+    settled (K,) of bool
     """
 
     time: Array
     torque: Array
+    spread: Array
     stick: Array
+    M: Array
     settled: Array
 
 
@@ -113,7 +117,7 @@ class MomentumObserver:
         x = self._inputs(held[None], np.zeros((1, n)))
         memory = self.friction.law.start(self.members.theta, _at(x, 0))
         state = State(time, angle, time, held, held, nothing, nothing, nothing[0], memory, out, out)
-        momentum, force, stick, _ = self._forces(held[None], held[None], state, np.zeros(1))
+        momentum, force, stick, *_ = self._forces(held[None], held[None], state, np.zeros(1))
         return state._replace(momentum=momentum[0], force=force[0], stick=stick[0])
 
     def advance(
@@ -143,7 +147,7 @@ class MomentumObserver:
         last = np.concatenate([state.angle[None], angle[:-1]])
         ends = np.column_stack([last, torque]), np.column_stack([angle, torque])
         first, second = _filtered(*ends, dt, self.quick, state.first, state.second)
-        momentum, force, stick, memory = self._forces(first, second, state, dt)
+        momentum, force, stick, M, memory = self._forces(first, second, state, dt)
         before = np.concatenate([state.momentum[None], momentum[:-1]])
         mean = (np.concatenate([state.force[None], force[:-1]]) + force) / 2
         left = (momentum - before) / dt[:, None, None] - mean
@@ -164,7 +168,8 @@ class MomentumObserver:
             slower[-1],
             out[-1],
         )
-        return after, Observed(time, out[:, :-1], out[:, -1], settled)
+        spread = np.sqrt(((out[:, 1:-1] - out[:, :1]) ** 2).sum(axis=1))
+        return after, Observed(time, out[:, 0], spread, out[:, -1], M, settled)
 
     @property
     def quick(self) -> float:
@@ -173,12 +178,12 @@ class MomentumObserver:
 
     def _forces(
         self, first: Array, second: Array, state: State, dt: Array
-    ) -> tuple[Array, Array, Array, Memory]:
-        """Momentum and force (K, S, n), the open share (K, n) of friction, and the memory."""
+    ) -> tuple[Array, Array, Array, Array, Memory]:
+        """Momentum and force (K, S, n), friction (K, n) left open, M (K, n, n), and the memory."""
         n, members = len(state.angle), self.members
         w, u = self.quick * (first - second)[:, :n], second[:, n:]
         rising = self.quick * (first - second)[:, n:]
-        momentum, slope = self._momentum(second[:, :n], w)
+        M, momentum, slope = self._momentum(second[:, :n], w)
         logged = u[:, None] - members.delay[:, None] * rising[:, None]
         motors = self.plant.mechanism.motors
         driven = (members.gain * logged + members.bias) * motors
@@ -189,10 +194,10 @@ class MomentumObserver:
         change = np.abs(np.diff(np.concatenate([last, w]), axis=0)) @ np.abs(A).T
         within = self.slow + change / (self.quick * np.maximum(dt, 1e-9))[:, None]
         stick = (self.level * np.exp(-((x.w / within) ** 2))) @ np.abs(A)
-        return momentum, slope + driven - Tf @ A, stick, memory
+        return momentum, slope + driven - Tf @ A, stick, M, memory
 
-    def _momentum(self, q: Array, w: Array) -> tuple[Array, Array]:
-        """Momentum and dL/dq (K, S, n); members with the same machine share it."""
+    def _momentum(self, q: Array, w: Array) -> tuple[Array, Array, Array]:
+        """M (K, n, n) of the fit, momentum and dL/dq (K, S, n); the same machines share these."""
         members, mechanism = self.members, self.plant.mechanism
         machines = np.column_stack([members.base, members.offset])
         different, which = np.unique(machines, axis=0, return_inverse=True)
@@ -201,7 +206,8 @@ class MomentumObserver:
         at = q[:, None] - offset
         terms = mechanism.terms(p, at, np.broadcast_to(w[:, None], at.shape))
         which = np.ravel(which)
-        return terms.momentum[:, which], terms.dLdq[:, which]
+        M = np.broadcast_to(terms.M, (*at.shape, at.shape[-1]))[:, which[0]]
+        return M, terms.momentum[:, which], terms.dLdq[:, which]
 
     def _inputs(self, second: Array, w: Array) -> Inputs:
         """What friction depends on, (K, m): by the fit's calibration."""

@@ -66,7 +66,7 @@ def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float)
     return Watch(
         dataset,
         momentum_observer_of(friction, dataset, 0, response),
-        band_of(friction, dataset, response, rate),
+        band_of([(friction, dataset)], response, rate),
         live_of(friction, dataset),
     )
 

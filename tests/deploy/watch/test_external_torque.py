@@ -14,8 +14,9 @@ import pytest
 import frictionid as fid
 from frictionid.__main__ import main
 from frictionid.deploy.watch.code import write_code
-from frictionid.deploy.watch.external import interval_torques
+from frictionid.deploy.watch.external import interval_torques, noises
 from frictionid.deploy.watch.live import LiveFriction
+from frictionid.deploy.watch.momentum_observer import Observed
 from frictionid.deploy.watch.stream import Chunk, part
 from frictionid.deploy.watch.watch import watch_of, watched
 from frictionid.friction.laws import CoulombViscous, Dahl
@@ -27,6 +28,7 @@ from frictionid.simulate import (
     Rig,
     Run,
     Stribeck,
+    Variation,
     simulate,
     write_dataset,
 )
@@ -34,7 +36,7 @@ from frictionid.simulate import (
 PUSH, BEGIN, END = 0.3, 4.0, 5.0  # N m, s
 
 
-def recorded(count=4, seconds=12.0, noise=2e-4, seed=1):
+def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0):
     """A pendulum with Coulomb and viscous friction, at 200 samples a second."""
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
     runs = tuple(Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
@@ -43,7 +45,9 @@ def recorded(count=4, seconds=12.0, noise=2e-4, seed=1):
     parameters = {"mass": 0.5, "length": 0.3}
     machine = {"kind": "pendulum", "parameters": parameters}
     drive = Drive(rate=200.0)
-    return simulate(Rig("p", machine, true, camera, runs, drive=drive, seed=seed, substeps=4))
+    varied = Variation(scatter=scatter) if scatter else None
+    settings = {"variation": varied, "seed": seed, "substeps": 4}
+    return simulate(Rig("p", machine, true, camera, runs, drive=drive, **settings))
 
 
 def pushed(recording):
@@ -68,8 +72,8 @@ def contact(quiet):
     return replace(quiet, recordings=(pushed(quiet.recordings[1]),))
 
 
-def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, contact):
-    said = fid.external_torque(fit, contact)
+def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, quiet, contact):
+    said = fid.external_torque(fit, contact, quiet=quiet)
     (only,) = said.contacts
     assert BEGIN < only.begin < BEGIN + 0.15
     assert END < only.end < END + 0.3
@@ -77,12 +81,12 @@ def test_a_push_comes_out_as_it_went_in_and_nothing_else_does(fit, contact):
     within = frame[(frame.time > BEGIN + 0.4) & (frame.time < END)]
     # friction that rests may hold a part of it
     assert within.torque1.median() == pytest.approx(PUSH, rel=0.05)
-    assert not fid.external_torque(fit, fit.data).contacts
+    assert not fid.external_torque(fit, quiet, quiet=quiet).contacts
 
 
-def test_the_lag_is_the_response(fit, contact):
+def test_the_lag_is_the_response(fit, quiet, contact):
     """Half of a step is there a little before the response, the mean delay."""
-    said = fid.external_torque(fit, contact, response=0.2)
+    said = fid.external_torque(fit, contact, quiet=quiet, response=0.2)
     frame = said.frame
     after = frame[frame.time > BEGIN]
     half = after.time[after.torque1 > PUSH / 2].iloc[0] - BEGIN
@@ -93,9 +97,39 @@ def test_a_model_without_friction_leaves_friction_over(quiet, fit):
     """What friction does passes for a push; with it a third and less is left."""
     none = fid.fit(quiet, "none")
     with_, without = (
-        np.sqrt(np.nanmean(fid.external_torque(x, quiet).torque[0] ** 2)) for x in (fit, none)
+        np.sqrt(np.nanmean(fid.external_torque(x, quiet, quiet=quiet).torque[0] ** 2))
+        for x in (fit, none)
     )
     assert with_ < without / 3
+
+
+def test_noise_of_angles_is_told_from_errors_of_the_model_though_someone_touches():
+    """An arm that stretches: its inertia makes more torque of the same noise."""
+    rng, count = np.random.default_rng(0), 8000
+    noise, shake = np.array([0.5, 0.2]), np.array([1.0, 2.0])
+    M = np.zeros((count, 2, 2))
+    M[:, 0, 0], M[:, 1, 1] = rng.uniform(0.2, 3.0, count), rng.uniform(0.05, 0.5, count)
+    M[:, 0, 1] = M[:, 1, 0] = rng.uniform(-0.3, 0.3, count)
+    torque = rng.normal(size=(count, 2)) * np.sqrt(noise**2 + M**2 @ shake**2)
+    torque[::100] += 30.0
+    nothing = np.zeros((count, 2))
+    settled = np.ones(count, dtype=bool)
+    said = Observed(np.arange(count) / 10.0, torque, nothing, nothing, M, settled)
+    for estimate, true in zip(noises(said), (noise, shake), strict=True):
+        np.testing.assert_allclose(estimate, true, rtol=0.15)
+
+
+def test_without_quiet_recordings_the_band_is_by_recordings_that_were_not_fitted():
+    """Two recordings with different friction: each half explains itself, and not the other."""
+    varied = recorded(2, scatter=0.2)
+    loose = fid.fit(varied, "coulomb_viscous", method="one_step")
+    seen = fid.external_torque(loose, varied, quiet=varied).band_of
+    unseen = fid.external_torque(loose, varied).band_of
+    size, other = (float(np.hypot(b.noise, 0.05 * b.shake)[0]) for b in (seen, unseen))
+    assert other > 1.5 * size
+    single = replace(varied, recordings=varied.recordings[:1])
+    alone = fid.fit(single, "coulomb_viscous", method="one_step")
+    assert fid.external_torque(alone, single).band_of.hours < seen.hours
 
 
 def test_uncertain_parameters_widen_the_band(quiet):
@@ -164,6 +198,20 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     assert isinstance(live, LiveFriction)
 
 
+def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(fit, quiet):
+    """Also in the moment in which the next half begins."""
+    live = watch_of(fit.friction, quiet, 0.1, 1.0).friction
+    said = live.start()
+    r = quiet.recordings[0]
+    whole = Chunk(r.angle.time, r.angle.value, r.torque)
+    for _ in range(8):
+        said = live.added(said, part(whole, 0, 1001))
+    assert said.at == said.stretches == 8
+    assert live.estimate(said).converged
+    moved = said._replace(checkpoints=said.checkpoints - [[0.5], [0.0]])
+    assert not live.estimate(moved).converged
+
+
 def test_the_code_computes_what_the_program_does(fit, quiet, contact, tmp_path):
     watch = watch_of(fit.friction, quiet, 0.1, 1.0)
     source, _ = write_code(watch, tmp_path / "watch.c", [], replace=False)
@@ -180,9 +228,9 @@ def test_the_code_computes_what_the_program_does(fit, quiet, contact, tmp_path):
         u, angle = array(*torques[max(k - 1, 0)]), array(*r.angle.value[k])
         code.observer_filter(memory, angle, u, dt, q, w)
         terms = mechanism.terms(base, np.array(q[:]), np.array(w[:]))
-        code.observer_update(memory, array(*terms.momentum), array(*terms.dLdq), dt, torque, band)
+        code.observer_update(memory, array(*terms.M[0]), array(*terms.dLdq), dt, torque, band)
         out.append((torque[0], band[0]))
-    said = fid.external_torque(fit, contact)
+    said = fid.external_torque(fit, contact, quiet=quiet)
     settled = np.isfinite(said.torque[0][:, 0])
     mine, mine_band = np.array(out)[1:][settled].T
     np.testing.assert_allclose(mine, said.torque[0][settled, 0], atol=1e-9)
