@@ -30,7 +30,7 @@ def watch(
     response: Annotated[float, typer.Option(help="Lag of the external torque [s].")] = 0.1,
     rate: Annotated[float, typer.Option(help="False contacts per hour.")] = 1.0,
     idle: Annotated[
-        float | None, typer.Option(help="End after so many seconds without data [never].")
+        float | None, typer.Option(min=0.0, help="End after so many seconds without data [never].")
     ] = None,
     code: Annotated[Path | None, typer.Option(help="C file of the observer to write.")] = None,
     data: DataFolder = None,
@@ -56,9 +56,12 @@ def watch(
             print(f"written to {path}")
         return
     show = _Shown(machine.dataset.mechanism.joints, json)
-    stream = watched(machine, dataset, _source(follow, port, baud), idle or float("inf"), header)
-    for seen in stream:
+    ends = float("inf") if idle is None else idle
+    seen = None
+    for seen in watched(machine, dataset, _source(follow, port, baud), ends, header):
         show(seen)
+    if seen is None:
+        raise InputError("watch: no sample came: a header and two rows are the least")
 
 
 def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:

@@ -248,8 +248,11 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
     Raises
     ------
     InputError
-        Where they are too short.
+        Where they are too short, and for numbers that are not positive.
     """
+    for name, value in (("response", response), ("rate", rate)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} = {value} must be a positive number")
     runs = [
         joined(observed(momentum_observer_of(friction, dataset, r, response), x))
         for friction, dataset in quiet
@@ -351,9 +354,6 @@ def external_torque(
     (('joint 1', 'joint 2'), True)
     """
     friction = friction_in(friction_of(fit))
-    for name, value in (("response", response), ("rate", rate)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} = {value} must be a positive number")
     dataset = dataset_of(data)
     refuse_torques(dataset)
     if quiet is not None:

@@ -28,6 +28,7 @@ from frictionid.mechanics import Plant
 
 SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
 _QUICK = 6.0  # times the rate, that of the first filter
+_GAP = 6.0  # over the rate [s]: between samples farther apart nothing is known
 
 
 class Members(NamedTuple):
@@ -47,7 +48,7 @@ class Members(NamedTuple):
 class State(NamedTuple):
     """What a stream remembers: the last sample, and the filters.
 
-    time : of the last sample [s]; angle (n,) there; begin : of the stream [s]
+    time : of the last sample [s]; angle (n,) there; begin : of the stream, after the last gap [s]
     first, second : (2 n,), filters of angles and torques; momentum, force : (S, n)
     stick : (n,), share of friction that rest leaves open; memory : of the friction's law
     slower, torque : (S + 1, n), the observer's filter, of the members' torques and of `stick`
@@ -154,11 +155,12 @@ class MomentumObserver:
         open_share = (np.concatenate([state.stick[None], stick[:-1]]) + stick) / 2
         both = np.concatenate([left, open_share[:, None]], axis=1)
         slower, out = _filtered(both, both, dt, self.rate, state.slower, state.torque)
-        settled = time - state.begin >= SETTLING / self.rate
+        begin = np.maximum.accumulate(np.where(dt > _GAP / self.rate, time, state.begin))
+        settled = time - begin >= SETTLING / self.rate
         after = State(
             float(time[-1]),
             angle[-1],
-            state.begin,
+            float(begin[-1]),
             first[-1],
             second[-1],
             momentum[-1],

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.plants import refuse_torques
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.monitor.baseline import disturbed_from, reference_of
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes
@@ -63,12 +64,10 @@ class Watch:
 
 def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float) -> Watch:
     """Watch of a machine by a friction, and recordings without contact."""
-    return Watch(
-        dataset,
-        momentum_observer_of(friction, dataset, 0, response),
-        band_of([(friction, dataset)], response, rate),
-        live_of(friction, dataset),
-    )
+    refuse_torques(dataset)
+    band = band_of([(friction, dataset)], response, rate)
+    momentum_observer = momentum_observer_of(friction, dataset, 0, response)
+    return Watch(dataset, momentum_observer, band, live_of(friction, dataset))
 
 
 def live_of(friction: Friction, dataset: Dataset) -> LiveFriction:

@@ -132,6 +132,20 @@ def test_without_quiet_recordings_the_band_is_by_recordings_that_were_not_fitted
     assert fid.external_torque(alone, single).band_of.hours < seen.hours
 
 
+def test_a_gap_in_the_log_is_no_contact(fit, quiet):
+    """Between its ends nothing is known; behind it the filters settle anew."""
+    (r, *_) = quiet.recordings
+    keep = (r.angle.time < 4.0) | (r.angle.time > 7.0)
+    angle, torque = (
+        x._replace(time=x.time[keep], value=x.value[keep]) for x in (r.angle, r.torque)
+    )
+    paused = replace(quiet, recordings=(replace(r, angle=angle, torque=torque, truth=None),))
+    said = fid.external_torque(fit, paused, quiet=quiet)
+    assert not said.contacts
+    unknown = said.frame.torque1.isna() & (said.frame.time > 1.0)
+    assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
+
+
 def test_uncertain_parameters_widen_the_band(quiet):
     plain = fid.fit(quiet, "coulomb_viscous", method="one_step")
     loose = replace(quiet, mechanism=replace(quiet.mechanism, tolerances={"mass": 5.0}))
@@ -273,6 +287,13 @@ def test_the_command_follows_a_file(fit, folder, tmp_path, monkeypatch, capsys):
     code, out, _ = run(*machine, "--code", tmp_path / "own.c")
     assert code == 0
     assert (tmp_path / "own.h").exists()
-    code, _, err = run(*machine)
-    assert code == 2
-    assert "--follow FILE" in err
+    (tmp_path / "none.csv").write_text(table.read_text().splitlines()[0] + "\n")
+    for words, said in (
+        ((), "--follow FILE"),
+        (("--follow", table, "--response", 0), "response = 0.0 must be a positive number"),
+        (("--follow", table, "--rate", -1), "rate = -1.0 must be a positive number"),
+        (("--follow", tmp_path / "none.csv", "--idle", 0), "no sample came"),
+    ):
+        code, _, err = run(*machine, *words)
+        assert code == 2
+        assert said in err
