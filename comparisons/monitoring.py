@@ -111,7 +111,8 @@ def changes(known: Baseline, data: Dataset) -> tuple[Changes, int]:
     parts, stretches = [], 0
     for i in range(0, len(data.recordings), AT_ONCE):
         part = replace(data, recordings=data.recordings[i : i + AT_ONCE])
-        found, left_out = recording_changes(prepared_data(part), known.reference, (), known.peak)
+        most = known.changes.disturbed
+        found, left_out = recording_changes(prepared_data(part), known.reference, (), most)
         parts.append(found)
         stretches += len(left_out)
     return joined(parts), stretches

@@ -181,7 +181,7 @@ def baseline(
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
         healthy = fid.baseline(loaded, out, law=law, model=model, only=only or ())
-    scatter = totals(healthy.changes, len(healthy.joints)).std(axis=0, ddof=1) / healthy.level
+    scatter = totals(healthy.changes, healthy.reference.speeds).std(axis=0, ddof=1) / healthy.level
     shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
     lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]
     for joint, share in shares.items():

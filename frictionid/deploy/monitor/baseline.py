@@ -13,13 +13,6 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.monitor.changes import (
-    Changes,
-    Reference,
-    recording_changes,
-    usual_level,
-)
-from frictionid.deploy.monitor.effects import PRIORS, Effect, effects_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
 from frictionid.files import json_text, read_bytes, read_json, write_json
@@ -28,9 +21,15 @@ from frictionid.friction import Friction, Law, along
 from frictionid.friction.model_files import model_document, read_model
 from frictionid.mechanics import Mechanism
 
+from .changes import (
+    Changes,
+    Reference,
+    recording_changes,
+)
+from .effects import Effect, effects_of
+
 FORMAT = "frictionid baseline 2"
 _SLOW = 0.1  # of the fast speed
-_DISTURBED = 1.5  # times the largest residual of healthy recordings
 
 
 @dataclass(frozen=True)
@@ -57,12 +56,7 @@ class Baseline:
     @property
     def level(self) -> Array:
         """Friction (n,) of each part at its usual speed [N m]."""
-        return level_of(self.reference)
-
-    @property
-    def peak(self) -> Array:
-        """Mean residual (n,) of a tenth of a second beyond which a stretch is disturbed."""
-        return disturbed_from(self.changes)
+        return self.reference.level
 
 
 class Arrival(NamedTuple):
@@ -72,16 +66,6 @@ class Arrival(NamedTuple):
     digest: str
     changes: Changes
     log_evidence: float
-
-
-def level_of(reference: Reference) -> Array:
-    """Friction (n,) of each part at its usual speed [N m]."""
-    return usual_level(reference.friction, reference.speeds[:, 1])
-
-
-def disturbed_from(healthy: Changes) -> Array:
-    """Residual (n,) over a tenth of a second that makes a stretch disturbed, see `Changes`."""
-    return np.asarray(_DISTURBED * healthy.peak.max(axis=0))
 
 
 def make_baseline(prepared: Prepared, friction: Friction) -> Baseline:
@@ -121,8 +105,8 @@ def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     e = np.abs(problem.residual(along(plain, problem.nodes)))
     noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
-    effects = effects_of(prepared.dataset.mechanism, usual_level(plain, grid[:, 1]))
-    return Reference(plain, friction.calibration, grid, noise, effects)
+    reference = Reference(plain, friction.calibration, grid, noise, ())
+    return reference._replace(effects=effects_of(prepared.dataset.mechanism, reference.level))
 
 
 def machine_of(mechanism: Mechanism) -> dict[str, Any]:
@@ -158,7 +142,7 @@ def save_baseline(
     friction = replace(reference.friction, calibration=reference.calibration)
     document = {
         "format": FORMAT,
-        "settings": {**settings, "priors": PRIORS},
+        "settings": dict(settings),
         "mechanism": dict(b.mechanism),
         "joints": b.joints,
         "model": model_document(friction, laws),
@@ -200,12 +184,6 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
             "make the baseline again by frictionid baseline"
         )
     try:
-        settings = document["settings"]
-        if settings["priors"] != [*PRIORS]:
-            raise InputError(
-                f"{path}: was made with other settings ({settings['priors']}): make the baseline "
-                "again"
-            )
         friction = read_model(document["model"], laws, str(path))
         rows = document["recordings"]
         grid, noise = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))

@@ -23,8 +23,6 @@ from frictionid.arrays import Array, times
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.monitor.effects import PARTS, Effect, payloads
-from frictionid.deploy.monitor.motion import motion_of
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
@@ -39,11 +37,15 @@ from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment
 
+from .effects import PARTS, Effect, payloads
+from .motion import motion_of
+
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
 _TUNING = 1.345  # Huber's, in standard deviations
 _ROUNDS = 5
 _PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
 _WINDOW = 0.1  # [s], of a disturbance
+_DISTURBED = 1.5  # times the largest residual over it
 _PASSES = 4  # with what they find left out
 
 
@@ -62,6 +64,12 @@ class Reference(NamedTuple):
     speeds: Array
     noise: Array
     effects: tuple[Effect, ...]
+
+    @property
+    def level(self) -> Array:
+        """Friction (n,) at the usual speed [N m], at least a thousandth of the largest."""
+        level = np.abs(np.diagonal(self.friction.curve(self.speeds[:, 1])))
+        return np.asarray(np.maximum(level, 1e-3 * level.max() + 1e-12))
 
 
 class Changes(NamedTuple):
@@ -83,22 +91,33 @@ class Changes(NamedTuple):
     peak: Array
     covariates: Array
 
+    @property
+    def disturbed(self) -> Array:
+        """Residual (n,) over a tenth of a second from which on a stretch is disturbed."""
+        return np.asarray(_DISTURBED * self.peak.max(axis=0))
+
 
 def joined(several: Iterable[Changes]) -> Changes:
     """Changes of the recordings of several, one behind the other."""
     return Changes(*map(np.concatenate, zip(*several, strict=True)))
 
 
-def totals(changes: Changes, joints: int) -> Array:
-    """Changes (R, n) of each joint's friction at its usual speed: Coulomb and viscous [N m]."""
-    parts = changes.value[:, : joints * len(PARTS)].reshape(-1, joints, len(PARTS))
-    return np.asarray(parts[..., :2].sum(axis=-1))
+def total_weights(speeds: Array) -> Array:
+    """Weights (n, 4) of the parts of each joint's friction at its usual speed: all but asymmetry.
+
+    >>> total_weights(np.array([[0.1, 1.0, 2.0]])).round(3)
+    array([[1., 1., 0., 0.]])
+    """
+    slow, usual, _ = speeds.T
+    ones = np.ones_like(usual)
+    return np.stack([ones, ones, np.exp(-((usual / slow) ** 2)), 0.0 * ones], axis=-1)
 
 
-def usual_level(friction: Friction, usual: Array) -> Array:
-    """Friction (n,) of each part at its usual speed [N m], at least a thousandth of the largest."""
-    level = np.abs(np.diagonal(friction.curve(usual)))
-    return np.asarray(np.maximum(level, 1e-3 * level.max() + 1e-12))
+def totals(changes: Changes, speeds: Array) -> Array:
+    """Changes (R, n) of each joint's friction at its usual speed [N m]."""
+    weights = total_weights(speeds)
+    parts = changes.value[:, : weights.size].reshape(-1, *weights.shape)
+    return np.asarray((parts * weights).sum(axis=-1))
 
 
 def prepared_data(dataset: Dataset) -> Prepared:
@@ -123,7 +142,7 @@ def recording_changes(
     fits, left_out = [], []
     for r, recording in enumerate(dataset.recordings):
         row = np.flatnonzero(linear.recording == r)
-        rows = _Rows(*(field[row] for field in linear[:5]))
+        rows = _Rows(*(field[row] for field in linear))
         fit, used = _undisturbed(rows, prior, np.broadcast_to(most, rows.residual.shape[1]))
         left_out += _segments(rows, used, recording.name)
         motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
@@ -134,17 +153,7 @@ def recording_changes(
 
 
 class _Rows(NamedTuple):
-    """Residual (K, n) in standard deviations, minus its derivatives (K, n, D), time, length, w."""
-
-    residual: Array
-    columns: Array
-    time: Array
-    dt: Array
-    velocity: Array
-
-
-class _Linear(NamedTuple):
-    """Rows of all recordings, and of which each one is."""
+    """Residual (K, n) in standard deviations, minus its derivatives (K, n, D), and where it is."""
 
     residual: Array
     columns: Array
@@ -154,7 +163,7 @@ class _Linear(NamedTuple):
     recording: Array
 
 
-def _linearised(prepared: Prepared, reference: Reference) -> _Linear:
+def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
     """The residual of all recordings and its derivatives by all effects."""
     mechanism = prepared.dataset.mechanism
     calibration = reference.calibration or Calibration.ideal(mechanism.n)
@@ -171,7 +180,7 @@ def _linearised(prepared: Prepared, reference: Reference) -> _Linear:
     columns = np.moveaxis(np.concatenate([parts, sensors]), 0, -1)
     size = reference.noise[:, None]
     residuals, slopes = e / reference.noise, -columns / size
-    return _Linear(residuals, slopes, problem.time, problem.dt, problem.mean(w), problem.recording)
+    return _Rows(residuals, slopes, problem.time, problem.dt, problem.mean(w), problem.recording)
 
 
 def _stepped(prepared: Prepared, calibration: Calibration) -> list[Calibration]:

@@ -16,7 +16,6 @@ PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # Standard deviations of priors, wide beside what a recording tells, so that they hardly shrink it:
 # delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
 DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
-PRIORS = (DELAY, GAIN, OFFSET, MASS, LEVELS)
 _NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.deploy.monitor.scatter import Difference
+
+from .scatter import Difference
 
 _MOST = 4  # causes that are named
 

@@ -14,13 +14,14 @@ import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
-from frictionid.deploy.monitor.baseline import Baseline
-from frictionid.deploy.monitor.changes import Changes
-from frictionid.deploy.monitor.effects import PARTS, causes_of
-from frictionid.deploy.monitor.explanation import CauseTests, Explanation, cause_tests, explained
-from frictionid.deploy.monitor.motion import beyond, sentence
-from frictionid.deploy.monitor.scatter import difference_of
 from frictionid.friction.provenance import Segment
+
+from .baseline import Baseline
+from .changes import Changes, total_weights
+from .effects import PARTS, causes_of
+from .explanation import CauseTests, Explanation, cause_tests, explained
+from .motion import beyond, sentence
+from .scatter import difference_of
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
@@ -120,31 +121,31 @@ def _answer(explanation: Explanation, joints: Sequence[int], *, every_blind: boo
     return "cannot_tell" if every_blind else "unchanged"
 
 
-def _estimated(tests: CauseTests, causes: Sequence[str]) -> tuple[Array, Array]:
-    """Changes of causes beside each other, and their covariance as these scatter."""
+def _intervals(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
+    """Value, low and high (k, 3) of sums of the first cause's numbers, rows (k, c), at 95 %.
+
+    All causes are estimated beside each other; their covariance is as they scatter.
+    """
+    causes = list(dict.fromkeys(causes))
     columns = np.concatenate([tests.causes[c] for c in causes])
     covariance = np.linalg.inv(tests.inverse[np.ix_(columns, columns)])
-    scale = max((tests.scale[c] for c in causes), default=1.0)
-    return covariance @ tests.pull[columns], scale * covariance
-
-
-def _total(baseline: Baseline, joint: int) -> Array:
-    """Weights (4,) of the parts of a joint in its friction at the usual speed."""
-    slow, usual, _ = baseline.reference.speeds[joint]
-    return np.array([1.0, 1.0, np.exp(-((usual / slow) ** 2)), 0.0])
+    count = rows.shape[1]
+    value = rows @ (covariance @ tests.pull[columns])[:count]
+    variance = np.einsum("kp,pq,kq->k", rows, covariance[:count, :count], rows)
+    scale = max(tests.scale[c] for c in causes)
+    half = stdtrit(tests.freedom, 0.975) * np.sqrt(scale * variance)
+    return np.stack([value, value - half, value + half], axis=-1)
 
 
 def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[PartChange]:
     """Change of each part of each joint beside all that changed, with its interval."""
-    reach = float(stdtrit(tests.freedom, 0.975))
+    total = total_weights(baseline.reference.speeds)
     for j, name in enumerate(baseline.joints):
-        causes = list(dict.fromkeys([f"friction of {name}", *single]))
-        value, covariance = _estimated(tests, causes)
-        for part, row in zip((*PARTS, "total"), (*np.eye(4), _total(baseline, j)), strict=True):
-            off = float(row @ value[:4])
-            half = reach * float(np.sqrt(row @ covariance[:4, :4] @ row))
-            per_cent = 100.0 * off / float(baseline.level[j])
-            yield PartChange(j, part, off, off - half, off + half, per_cent)
+        rows = np.vstack([np.eye(len(PARTS)), total[j]])
+        intervals = _intervals(tests, [f"friction of {name}", *single], rows)
+        for part, (value, low, high) in zip((*PARTS, "total"), intervals.tolist(), strict=True):
+            per_cent = 100.0 * value / float(baseline.level[j])
+            yield PartChange(j, part, value, low, high, per_cent)
 
 
 def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:
@@ -161,21 +162,18 @@ def _sizes(
     baseline: Baseline, tests: CauseTests, cause: str, single: Sequence[str]
 ) -> Iterator[str]:
     """The sizes of a cause beside the others, with 95 % intervals; of friction the total."""
-    causes = [cause, *(c for c in single if c != cause)]
-    value, covariance = _estimated(tests, causes)
-    reach = float(stdtrit(tests.freedom, 0.975))
-    count, effects = len(tests.causes[cause]), baseline.reference.effects
-    rows, names = np.eye(len(value))[:count], [effects[i] for i in tests.causes[cause]]
+    names = [baseline.reference.effects[i] for i in tests.causes[cause]]
+    rows = np.eye(len(names))
     if cause.startswith("friction"):
         j = baseline.joints.index(cause.removeprefix("friction of "))
-        weights = np.concatenate([_total(baseline, j), np.zeros(len(value) - 4)])
-        rows, names = weights[None] / baseline.level[j], [names[0]._replace(name="", unit="1")]
-    for row, effect in zip(rows, names, strict=True):
-        off, half = float(row @ value), reach * float(np.sqrt(row @ covariance @ row))
+        rows = total_weights(baseline.reference.speeds)[j : j + 1] / baseline.level[j]
+        names = [names[0]._replace(name="", unit="1")]
+    intervals = _intervals(tests, [cause, *single], rows)
+    for effect, numbers in zip(names, intervals, strict=True):
         factor, unit = {"1": (100.0, "%"), "s": (1e3, "ms")}.get(effect.unit, (1.0, effect.unit))
-        name = f"{effect.name} " if count > 1 and effect.name else ""
-        ends = f"{factor * (off - half):.3g} to {factor * (off + half):.3g}"
-        yield f"{name}{factor * off:+.3g} {unit} (95 %: {ends})"
+        value, low, high = factor * numbers
+        name = f"{effect.name} " if len(names) > 1 else ""
+        yield f"{name}{value:+.3g} {unit} (95 %: {low:.3g} to {high:.3g})"
 
 
 def _notes(

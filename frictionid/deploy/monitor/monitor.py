@@ -15,7 +15,11 @@ from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.monitor.baseline import (
+from frictionid.errors import InputError
+from frictionid.files import json_text, read_json, write_json
+from frictionid.friction.provenance import Segment
+
+from .baseline import (
     Arrival,
     Baseline,
     changes_of,
@@ -26,17 +30,14 @@ from frictionid.deploy.monitor.baseline import (
     numbers_of,
     save_baseline,
 )
-from frictionid.deploy.monitor.changes import (
+from .changes import (
     Changes,
     joined,
     prepared_data,
     recording_changes,
 )
-from frictionid.deploy.monitor.judgement import judge
-from frictionid.deploy.monitor.monitored import Monitored
-from frictionid.errors import InputError
-from frictionid.files import json_text, read_json, write_json
-from frictionid.friction.provenance import Segment
+from .judgement import judge
+from .monitored import Monitored
 
 
 def baseline(
@@ -136,7 +137,8 @@ def monitor(
         check_same_machine(healthy, dataset, dataset.name)
         prepared = prepared_data(dataset)
         reference, beside = healthy.reference, healthy.covariates
-        changes, stretches = recording_changes(prepared, reference, beside, healthy.peak)
+        most = healthy.changes.disturbed
+        changes, stretches = recording_changes(prepared, reference, beside, most)
         parts.append(changes)
         disturbed += stretches
         digests = hashes_of(dataset)

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.deploy.monitor.baseline import Arrival, Baseline
-from frictionid.deploy.monitor.changes import Changes, joined, totals
-from frictionid.deploy.monitor.judgement import Judgement, PartChange
 from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures import style
 from frictionid.report.numbers import short
 from frictionid.report.tables import Column, Table, line, render_page, terminal_text, text_columns
+
+from .baseline import Arrival, Baseline
+from .changes import Changes, joined, totals
+from .judgement import Judgement, PartChange
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
 _HEIGHT = 1.25  # [inch] of a panel
@@ -178,7 +179,7 @@ def _drift(monitored: Monitored) -> Any:
     picture = style.figure(0.5 + _HEIGHT * rows)
     axes = picture.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     before, after = (
-        100.0 * totals(x, len(baseline.joints)) / baseline.level for x in (healthy, new)
+        100.0 * totals(x, baseline.reference.speeds) / baseline.level for x in (healthy, new)
     )
     middle, reach = before.mean(axis=0), 1.96 * before.std(axis=0, ddof=1)
     for j, (axis, name) in enumerate(zip(axes, baseline.joints, strict=False)):

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.deploy.monitor.changes import Changes
-from frictionid.deploy.monitor.motion import apart
+
+from .changes import Changes
+from .motion import apart
 
 _SHRINKAGES = 10.0 ** np.arange(-1.0, 4.0)  # of the motion's slopes, in recordings
 _LEAST = 0.02  # of the variance of independent rows

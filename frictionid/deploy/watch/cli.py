@@ -1,7 +1,5 @@
 """frictionid watch: external torque and friction while a machine runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,39 +10,44 @@ from frictionid.cli.options import DataFolder, Json, Replace, Trust, present
 
 
 def watch(
-    model: Annotated[Path, typer.Argument(help="Model file.", callback=present)],
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            help="Data set of the machine: its columns, and recordings without contact."
-        ),
-    ],
-    follow: Annotated[
-        Path | None, typer.Option(help="Table that is being written (CSV).", callback=present)
-    ] = None,
-    port: Annotated[str, typer.Option(help="Serial port that sends such a table.")] = "",
-    baud: Annotated[int, typer.Option(min=1, help="Of the port.")] = 115200,
-    header: Annotated[
-        str, typer.Option(help="First line of the table, where the stream has none.")
-    ] = "",
-    response: Annotated[float, typer.Option(help="Lag of the external torque [s].")] = 0.1,
-    rate: Annotated[float, typer.Option(help="False contacts per hour.")] = 1.0,
-    idle: Annotated[
-        float | None, typer.Option(min=0.0, help="End after so many seconds without data [never].")
-    ] = None,
-    code: Annotated[Path | None, typer.Option(help="C file of the observer to write.")] = None,
+    model: Annotated[Path, typer.Argument(callback=present)],
+    dataset: Path,
+    *,
+    follow: Annotated[Path | None, typer.Option(callback=present)] = None,
+    port: str = "",
+    baud: Annotated[int, typer.Option(min=1)] = 115200,
+    header: str = "",
+    response: float = 0.1,
+    rate: float = 1.0,
+    idle: Annotated[float | None, typer.Option(min=0.0)] = None,
+    code: Path | None = None,
     data: DataFolder = None,
     json: Json = False,
     replace: Replace = False,
     trust: Trust = False,
 ) -> None:
-    """Say which torque acts from outside, and what friction is, while a machine runs."""
+    """Say which torque acts from outside, and what friction is, while a machine runs.
+
+    Parameters
+    ----------
+    model : Model file.
+    dataset : Data set of the machine: its columns, and recordings without contact.
+    follow : Table that is being written (CSV).
+    port : Serial port that sends such a table.
+    baud : Of the port.
+    header : First line of the table, where the stream has none.
+    response : Lag of the external torque [s].
+    rate : False contacts per hour.
+    idle : End after so many seconds without data [never].
+    code : C file of the observer to write.
+    """
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.compensation import friction_in
-    from frictionid.deploy.watch.code import write_code
-    from frictionid.deploy.watch.watch import watch_of, watched
     from frictionid.errors import InputError
+
+    from .code import write_code
+    from .watch import watch_of, watched
 
     if code is None and (follow is None) == (not port):
         raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")
@@ -65,7 +68,7 @@ def watch(
 
 
 def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
-    from frictionid.deploy.watch.stream import bytes_of_file
+    from .stream import bytes_of_file
 
     if follow is not None:
         return bytes_of_file(follow)

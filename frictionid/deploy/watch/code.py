@@ -11,10 +11,11 @@ from frictionid.arrays import Array
 from frictionid.deploy.export import expressions as ex
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats import c
-from frictionid.deploy.watch.watch import Watch
 from frictionid.errors import InputError
 from frictionid.files import write_bytes
 from frictionid.outputs import check_outputs
+
+from .watch import Watch
 
 _HEADER = """
 /* After each sample call observer_filter with the angles, the mean logged torque since

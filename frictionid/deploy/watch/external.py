@@ -20,18 +20,19 @@ from frictionid.data.calibration import calibrated_plant
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import cut, holds
-from frictionid.deploy.compensation import friction_in
-from frictionid.deploy.watch.members import members_of
-from frictionid.deploy.watch.momentum_observer import MomentumObserver, Observed
+from frictionid.data.signals import Signal, cut, holds
 from frictionid.errors import InputError
 from frictionid.fitting.gauss_newton import MAD
 from frictionid.friction import Friction
 
+from ..compensation import friction_in
+from .members import members_of
+from .momentum_observer import SETTLING, MomentumObserver, Observed
+
 _DELAYS = 2.33  # of the observer's rate, which those of both filters add up to
 _BLOCK = 2000  # samples at a time, to spare memory
 _TAIL = 0.1  # share of the largest values that shows how fast they become rare
-_FEWEST = 20  # values in it
+_FEWEST = 20  # values, and those in it
 _FOLDS = 3
 _ROUNDS, _CLIP = 4, 3.0  # of the fit of noises, and standard deviations beyond which none counts
 
@@ -163,9 +164,8 @@ def momentum_observer_of(
     return MomentumObserver(friction, plant[run], members, _DELAYS / response, slow, level)
 
 
-def interval_torques(recording: Recording) -> Array:
+def interval_torques(torque: Signal, time: Array) -> Array:
     """Mean logged torque (K - 1, n) between neighbouring angles; of one clock, sample by sample."""
-    torque, time = recording.torque, recording.angle.time
     if not np.array_equal(torque.time, time):
         return averages(torque, time)
     value = np.asarray(torque.value, dtype=float)
@@ -175,7 +175,7 @@ def interval_torques(recording: Recording) -> Array:
 def observed(momentum_observer: MomentumObserver, recording: Recording) -> Iterator[Observed]:
     """What the observer says of a recording, some samples at a time."""
     time, angle = recording.angle.time, np.asarray(recording.angle.value, dtype=float)
-    torque = interval_torques(recording)
+    torque = interval_torques(recording.torque, time)
     state = momentum_observer.start(float(time[0]), angle[0], torque[0])
     for a in range(1, len(time), _BLOCK):
         rows = slice(a, a + _BLOCK)
@@ -209,9 +209,9 @@ def noises(said: Observed) -> tuple[Array, Array]:
     variance = np.broadcast_to(usual, slides.shape)[slides]
     for _ in range(_ROUNDS):
         clipped = np.minimum(squares, _CLIP**2 * variance) / variance
-        found, _ = nnls(columns / variance[:, None], clipped)
-        variance = np.maximum(columns @ found, 1e-18)
-    return np.sqrt(np.maximum(found[:n], 1e-18)), np.sqrt(found[n:])
+        variances, _ = nnls(columns / variance[:, None], clipped)
+        variance = np.maximum(columns @ variances, 1e-18)
+    return np.sqrt(np.maximum(variances[:n], 1e-18)), np.sqrt(variances[n:])
 
 
 def held_out(fit: Fit) -> Iterator[tuple[Friction, Dataset]]:
@@ -258,13 +258,13 @@ def band_of(quiet: Iterable[tuple[Friction, Dataset]], response: float, rate: fl
         for friction, dataset in quiet
         for r, x in enumerate(dataset.recordings)
     ]
-    count = sum(len(run.time) for run in runs)
-    if count < _FEWEST / _TAIL:
-        raise InputError(
-            f"external torque: {count} samples without contact are too few for a band: give longer "
-            "recordings"
-        )
     edges = [_edges(run.time, response) for run in runs]
+    if sum(map(len, edges)) < _FEWEST:
+        raise InputError(
+            "external torque: recordings without contact are too short for a band: give "
+            f"{_FEWEST * response:g} s and more beside {SETTLING * response / _DELAYS:.2g} s at "
+            "the begin of each"
+        )
     apart = [Observed(*(x[e] for x in run)) for run, e in zip(runs, edges, strict=True)]
     noise, shake = noises(joined(apart))
     largest = np.concatenate(

@@ -14,11 +14,16 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.deploy.monitor.baseline import level_of
-from frictionid.deploy.monitor.changes import Reference, prepared_data, recording_changes
-from frictionid.deploy.monitor.effects import PARTS
-from frictionid.deploy.watch.stream import Chunk
 from frictionid.errors import InputError
+
+from ..monitor.changes import (
+    Reference,
+    prepared_data,
+    recording_changes,
+    total_weights,
+)
+from ..monitor.effects import PARTS
+from .stream import Chunk
 
 # What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for
 # changes of these, too: 1 % of gain, 2 ms, 5 mrad, 3 % of masses.
@@ -130,12 +135,10 @@ class LiveFriction:
         n, parts = len(self.reference.speeds), len(PARTS)
         covariance = np.linalg.inv(live.precision)
         value = covariance @ live.pull
-        slow, usual, _ = self.reference.speeds.T
         rows = np.zeros((n, len(value)))
-        for j in range(n):
-            weights = (1.0, 1.0, float(np.exp(-((usual[j] / slow[j]) ** 2))), 0.0)
+        for j, weights in enumerate(total_weights(self.reference.speeds)):
             rows[j, parts * j : parts * (j + 1)] = weights
-        rows /= level_of(self.reference)[:, None]
+        rows /= self.reference.level[:, None]
         excess = max(live.squares / max(live.stretches - 1, 1), 1.0)
         error = np.sqrt(excess * np.einsum("jp,pq,jq->j", rows, covariance, rows))
         return rows @ value, _REACH * error

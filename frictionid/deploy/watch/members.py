@@ -8,12 +8,13 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
-from frictionid.deploy.watch.momentum_observer import Members
 from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate
 from frictionid.mechanics import Mechanism
+
+from .momentum_observer import Members
 
 _SENSORS = ("gain", "bias", "offset", "delay")
 

@@ -15,7 +15,7 @@ from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.table import read_table
 from frictionid.data.readers.table_recording import recorded
-from frictionid.data.signals import TORQUE_HOLD, Signal, holds
+from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.errors import InputError
 
 _PAUSE = 0.02  # [s] between two looks
@@ -84,12 +84,6 @@ def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
     rows = slice(first, end)
     torque = chunk.torque._replace(time=chunk.torque.time[rows], value=chunk.torque.value[rows])
     return Chunk(chunk.time[rows], chunk.angle[rows], torque)
-
-
-def mean_torques(chunk: Chunk) -> Array:
-    """Mean logged torque (K - 1, n) between neighbouring samples."""
-    value = np.asarray(chunk.torque.value, dtype=float)
-    return value[:-1] if holds(chunk.torque) else (value[:-1] + value[1:]) / 2
 
 
 def bytes_of_file(path: Path) -> Callable[[], bytes]:

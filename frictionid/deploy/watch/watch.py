@@ -12,21 +12,27 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.plants import refuse_torques
 from frictionid.data.recordings import Dataset
-from frictionid.deploy.monitor.baseline import disturbed_from, reference_of
-from frictionid.deploy.monitor.changes import prepared_data, recording_changes
-from frictionid.deploy.watch.external import Band, band_of, momentum_observer_of, with_band
-from frictionid.deploy.watch.live import Estimate, Live, LiveFriction
-from frictionid.deploy.watch.momentum_observer import MomentumObserver, State
-from frictionid.deploy.watch.stream import (
+from frictionid.friction import Friction
+
+from ..monitor.baseline import reference_of
+from ..monitor.changes import prepared_data, recording_changes
+from .external import (
+    Band,
+    band_of,
+    interval_torques,
+    momentum_observer_of,
+    with_band,
+)
+from .live import Estimate, Live, LiveFriction
+from .momentum_observer import MomentumObserver, State
+from .stream import (
     Chunk,
     Columns,
     columns_of,
     joined,
     lines_of,
-    mean_torques,
     part,
 )
-from frictionid.friction import Friction
 
 _STRETCH = 5.0  # [s] that the live estimate takes at a time
 
@@ -75,7 +81,7 @@ def live_of(friction: Friction, dataset: Dataset) -> LiveFriction:
     prepared = prepared_data(dataset)
     reference = reference_of(prepared, friction)
     quiet, _ = recording_changes(prepared, reference, ())
-    return LiveFriction(dataset, reference, disturbed_from(quiet))
+    return LiveFriction(dataset, reference, quiet.disturbed)
 
 
 def watched(
@@ -124,7 +130,8 @@ class _Stream(NamedTuple):
 
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
-    torque = mean_torques(joined(stream.last, new))
+    both = joined(stream.last, new)
+    torque = interval_torques(both.torque, both.time)
     state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
     stretch, live, estimate = joined(stream.stretch, new), stream.live, None
     if stretch.time[-1] - stretch.time[0] >= _STRETCH:

@@ -162,7 +162,7 @@ def test_pushes_are_no_friction_and_are_left_out(known, first):
         prepared_data(changed(some(first, COUNT, COUNT + 1), pushed)),
         known.reference,
         (),
-        known.peak,
+        known.changes.disturbed,
     )[1]
     assert len(stretches) == 1
     assert stretches[0].begin < 5.0 < 5.2 < stretches[0].end
@@ -185,7 +185,7 @@ def test_a_temperature_explains_what_follows_it():
     assert found.answer == "unchanged"
     without = {r.name: replace(r, covariates={}) for r in data.recordings}
     blind = fid.baseline(replace(old, recordings=tuple(without[r.name] for r in old.recordings)))
-    assert np.ptp(totals(blind.changes, 2)[:, 0]) > 0.05 * blind.level[0]
+    assert np.ptp(totals(blind.changes, blind.reference.speeds)[:, 0]) > 0.05 * blind.level[0]
 
 
 @pytest.mark.parametrize("rate", [0.01, 1e-9])
@@ -232,7 +232,6 @@ def test_other_machines_and_formats_are_refused(known, healthy, tmp_path):
     save_baseline(known, path, LAWS, {})
     for change, said in (
         ({"format": "frictionid baseline 0"}, "make the baseline again"),
-        ({"settings": {"priors": [1, 2, 3]}}, "other settings"),
         ({"recordings": [{"name": "a"}]}, "is damaged"),
     ):
         path.write_text(json.dumps(json.loads(path.read_text()) | change))

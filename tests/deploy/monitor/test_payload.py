@@ -58,7 +58,7 @@ def known(light, heavy):
 def test_the_payload_is_a_covariate_and_its_effect_comes_out_as_it_went_in(known):
     assert known.covariates == ("mass",)
     np.testing.assert_array_equal(known.changes.covariates[:, 0], np.repeat([LIGHT, HEAVY], 8))
-    total = totals(known.changes, 1)[:, 0]
+    total = totals(known.changes, known.reference.speeds)[:, 0]
     effect = total[8:].mean() - total[:8].mean()
     assert effect == pytest.approx(LEVEL[HEAVY] - LEVEL[LIGHT], rel=0.1)
 

@@ -234,7 +234,7 @@ def test_the_code_computes_what_the_program_does(fit, quiet, contact, tmp_path):
     subprocess.run(["cc", *flags, "-o", library, source, "-lm"], check=True)
     code, (r,) = ctypes.CDLL(str(library)), contact.recordings
     array, number = ctypes.c_double * 1, ctypes.c_double
-    memory, torques = (number * 32)(), interval_torques(r)
+    memory, torques = (number * 32)(), interval_torques(r.torque, r.angle.time)
     base, mechanism = watch.momentum_observer.members.base[0], quiet.mechanism
     out, q, w, torque, band = [], array(), array(), array(), array()
     for k in range(len(r.angle.time)):
@@ -259,7 +259,9 @@ def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
     r = quiet.recordings[0]
     cut = r.angle._replace(time=r.angle.time[:90], value=r.angle.value[:90])
     short = replace(quiet, recordings=(replace(r, angle=cut),))
-    with pytest.raises(fid.InputError, match="too few for a band"):
+    with pytest.raises(
+        fid.InputError, match="too short for a band: give 2 s and more beside 0.52 s"
+    ):
         fid.external_torque(fit, quiet, quiet=short)
     dahl = fid.Friction(Dahl(), np.full((1, len(Dahl().names)), 0.1))
     watch = watch_of(fit.friction, quiet, 0.1, 1.0)
