@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 552_462, 408, 610, 73
-TEST_TOKENS, WORDS = 435_602, 35_021
+TOKENS, FILES, CLASSES, NAMES = 553_055, 408, 609, 73
+TEST_TOKENS, WORDS = 437_165, 35_278
 
 
 def tokens(path):
