@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -283,10 +283,17 @@ def lines_of(text: str) -> list[str]:
     return [line.removeprefix("- ").strip() for line in text.splitlines() if line.strip()]
 
 
-def render(template: str, context: Mapping[str, Any], *, markup: bool = True) -> str:
+def render(
+    template: str,
+    context: Mapping[str, Any],
+    *,
+    markup: bool = True,
+    filters: Mapping[str, Callable[..., Any]] | None = None,
+) -> str:
     """Text of a template with the values of its context.
 
     markup : whether names are marked as code and escaped for Markdown; else they stay plain
+    filters : by their names, beside those of numbers
     """
     templates = environment()
     templates.globals["inf"] = float("inf")
@@ -294,6 +301,7 @@ def render(template: str, context: Mapping[str, Any], *, markup: bool = True) ->
         "text": escape_markdown if markup else str,
         "code": code if markup else str,
         "table": markdown,
+        **(filters or {}),
     }
     return templates.get_template(template).render(context)
 
