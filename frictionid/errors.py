@@ -26,6 +26,22 @@ class InputError(ValueError):
 
 
 @contextmanager
+def located(where: str) -> Iterator[None]:
+    """What is wrong inside is said behind where it stands.
+
+    >>> with located("suite.toml"):
+    ...     raise InputError("two seeds are called '0'")
+    Traceback (most recent call last):
+        ...
+    frictionid.errors.InputError: suite.toml: two seeds are called '0'
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+@contextmanager
 def needs(extra: str) -> Iterator[None]:
     """Imports of packages that an extra of frictionid installs; a missing one is an InputError.
 

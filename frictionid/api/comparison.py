@@ -101,11 +101,6 @@ class ComparedModel:
         """The friction of all data, as `frictionid.fit` gives it."""
         return Fit(self.friction, self.data)
 
-    @property
-    def overall(self) -> Friction:
-        """The friction of all data, by its earlier name."""
-        return self.friction
-
     def value(
         self, score: str, statistic: str, horizon: float | None = None, joint: str = "all"
     ) -> float:

@@ -19,7 +19,7 @@ from frictionid.api.models import (
 )
 from frictionid.comparison.results import model_scores
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 from frictionid.evaluation import (
     Protocol,
     nominal_torque_scores,
@@ -135,12 +135,10 @@ def scores_of(
     prepared = prepare(dataset, protocol_for(protocol, [(dataset, None)]))
     scores = {}
     for name, friction in models.items():
-        try:
+        with located(f"{(files or {}).get(name, name)}"):
             frame = score_model(friction, prepared_for(prepared, friction)).scores
             rows = [*frame.itertuples(index=False), *nominal_torque_scores(prepared)]
             scores[name] = score_frame(rows)
-        except InputError as error:
-            raise InputError(f"{(files or {}).get(name, name)}: {error}") from None
         done(name)
     return model_scores(dataset.name, scores)
 

@@ -13,7 +13,7 @@ import pandas as pd
 from frictionid.comparison import suite as suites
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.search_space import Objective, Tuning
-from frictionid.comparison.tuning import StudyResult, TuningTask, study_specs, tuning_tasks
+from frictionid.comparison.tuning import Study, TuningTask, study_specs, tuning_tasks
 from frictionid.comparison.tuning import tune as search
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
@@ -30,12 +30,12 @@ class Tuned:
 
     Attributes
     ----------
-    studies : tuple of StudyResult, one for each model and fold
+    studies : tuple of Study, one for each model and fold
     objective : Objective, the score that was lowered
     page : Path of summary.md; a suite with the settings that were chosen stands beside it
     """
 
-    studies: tuple[StudyResult, ...]
+    studies: tuple[Study, ...]
     objective: Objective
     page: Path
 

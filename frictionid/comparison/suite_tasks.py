@@ -22,7 +22,7 @@ from frictionid.config import distinct, imported_for_suite
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 from frictionid.evaluation import make_folds, protocol_for, true_calibration, true_friction
 from frictionid.fitting.identifiers import Published
 from frictionid.fitting.method import Method, check_method
@@ -58,28 +58,21 @@ def tasks_of(
     InputError
         For unknown names, settings that do not fit, data that cannot be read.
     """
-    try:
-        return _tasks(suite, file.parent, data, device, trust)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-
-
-def _tasks(
-    suite: Suite, folder: Path, data: Path | None, device: str | None, trust: bool
-) -> list[Task]:
-    recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
-    identifiers = [identifier_of(e, folder, recipes, trust=trust) for e in suite.identifiers]
-    if device is not None:
-        identifiers = [i._replace(identifier=on_device(i.identifier, device)) for i in identifiers]
-    distinct([recipe.name for recipe in recipes], "recipes")
-    distinct(list(map(str, suite.seeds)), "seeds")
-    benchmarks = benchmarks_of(suite, folder, data, trust=trust)
-    tasks = [
-        task
-        for entry, benchmark in zip(suite.datasets, benchmarks, strict=True)
-        for task in tasks_on(benchmark, used_recipes(entry, recipes), identifiers, suite.seeds)
-    ]
-    distinct([task.file.lower() for task in tasks], "results")
+    folder = file.parent
+    with located(str(file)):
+        recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
+        named = [identifier_of(e, folder, recipes, trust=trust) for e in suite.identifiers]
+        if device is not None:
+            named = [i._replace(identifier=on_device(i.identifier, device)) for i in named]
+        distinct([recipe.name for recipe in recipes], "recipes")
+        distinct(list(map(str, suite.seeds)), "seeds")
+        benchmarks = benchmarks_of(suite, folder, data, trust=trust)
+        tasks = [
+            task
+            for entry, benchmark in zip(suite.datasets, benchmarks, strict=True)
+            for task in tasks_on(benchmark, used_recipes(entry, recipes), named, suite.seeds)
+        ]
+        distinct([task.file.lower() for task in tasks], "results")
     return tasks
 
 
@@ -102,10 +95,8 @@ def tasks_on(
         _check_given(named, (benchmark.dataset, *benchmark.tests))
     pairs = [(recipe, named) for recipe in recipes for named in every if named.uses(recipe)]
     for recipe, named in pairs:
-        try:
+        with located(f"identifier {named.name!r}"):
             check_method(recipe, named.identifier)
-        except InputError as error:
-            raise InputError(f"identifier {named.name!r}: {error}") from None
     return [
         Task(benchmark, named.name, named.identifier, recipe, seed)
         for recipe, named in pairs
@@ -178,10 +169,8 @@ def _check_given(named: NamedIdentifier, datasets: Sequence[Dataset]) -> None:
         return
     friction, where = named.identifier.friction, f"identifier {named.name!r}"
     for dataset in datasets:
-        try:
+        with located(f"{where} on {dataset.name!r}"):
             plant = plant_of(dataset, friction.parameters)
-        except InputError as error:
-            raise InputError(f"{where} on {dataset.name!r}: {error}") from None
         shape = tuple(friction.theta.shape)
         if shape[:-1] != (plant.parts,):
             raise InputError(

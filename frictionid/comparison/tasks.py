@@ -27,7 +27,7 @@ from frictionid.comparison.cross_validate import (
 )
 from frictionid.comparison.processes import package_digest, side_by_side
 from frictionid.comparison.result_folder import finished, write_sealed
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 from frictionid.evaluation import HorizonErrors
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
@@ -236,11 +236,8 @@ def _effort(task: Task) -> tuple[bool, bool, int]:
 
 
 def _run(task: Task, shared: PreparedBenchmark) -> Result:
-    try:
+    with located(f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"):
         return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
-    except InputError as error:
-        where = f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"
-        raise InputError(f"{where}: {error}") from None
 
 
 def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import pandas as pd
 from frictionid.comparison.results import Results
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning.studies import (
-    StudyResult,
+    Study,
     best_of,
     by_task,
     chosen_suite,
@@ -53,10 +53,9 @@ from frictionid.report.tables import (
 )
 
 PAGE, FRAME, PROVENANCE = "summary.md", "sensitivity.csv", "provenance.json"
-Study = tuple[str, str]  # data set, identifier
 
 
-def studies(frame: pd.DataFrame) -> Iterator[tuple[Study, pd.DataFrame]]:
+def studies(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """The summarised frame of each data set and identifier."""
     whole = summarised(frame)
     for key in dict.fromkeys(zip(whole.dataset, whole.identifier, strict=True)):
@@ -144,7 +143,7 @@ def beside(results: Results, section: Section, names: Names) -> Iterator[Picture
 
 def write_outcome(
     folder: Path,
-    studies: Sequence[StudyResult],
+    studies: Sequence[Study],
     objective: Objective,
     file: Path,
     *,
@@ -156,7 +155,7 @@ def write_outcome(
     """
     texts = {"trials.csv": trials(studies).to_csv(index=False, float_format="%.9g")}
     datasets = []
-    by_dataset: dict[str, list[StudyResult]] = {}
+    by_dataset: dict[str, list[Study]] = {}
     for study in studies:
         by_dataset.setdefault(study.task.benchmark.dataset.name, []).append(study)
     for name, part in by_dataset.items():
@@ -172,7 +171,7 @@ def write_outcome(
     return folder / "summary.md"
 
 
-def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
+def trials(studies: Sequence[Study]) -> pd.DataFrame:
     """All trials, one in a line: study, number, score on the inner folds, settings."""
     lines = [
         {
@@ -190,7 +189,7 @@ def trials(studies: Sequence[StudyResult]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def _names(study: StudyResult, recipe: str) -> dict[str, Any]:
+def _names(study: Study, recipe: str) -> dict[str, Any]:
     """What was tuned: names of the data set, the identifier and, under a key, the recipe."""
     task = study.task
     return {
@@ -200,7 +199,7 @@ def _names(study: StudyResult, recipe: str) -> dict[str, Any]:
     }
 
 
-def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
+def outcome_json(studies: Sequence[Study], page: Path) -> str:
     """Scores and chosen settings of each study as JSON; its trials stand in trials.csv."""
     outcomes = [
         {
@@ -219,7 +218,7 @@ def outcome_json(studies: Sequence[StudyResult], page: Path) -> str:
     return json_text({"studies": outcomes, "written": [page, page.with_name("trials.csv")]})
 
 
-def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
+def score_table(studies: Sequence[Study], objective: Objective) -> Table:
     """Scores of each sampler's choice, on inner folds and on recordings held out from tuning."""
     unit = "rad" if objective.horizon is not None else "rad/s"
     rows = [
@@ -243,7 +242,7 @@ def score_table(studies: Sequence[StudyResult], objective: Objective) -> Table:
     return Table(caption, "tuning-scores", tuple(columns), lines)
 
 
-def _score_line(whole: StudyResult, nested: Sequence[StudyResult], places: int) -> Line:
+def _score_line(whole: Study, nested: Sequence[Study], places: int) -> Line:
     suite, tuned = (
         np.array([getattr(study, name) for study in nested], dtype=float)
         for name in ("held_out_suite", "held_out")
@@ -271,12 +270,12 @@ def _gain(values: Any, places: int) -> str:
     return f"{fixed(float(finite.mean()), places)} ± {fixed(error, places)}"
 
 
-def settings_tables(studies: Sequence[StudyResult]) -> list[Table]:
+def settings_tables(studies: Sequence[Study]) -> list[Table]:
     """Settings of each tuning task: what was searched, what the suite has, what was chosen."""
     return list(map(_settings_table, by_task(studies)))
 
 
-def _settings_table(studies: Sequence[StudyResult]) -> Table:
+def _settings_table(studies: Sequence[Study]) -> Table:
     task, first = studies[0].task, best_of(studies)
     whole = [study for study in studies if study.fold is None]
     nested = [study for study in studies if study.fold is not None]

@@ -32,7 +32,7 @@ from frictionid.comparison.tasks import Task, digest_of, file_name
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
 from frictionid.evaluation.curves import curve_error
 from frictionid.fitting.identifiers import Frictionless
@@ -223,7 +223,7 @@ def _grid(case: Case) -> Array:
 def _run(case: Case, grid: Array) -> dict[str, Any]:
     """Scores on the held-out recordings, and friction curves (V, n) at velocities (V, n)."""
     task, variation = case
-    try:
+    with located(case.label):
         train, test = training_and_test(task.benchmark.dataset)
         wrong, judged = varied(train, variation, 2 * task.seed), test
         if variation.cause != "recordings":
@@ -231,8 +231,6 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         protocol = task.benchmark.protocol
         friction = fit_model(wrong, task.identifier, task.recipe, protocol, task.seed)
         scores = score_model(friction, prepare(judged, protocol)).scores
-    except InputError as error:
-        raise InputError(f"{case.label}: {error}") from None
     horizon = protocol.horizons[0]
     true = _true_curves(task.benchmark.dataset, grid)
     estimate = curves(friction, grid)

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +19,7 @@ from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes, write_bytes
 
 JOURNAL = "journal.log"
-_LARGEST = 1e20  # of a score
+LARGEST = 1e20  # of a score
 AT_RANDOM = 5  # trials before a sampler follows earlier ones
 
 
@@ -36,68 +34,6 @@ class Trial(NamedTuple):
     value: float
     error: str = ""
     of_suite: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Study:
-    """A study of the journal, over a search space by a sampler."""
-
-    optuna_study: Any
-    search: Mapping[str, Space]
-    sampler: str
-    seed: int
-
-    @property
-    def trials(self) -> tuple[Trial, ...]:
-        """Finished trials in their order, without those that were interrupted."""
-        out = []
-        for t in self._finished():
-            value = math.nan if t.value is None else float(t.value)
-            if abs(value) >= _LARGEST:
-                raise ValueError(f"no trial has the score {value}")
-            error = str(t.user_attrs.get("error", ""))
-            of_suite = bool(t.user_attrs.get("suite"))
-            out.append(Trial(self._settings(t.params), value, error, of_suite))
-        return tuple(out)
-
-    def ask(self) -> tuple[Any, dict[str, Any]]:
-        """The next trial, and its settings."""
-        # anew for each trial: what it proposes does not depend on interruptions
-        number = len(self._finished())
-        self.optuna_study.sampler = _sampler(self.sampler, _trial_seed(self.seed, number))
-        trial = self.optuna_study.ask({k: _distribution(s) for k, s in self.search.items()})
-        return trial, self._settings(trial.params)
-
-    def tell(self, trial: Any, value: float, error: str) -> None:
-        """Write a trial's score or, where it has none, why."""
-        if abs(value) < _LARGEST:
-            self.optuna_study.tell(trial, value)
-            return
-        trial.set_user_attr("error", error or f"its score is {value}")
-        self.optuna_study.tell(trial, state=_states().FAIL)
-
-    @property
-    def held_out(self) -> Mapping[str, float | None] | None:
-        """Scores on the held-out fold, of the "chosen" and the "suite" settings."""
-        return self.optuna_study.user_attrs.get("held_out")
-
-    def set_held_out(self, scores: Mapping[str, float | None]) -> None:
-        """Write the scores on the held-out fold."""
-        self.optuna_study.set_user_attr("held_out", dict(scores))
-
-    def _finished(self) -> list[Any]:
-        """Trials that have a score or failed, but for those that were interrupted."""
-        states = (_states().COMPLETE, _states().FAIL)
-        trials = self.optuna_study.get_trials(deepcopy=False, states=states)
-        return [t for t in trials if not t.user_attrs.get("interrupted")]
-
-    def _settings(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of Optuna as settings: choices are stored as texts."""
-        out = {}
-        for key, space in self.search.items():
-            choices = {text_of(choice): choice for choice in space.choices or ()}
-            out[key] = choices[params[key]] if choices else params[key]
-        return out
 
 
 def open_journal(folder: Path, *, resume: bool = False, replace: bool = False) -> Any:
@@ -190,40 +126,25 @@ def open_study(storage: Any, name: str, digest: str, first: Mapping[str, Any] | 
     return study
 
 
-def as_params(search: Mapping[str, Space], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as parameters of Optuna: choices by their text."""
-    return {
-        key: settings[key] if space.choices is None else text_of(settings[key])
-        for key, space in search.items()
-    }
-
-
 def _set_unfinished_aside(study: Any) -> None:
     """Mark the trials that ran when a search was interrupted, and queue the suite's again."""
-    states = _states()
-    for trial in study.get_trials(deepcopy=False, states=(states.RUNNING,)):
+    from optuna.trial import TrialState
+
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study._storage.set_trial_user_attr(trial._trial_id, "interrupted", True)
-        study.tell(trial.number, state=states.FAIL)
+        study.tell(trial.number, state=TrialState.FAIL)
         if trial.user_attrs.get("suite"):
             study.enqueue_trial(trial.params, user_attrs={"suite": True})
 
 
-def _states() -> Any:
-    from optuna.trial import TrialState
-
-    return TrialState
-
-
-def _trial_seed(seed: int, trial: int) -> int:
-    """Seed of a trial; those of neighbours have nothing in common."""
-    return int.from_bytes(hashlib.sha256(f"{seed} {trial}".encode()).digest()[:4], "big")
-
-
-def _sampler(name: str, seed: int) -> Any:
+def sampler_of(name: str, seed: int, trial: int) -> Any:
+    """Sampler of one trial; seeds of neighbours have nothing in common."""
     import warnings
 
     from optuna import samplers
 
+    digest = hashlib.sha256(f"{seed} {trial}".encode()).digest()
+    seed = int.from_bytes(digest[:4], "big")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # one of them is called experimental
         if name == "gp":
@@ -233,7 +154,8 @@ def _sampler(name: str, seed: int) -> Any:
         return samplers.RandomSampler(seed)
 
 
-def _distribution(space: Space) -> Any:
+def distribution_of(space: Space) -> Any:
+    """Optuna's distribution of a space: choices by their texts."""
     from optuna import distributions
 
     if space.choices is not None:

@@ -10,19 +10,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
 from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.search_space import Objective, Tuning
+from frictionid.comparison.search_space import Objective, Tuning, text_of
 from frictionid.comparison.tasks import Task
 from frictionid.comparison.tuning.journal import (
-    Study,
+    LARGEST,
     Trial,
-    as_params,
+    distribution_of,
     open_journal,
     open_study,
     readable_journal,
+    sampler_of,
 )
 from frictionid.comparison.tuning.tuning_task import (
     TuningTask,
@@ -35,51 +36,122 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Split
 from frictionid.files import read_bytes
 
-
-class StudySpec(NamedTuple):
-    """A study to be made: a tuning task with a sampler, nested in an outer fold or on all data."""
-
-    task: TuningTask
-    sampler: str
-    fold: int | None
-
-    @property
-    def name(self) -> str:
-        """Name of the study in the journal."""
-        part = "all data" if self.fold is None else f"without fold {self.fold}"
-        return f"{self.task.title}, {self.sampler}, {part}"
+Spec = tuple[TuningTask, str, int | None]  # what is tuned, sampler, outer fold, None for all data
 
 
-class StudyResult(NamedTuple):
-    """Trials of a study, and scores on the outer fold that it is nested in, None for all data.
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A search in the journal: a tuning task with a sampler, on all data or nested in a fold.
 
-    suite_value : score of the suite's settings on the inner folds, NaN where the space lacks them
-    held_out, held_out_suite : scores of the best and of the suite's settings on the held-out fold
+    Attributes
+    ----------
+    fold : outer fold whose held-out recordings the search does not see, None for all data
+    seed : of the search
+    record : Optuna's study
     """
 
     task: TuningTask
     sampler: str
     fold: int | None
-    trials: tuple[Trial, ...]
-    suite_value: float
-    held_out: float
-    held_out_suite: float
+    seed: int
+    record: Any
+
+    @property
+    def name(self) -> str:
+        """Name of the study in the journal."""
+        return str(self.record.study_name.rpartition(" [")[0])
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """Finished trials in their order, without those that were interrupted."""
+        return tuple(map(self._trial, self._finished()))
 
     @property
     def best(self) -> Trial:
-        """The trial of the lowest score, the first of equals."""
-        return best_trial(self.trials)
+        """The trial of the lowest score, the first of equals.
+
+        Raises
+        ------
+        InputError
+            Where no trial has a score.
+        """
+        trials = self.trials
+        best = min(trials, key=lambda t: math.inf if math.isnan(t.value) else t.value)
+        if math.isnan(best.value):
+            raise InputError(f"{self.name}: no trial has a score: {trials[0].error}")
+        return best
+
+    @property
+    def suite_value(self) -> float:
+        """Score of the suite's settings on the inner folds, NaN where the space lacks them."""
+        values = [trial.value for trial in self.trials if trial.of_suite]
+        return values[-1] if values else math.nan
+
+    @property
+    def held_out(self) -> float:
+        """Score of the best settings on the held-out fold, NaN of all data."""
+        return self._held_out("chosen")
+
+    @property
+    def held_out_suite(self) -> float:
+        """Score of the suite's settings on the held-out fold, NaN of all data."""
+        return self._held_out("suite")
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether scores on the held-out fold are known, or there is none."""
+        return self.fold is None or "held_out" in self.record.user_attrs
+
+    def ask(self) -> tuple[Any, dict[str, Any]]:
+        """The next trial, and its settings."""
+        # anew for each trial: what it proposes does not depend on interruptions
+        self.record.sampler = sampler_of(self.sampler, self.seed, len(self._finished()))
+        search = self.task.search
+        trial = self.record.ask({k: distribution_of(space) for k, space in search.items()})
+        return trial, self._settings(trial.params)
+
+    def tell(self, trial: Any, value: float, error: str) -> None:
+        """Write a trial's score or, where it has none, why."""
+        from optuna.trial import TrialState
+
+        if abs(value) < LARGEST:
+            self.record.tell(trial, value)
+            return
+        trial.set_user_attr("error", error or f"its score is {value}")
+        self.record.tell(trial, state=TrialState.FAIL)
+
+    def _held_out(self, name: str) -> float:
+        value = self.record.user_attrs.get("held_out", {}).get(name)
+        return math.nan if value is None else value
+
+    def _finished(self) -> list[Any]:
+        """Trials that have a score or failed, but for those that were interrupted."""
+        from optuna.trial import TrialState
+
+        states = (TrialState.COMPLETE, TrialState.FAIL)
+        trials = self.record.get_trials(deepcopy=False, states=states)
+        return [t for t in trials if not t.user_attrs.get("interrupted")]
+
+    def _trial(self, trial: Any) -> Trial:
+        value = math.nan if trial.value is None else float(trial.value)
+        if abs(value) >= LARGEST:
+            raise ValueError(f"no trial has the score {value}")
+        error, of_suite = (trial.user_attrs.get(key) for key in ("error", "suite"))
+        return Trial(self._settings(trial.params), value, str(error or ""), bool(of_suite))
+
+    def _settings(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters of Optuna as settings: choices are stored as texts."""
+        out = {}
+        for key, space in self.task.search.items():
+            choices = {text_of(choice): choice for choice in space.choices or ()}
+            out[key] = choices[params[key]] if choices else params[key]
+        return out
 
 
-def best_trial(trials: Sequence[Trial]) -> Trial:
-    """The trial of the lowest score, the first of equals; failed ones come last."""
-    return min(trials, key=lambda t: math.inf if math.isnan(t.value) else t.value)
-
-
-def study_specs(tasks: Sequence[TuningTask], tuning: Tuning) -> list[StudySpec]:
+def study_specs(tasks: Sequence[TuningTask], tuning: Tuning) -> list[Spec]:
     """Studies of each task with each sampler, on all data and, where nested, for each fold."""
     return [
-        StudySpec(task, sampler, fold)
+        (task, sampler, fold)
         for task in tasks
         for sampler in tuning.samplers
         for fold in (None, *(range(task.benchmark.folds.count) if tuning.nested else ()))
@@ -94,30 +166,31 @@ class NestedData:
     _benchmarks: dict[tuple[str, int | None], Benchmark] = field(default_factory=dict)
     _prepared: dict[tuple[str, int | None, str], PreparedBenchmark] = field(default_factory=dict)
 
-    def benchmark(self, spec: StudySpec) -> Benchmark:
-        """Inner folds of the recordings that train the study's fold; its held-out ones test."""
-        outer = spec.task.benchmark
-        key = outer.dataset.name, spec.fold
+    def benchmark(self, task: TuningTask, fold: int | None) -> Benchmark:
+        """Inner folds of the recordings that train an outer fold; its held-out ones test."""
+        outer = task.benchmark
+        key = outer.dataset.name, fold
         if key not in self._benchmarks:
             protocol = protocol_for(self.tuning.objective, outer.protocol)
             gap = outer.folds.gap or Split().gap
             inner = Split(self.tuning.folds, "recordings", gap, self.tuning.seed)
-            nested = training_benchmark(replace(outer, protocol=protocol), spec.fold, inner)
+            nested = training_benchmark(replace(outer, protocol=protocol), fold, inner)
             self._benchmarks[key] = nested
         return self._benchmarks[key]
 
     def call(
-        self, spec: StudySpec, settings: Mapping[str, Any], tests: bool
+        self, study: Study, settings: Mapping[str, Any], tests: bool
     ) -> tuple[Task, PreparedBenchmark, Objective]:
         """Arguments of `score_trial`; held-out recordings are there for `tests` only."""
-        benchmark = self.benchmark(spec)
-        key = spec.task.benchmark.dataset.name, spec.fold, spec.task.recipe.name
+        task = study.task
+        benchmark = self.benchmark(task, study.fold)
+        key = task.benchmark.dataset.name, study.fold, task.recipe.name
         if key not in self._prepared:
-            self._prepared[key] = prepare_benchmark(benchmark, [spec.task.recipe])
+            self._prepared[key] = prepare_benchmark(benchmark, [task.recipe])
         shared = self._prepared[key]
         if not tests:
             benchmark, shared = replace(benchmark, tests=()), shared._replace(tests=())
-        return spec.task.task(benchmark, settings), shared, self.tuning.objective
+        return task.task(benchmark, settings), shared, self.tuning.objective
 
 
 def tune(
@@ -129,8 +202,8 @@ def tune(
     replace_trials: bool = False,
     jobs: int = 1,
     done: Callable[[str], None] | None = None,
-) -> list[StudyResult]:
-    """Results of all studies of the tasks.
+) -> list[Study]:
+    """All studies of the tasks, when their searches have ended.
 
     Parameters
     ----------
@@ -152,99 +225,79 @@ def tune(
     InputError
         Where folds, data and settings do not fit together, or no trial of a study has a score.
     """
-    report = done or (lambda _: None)
-    specs, data = study_specs(tasks, tuning), NestedData(tuning)
+    report, data = done or (lambda _: None), NestedData(tuning)
     with readable_journal(folder):
         storage = open_journal(folder, resume=resume, replace=replace_trials)
-        studies = [_study(storage, spec, data) for spec in specs]
+        studies = [_study(storage, spec, data) for spec in study_specs(tasks, tuning)]
         for study in studies:
-            _ = study.trials, study.held_out
-    for spec, study in zip(specs, studies, strict=True):
-        for _ in study.trials[: tuning.trials]:
-            report(spec.name)
-    while open_ := [i for i, study in enumerate(studies) if len(study.trials) < tuning.trials]:
-        asked = [studies[i].ask() for i in open_]
+            for _ in study.trials[: tuning.trials]:
+                report(study.name)
+    while open_ := [study for study in studies if len(study.trials) < tuning.trials]:
+        asked = [study.ask() for study in open_]
         pairs = zip(open_, asked, strict=True)
-        calls = [data.call(specs[i], settings, tests=False) for i, (_, settings) in pairs]
-        for place, score in side_by_side(score_trial, calls, jobs):
-            studies[open_[place]].tell(asked[place][0], score.value, score.error)
-            report(specs[open_[place]].name)
-    _score_held_out(specs, studies, data, jobs)
-    return [_result(spec, study) for spec, study in zip(specs, studies, strict=True)]
+        calls = [data.call(study, settings, tests=False) for study, (_, settings) in pairs]
+        for i, (value, _, error) in side_by_side(score_trial, calls, jobs):
+            open_[i].tell(asked[i][0], value, error)
+            report(open_[i].name)
+    for study in studies:
+        _ = study.best  # or there is nothing to choose
+    _score_held_out([study for study in studies if not study.is_judged], data, jobs)
+    return studies
 
 
-def _study(storage: Any, spec: StudySpec, data: NestedData) -> Study:
+def _study(storage: Any, spec: Spec, data: NestedData) -> Study:
     """The study of a spec, as the journal has it, or anew where data or settings differ."""
-    search, suite = spec.task.search, spec.task.suite_settings
-    held = all(key in suite and space.holds(suite[key]) for key, space in search.items())
-    first = as_params(search, suite) if held else None
-    study = open_study(storage, spec.name, _digest(spec, data), first)
-    return Study(study, search, spec.sampler, data.tuning.seed)
+    task, sampler, fold = spec
+    search, suite, seed = task.search, task.suite_settings, data.tuning.seed
+    first = None
+    if all(key in suite and space.holds(suite[key]) for key, space in search.items()):
+        first = {k: suite[k] if s.choices is None else text_of(suite[k]) for k, s in search.items()}
+    part = "all data" if fold is None else f"without fold {fold}"
+    name, digest = f"{task.title}, {sampler}, {part}", _digest(spec, data)
+    return Study(*spec, seed, open_study(storage, name, digest, first))
 
 
-def _digest(spec: StudySpec, data: NestedData) -> str:
+def _digest(spec: Spec, data: NestedData) -> str:
     """SHA-256 of all that a study depends on."""
-    search, tuning = spec.task.search, data.tuning
-    first = {key: space.ends[0] for key, space in search.items()}
-    task = spec.task.task(data.benchmark(spec), first)
-    spaces = {key: space.words for key, space in search.items()}
-    words = json.dumps([spaces, spec.task.suite_settings, tuning.objective.words, tuning.seed])
-    return hashlib.sha256(f"{task.digest} {words} {spec.sampler}".encode()).hexdigest()
+    (task, sampler, fold), tuning = spec, data.tuning
+    first = {key: space.ends[0] for key, space in task.search.items()}
+    digest = task.task(data.benchmark(task, fold), first).digest
+    spaces = {key: space.words for key, space in task.search.items()}
+    words = json.dumps([spaces, task.suite_settings, tuning.objective.words, tuning.seed])
+    return hashlib.sha256(f"{digest} {words} {sampler}".encode()).hexdigest()
 
 
-def _score_held_out(
-    specs: Sequence[StudySpec], studies: Sequence[Study], data: NestedData, jobs: int
-) -> None:
+def _score_held_out(studies: Sequence[Study], data: NestedData, jobs: int) -> None:
     """Score on each fold what was chosen without it, beside the suite's settings."""
-    nested = [
-        (spec, study)
-        for spec, study in zip(specs, studies, strict=True)
-        if spec.fold is not None and study.held_out is None
-    ]
     calls = [
-        data.call(spec, settings, tests=True)
-        for spec, study in nested
-        for settings in (_best(spec, study).settings, {})
+        data.call(study, settings, tests=True)
+        for study in studies
+        for settings in (study.best.settings, {})
     ]
     scores: dict[int, float | None] = {}
-    for i, score in side_by_side(score_trial, calls, jobs):
-        scores[i] = score.held_out if math.isfinite(score.held_out) else None
+    for i, (_, held_out, _) in side_by_side(score_trial, calls, jobs):
+        scores[i] = held_out if math.isfinite(held_out) else None
         first = i - i % 2  # of the two calls of a study
         if first in scores and first + 1 in scores:
-            nested[i // 2][1].set_held_out({"chosen": scores[first], "suite": scores[first + 1]})
-
-
-def _best(spec: StudySpec, study: Study) -> Trial:
-    best = best_trial(study.trials)
-    if math.isnan(best.value):
-        raise InputError(f"{spec.name}: no trial has a score: {study.trials[0].error}")
-    return best
-
-
-def _result(spec: StudySpec, study: Study) -> StudyResult:
-    _best(spec, study)
-    of_suite = [trial.value for trial in study.trials if trial.of_suite]
-    held = study.held_out or {}
-    scores = [math.nan if (v := held.get(key)) is None else v for key in ("chosen", "suite")]
-    suite_value = of_suite[-1] if of_suite else math.nan
-    return StudyResult(*spec, study.trials, suite_value, *scores)
+            both = {"chosen": scores[first], "suite": scores[first + 1]}
+            studies[i // 2].record.set_user_attr("held_out", both)
 
 
 # --- The suite with the settings that were chosen
 
 
-def by_task(results: Sequence[StudyResult]) -> list[list[StudyResult]]:
+def by_task(results: Sequence[Study]) -> list[list[Study]]:
     """Results grouped by what they tune."""
     return [list(group) for _, group in groupby(results, key=lambda r: r.task.title)]
 
 
-def best_of(results: Sequence[StudyResult]) -> StudyResult:
+def best_of(results: Sequence[Study]) -> Study:
     """Of the studies of one task on all data that of the lowest score, the first of equals."""
     return min((r for r in results if r.fold is None), key=lambda r: r.best.value)
 
 
 def chosen_suite(
-    file: Path, results: Sequence[StudyResult], place: Path, objective: Objective | None = None
+    file: Path, results: Sequence[Study], place: Path, objective: Objective | None = None
 ) -> str:
     """TOML of the suite of a file on one data set, with the settings chosen on all its data.
 
@@ -280,7 +333,7 @@ def own_modules(file: Path) -> dict[str, bytes]:
 
 
 def _chosen(
-    table: Mapping[str, Any], best: Sequence[StudyResult], file: Path, place: Path
+    table: Mapping[str, Any], best: Sequence[Study], file: Path, place: Path
 ) -> list[dict[str, Any]]:
     """An identifier's table with the settings chosen, one for each recipe that tuned it."""
     entry = {key: value for key, value in table.items() if key != "search"}

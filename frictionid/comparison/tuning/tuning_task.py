@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
@@ -23,7 +22,7 @@ from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import taken
-from frictionid.errors import InputError
+from frictionid.errors import InputError, located
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.fitting.method import Method
 
@@ -77,49 +76,39 @@ def tuning_tasks(
     InputError
         Where nothing is to be searched, or an end of a space is no value of its setting.
     """
-    try:
-        return _tuning_tasks(suite, file.parent, data, trust)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
-
-
-def _tuning_tasks(suite: Suite, folder: Path, data: Path | None, trust: bool) -> list[TuningTask]:
-    entries = [entry for entry in suite.identifiers if entry.search]
-    if not entries:
-        raise InputError(
-            "no identifier has a search table: add one, e.g. "
-            "search = { width = { low = 0.005, high = 0.1, log = true } }"
-        )
-    recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
-    for entry in entries:
-        _check_space(entry, folder, recipes, trust)
-    benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
-    tasks = [
-        TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
-        for dataset, benchmark in zip(suite.datasets, benchmarks, strict=True)
-        for recipe in used_recipes(dataset, recipes)
-        for entry in entries
-        if entry.recipes is None or recipe.name in entry.recipes
-    ]
-    distinct([task.title for task in tasks], "identifiers to tune")
+    folder, entries = file.parent, [entry for entry in suite.identifiers if entry.search]
+    with located(str(file)):
+        if not entries:
+            raise InputError(
+                "no identifier has a search table: add one, e.g. "
+                "search = { width = { low = 0.005, high = 0.1, log = true } }"
+            )
+        recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
+        for entry in entries:
+            _check_space(entry, folder, recipes, trust)
+        benchmarks = [replace(b, tests=()) for b in benchmarks_of(suite, folder, data, trust=trust)]
+        tasks = [
+            TuningTask(benchmark, entry.label, entry, recipe, suite.seeds[0], folder)
+            for dataset, benchmark in zip(suite.datasets, benchmarks, strict=True)
+            for recipe in used_recipes(dataset, recipes)
+            for entry in entries
+            if entry.recipes is None or recipe.name in entry.recipes
+        ]
+        distinct([task.title for task in tasks], "identifiers to tune")
     return tasks
-
-
-def _complete(entry: IdentifierEntry) -> IdentifierEntry:
-    """The entry with a value of each setting that is searched and that the suite lacks.
-
-    A setting without a default may be left to the search.
-    """
-    first = {key: space.ends[0] for key, space in (entry.search or {}).items()}
-    return entry.with_settings({**first, **entry.table})
 
 
 def _check_space(
     entry: IdentifierEntry, folder: Path, recipes: Sequence[Method], trust: bool
 ) -> None:
-    """Check that each setting to search takes the ends of its space."""
-    complete = _complete(entry)
-    for key, space in (entry.search or {}).items():
+    """Check that each setting to search takes the ends of its space.
+
+    A setting without a default may be left to the search: it has an end while others are checked.
+    """
+    search = entry.search or {}
+    first = {key: space.ends[0] for key, space in search.items()}
+    complete = entry.with_settings({**first, **entry.table})
+    for key, space in search.items():
         for value in space.ends:
             try:
                 identifier_of(complete.with_settings({key: value}), folder, recipes, trust=trust)
@@ -127,30 +116,23 @@ def _check_space(
                 raise InputError(f"{error} (search.{key} at {value!r})") from None
 
 
-class TrialScore(NamedTuple):
-    """Score of a trial on inner folds, and on recordings held out from tuning, or its error."""
+def score_trial(
+    task: Task, shared: PreparedBenchmark, objective: Objective
+) -> tuple[float, float, str]:
+    """Objective of a task on inner folds, and on recordings held out from tuning, or its error.
 
-    value: float
-    held_out: float
-    error: str = ""
-
-
-def score_trial(task: Task, shared: PreparedBenchmark, objective: Objective) -> TrialScore:
-    """Score of a task by the objective; NaN where the fit failed."""
+    NaN where the fit failed, or the held-out recordings have no such score.
+    """
+    held_out = math.nan
     try:
         result = run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
         value = result.value(*objective.key)
     except InputError as error:
-        return TrialScore(math.nan, math.nan, str(error))
-    return TrialScore(value, _first(result.tests.values(), objective))
-
-
-def _first(frames: Iterable[pd.DataFrame], objective: Objective) -> float:
-    """The objective in the first score frame that has it, NaN where none does."""
-    for frame in frames:
-        with suppress(InputError):
-            return score_value(frame, *objective.key)
-    return math.nan
+        return math.nan, held_out, str(error)
+    with suppress(InputError):
+        for frame in result.tests.values():
+            held_out = score_value(frame, *objective.key)
+    return value, held_out, ""
 
 
 def protocol_for(objective: Objective, protocol: Protocol) -> Protocol:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.tuning.studies import StudyResult
+from frictionid.comparison.tuning.studies import Study
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
@@ -30,7 +30,7 @@ from frictionid.report.figures.style import (
 from frictionid.report.sections import Model, Section
 
 
-def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
+def progress(studies: Sequence[Study], objective: Objective) -> Any:
     """The picture of all studies: on all data thick, in each training fold thin."""
     tasks = [list(tuned) for _, tuned in groupby(studies, key=lambda study: study.task.title)]
     picture, axes = panel_grid(len(tasks), ABREAST, 1.9, 0.6)
@@ -52,7 +52,7 @@ def progress(studies: Sequence[StudyResult], objective: Objective) -> Any:
     return picture
 
 
-def _lowest(study: StudyResult) -> Array:
+def _lowest(study: Study) -> Array:
     values = np.array([trial.value for trial in study.trials])
     return np.minimum.accumulate(np.where(np.isnan(values), np.inf, values))
 
