@@ -120,7 +120,7 @@ def described(folder: Path, name: str) -> dict[str, Any]:
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
-    """Document of a file, as it was written; those of earlier versions have no seal.
+    """Document of a file, as it was written.
 
     Raises
     ------
@@ -133,28 +133,10 @@ def read_sealed(path: Path) -> dict[str, Any]:
         if not path.exists():
             raise
         raise InputError(f"{error}: make it anew with --resume") from None
-    if SEAL in document and not is_sealed(document):
+    if not is_sealed(document):
         raise InputError(f"{path}: was changed since it was written: make it anew with --resume")
+    del document[SEAL]
     return document
-
-
-@contextmanager
-def readable(folder: Path, *, sealed: bool) -> Iterator[None]:
-    """Errors while documents without a seal are read are damages of these, in one line.
-
-    Where all are sealed they are defects of the program, and stay what they are.
-    """
-    try:
-        yield
-    except InputError:
-        raise
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        if sealed:
-            raise
-        reason = f"{type(error).__name__}: {error}"
-        raise InputError(
-            f"{folder}: a file of its results is damaged ({reason}): compare anew"
-        ) from None
 
 
 def sealed(document: Mapping[str, Any]) -> dict[str, Any]:

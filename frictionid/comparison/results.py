@@ -29,10 +29,8 @@ from frictionid.comparison.processes import versions
 from frictionid.comparison.result_folder import (
     DATASETS,
     PROVENANCE,
-    SEAL,
     described,
     read_sealed,
-    readable,
     task_file,
     write_sealed,
 )
@@ -54,11 +52,6 @@ from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
 
-# What a task's document must have for tables and figures.
-DOCUMENT = (
-    *("dataset", "identifier", "fit", "seed", "settings", "rows"),
-    *("model", "folds", "curves", "motions", "seconds"),
-)
 COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv
 _LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
 _SHOWN = 1200  # velocities in a scatter, about
@@ -204,7 +197,6 @@ class Results:
     missing : names of the files of unfinished tasks
     scores : all scores, one per row; columns as in scores.csv (`COLUMNS`), the index is the
         position of the row's task in `tasks`
-    is_sealed : whether all files carry the hash of their content, which earlier versions left out
     """
 
     folder: Path
@@ -213,7 +205,6 @@ class Results:
     tasks: tuple[Mapping[str, Any], ...]
     missing: tuple[str, ...]
     scores: pd.DataFrame
-    is_sealed: bool = False
 
 
 def results_in_memory(
@@ -232,7 +223,7 @@ def results_in_memory(
     }
     provenance, datasets, contents = json.loads(json_text(document)).values()
     table = _score_frame(title, contents)
-    return Results(Path(), provenance, datasets, tuple(contents), (), table, True)
+    return Results(Path(), provenance, datasets, tuple(contents), (), table)
 
 
 def load_results(folder: Path) -> Results:
@@ -241,52 +232,17 @@ def load_results(folder: Path) -> Results:
     Raises
     ------
     InputError
-        If the folder holds no comparison, none of its tasks is finished, or a file is incomplete.
+        If the folder holds no comparison, none of its tasks is finished, or a file was changed.
     """
     provenance, datasets = described(folder, PROVENANCE), described(folder, DATASETS)
-    names = provenance.get("tasks", [])
-    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-        raise InputError(f"{folder / PROVENANCE}: its tasks are no list of names: compare anew")
-    paths = [task_file(folder, name) for name in names]
+    paths = [task_file(folder, name) for name in provenance["tasks"]]
     documents = {path: read_sealed(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    sealed_all = all(SEAL in document for document in (provenance, datasets, *documents.values()))
-    datasets.pop(SEAL, None)
-    with readable(folder, sealed=sealed_all):
-        for path, task in documents.items():
-            if not _complete(task, datasets):
-                raise InputError(
-                    f"{path}: is incomplete, or does not fit datasets.json: finish the comparison "
-                    "anew with --resume"
-                )
-        tasks = tuple(documents.values())
-        missing = tuple(path.name for path in paths if path not in documents)
-        table = _score_frame(provenance["suite"], tasks)
-    return Results(folder, provenance, datasets, tasks, missing, table, sealed_all)
-
-
-def _complete(task: Mapping[str, Any], datasets: Mapping[str, Any]) -> bool:
-    """Whether a task's document has all its parts, and rows of data sets that are described."""
-    rows = task.get("rows")
-    if set(DOCUMENT) - set(task) or not isinstance(rows, dict) or set(rows) - set(datasets):
-        return False
-    lengths = {len(row) if isinstance(row, list) else 0 for table in rows.values() for row in table}
-    theta = task["folds"]["theta"], task["model"]["theta"]
-    arrays = task["curves"], task.get("members"), *theta, *(task.get("errors") or {}).values()
-    return lengths <= {len(SCORE_COLUMNS)} and all(map(_is_array, arrays))
-
-
-def _is_array(value: Any) -> bool:
-    """Whether nested lists hold numbers or null, in rows of one length.
-
-    >>> _is_array([[1.0, None], [2.0, 3.0]]), _is_array([[1.0], [2.0, 3.0]])
-    (True, False)
-    """
-    try:
-        return np.asarray(value, dtype=float).dtype == float
-    except (TypeError, ValueError):
-        return False
+    tasks = tuple(documents.values())
+    missing = tuple(path.name for path in paths if path not in documents)
+    table = _score_frame(provenance["suite"], tasks)
+    return Results(folder, provenance, datasets, tasks, missing, table)
 
 
 def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -336,7 +292,7 @@ def reduction(results: Results) -> dict[str, bytes]:
 def model_document_of(task: Mapping[str, Any]) -> dict[str, Any]:
     """Model document of a task's document: friction of all data, and where it is from."""
     source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
-    if task.get("refined"):
+    if task["refined"]:
         source["refined"] = task["refined"]
     model = dict(task["model"])
     return {**model, "provenance": {**model.get("provenance", {}), **source}}

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, task_provenance
 from frictionid.evaluation.predicted_motion import read_errors
 from frictionid.evaluation.reference_model import StartErrors
@@ -283,9 +282,8 @@ class Section(NamedTuple):
 
 def sections_of(results: Results) -> tuple[Section, ...]:
     """Sections of a comparison, one for each data set that was fitted."""
-    with readable(results.folder, sealed=results.is_sealed):
-        names = dict.fromkeys(task["dataset"] for task in results.tasks)
-        return tuple(_section(results, name) for name in names)
+    names = dict.fromkeys(task["dataset"] for task in results.tasks)
+    return tuple(_section(results, name) for name in names)
 
 
 def _section(results: Results, dataset: str) -> Section:
@@ -334,17 +332,17 @@ def _model(
         curves=np.asarray(task["curves"], dtype=float),
         motions=[motion for motion in task["motions"] if "place" not in motion],
         examples=[motion for motion in task["motions"] if "place" in motion],
-        errors=task.get("errors") or {},
-        torque=task.get("torque") or {},
+        errors=task["errors"] or {},
+        torque=task["torque"] or {},
         theta=theta,
         document=task["model"],
         settings=task["settings"],
-        base=task.get("base") or {},
+        base=task["base"] or {},
         provenance=source,
-        members=np.asarray(task["members"], dtype=float) if task.get("members") else None,
-        loops=task.get("loops") or (),
-        method=task.get("method") or task.get("way") or {},
-        beyond=task.get("beyond") or {},
+        members=np.asarray(task["members"], dtype=float) if task["members"] else None,
+        loops=task["loops"],
+        method=task["method"],
+        beyond=task["beyond"] or {},
     )
 
 

@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 from urllib.parse import quote
 
 from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.result_folder import readable
 from frictionid.comparison.results import Results, reduction
 from frictionid.files import plain
 from frictionid.outputs import replace_files
@@ -67,9 +66,7 @@ def build(results: Results, *, replace: bool = False, jobs: int = 1) -> None:
     InputError
         Where a file is the user's own, or the folder cannot be written.
     """
-    with readable(results.folder, sealed=results.is_sealed):
-        contents = _contents(results, jobs)
-    replace_files(results.folder, contents, replace=replace)
+    replace_files(results.folder, _contents(results, jobs), replace=replace)
 
 
 def _contents(results: Results, jobs: int) -> dict[str, bytes]:
