@@ -3,31 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
-from frictionid.report.numbers import divergence_limit, percent, seconds
+from frictionid.evaluation import Split
 from frictionid.report.sections import Model, Section, SummaryData, rollout
+from frictionid.report.tables import lines_of, render
 
+KINDS = {
+    "recordings": "whole recordings",
+    "blocks": "contiguous blocks",
+    "shuffled": "shuffled samples",
+}
 LOOSE = 0.5  # scatter of a parameter over the folds, in units of its mean
 ASTRAY = 0.02  # distance of the fit to all data from the folds' mean curve, in units of its size
 
 
 def warning_lines(results: Results, sections: Sequence[Section]) -> list[str]:
     """Warnings on a comparison, one text each."""
-    fitted = [section.fitted for section in sections]
-    scored = [data for section in sections for data in section.data]
-    lines = [_unfinished(results)]
-    lines += [_shuffled(data, results.provenance) for data in fitted]
-    lines += map(_diverged, scored)
-    lines += map(_infinite, scored)
-    lines += map(_astray, fitted)
-    lines += map(_loose, fitted)
-    lines += map(_without_truth, fitted)
-    return list(filter(None, lines))
+    context = {
+        "results": results,
+        "fitted": [section.fitted for section in sections],
+        "scored": [data for section in sections for data in section.data],
+        "folds": partial(fold_settings, results.provenance),
+        "diverged": _diverged,
+        "infinite": _infinite,
+        "loose": loose,
+    }
+    tests = {"astray": astray, "loose": loose}
+    return lines_of(render("warnings.j2", context, markup=False, tests=tests))
 
 
 def fold_settings(provenance: Mapping[str, Any], dataset: str) -> Mapping[str, Any]:
@@ -40,55 +48,27 @@ def fold_settings(provenance: Mapping[str, Any], dataset: str) -> Mapping[str, A
     return dict(settings.get("folds", {}))
 
 
-def _unfinished(results: Results) -> str:
-    if not results.missing:
-        return ""
-    return (
-        f"Unfinished: {len(results.missing)} of {len(results.provenance['tasks'])} tasks; their "
-        "lines are missing. Finish them with frictionid compare --resume."
-    )
+def folds_of(results: Results, section: Section) -> str:
+    """The folds of a data set in words."""
+    settings = fold_settings(results.provenance, section.dataset)
+    if "count" not in settings:
+        return "judged on held-out data"
+    kind = Split(kind=settings.get("kind")).kind_of(section.description.recordings)
+    gaps = f" with gaps of {settings['gap']:g} s" if kind == "blocks" else ""
+    return f"{settings['count'] or ''} folds of {KINDS[kind]}{gaps}".strip()
 
 
-def _shuffled(data: SummaryData, provenance: Mapping[str, Any]) -> str:
-    if fold_settings(provenance, data.dataset).get("kind") != "shuffled":
-        return ""
-    return (
-        f"Shuffled folds on {data.dataset}: held-out samples have neighbours in the training set. "
-        "Losses flatter models that interpolate, and rollouts are not held out at all."
-    )
-
-
-def _diverged(data: SummaryData) -> str:
-    """Diverged predictions of fitted and given models after the last reported horizon."""
+def _diverged(data: SummaryData, *roles: str) -> list[float]:
+    """Shares of predictions that diverged after the last reported horizon, of models of roles."""
     column = rollout(data.reported[-1], "diverged") if data.reported else ""
-    shares = [data.value(model, column) for model in data.of_role("fitted", "given")]
-    if not any(share > 0 for share in shares):
-        return ""
-    without = [data.value(model, column) for model in data.of_role("none")[:1]]
-    beside = "".join(f", without friction {percent(share)}" for share in without)
-    limit = divergence_limit(data.description.angle_unit)
-    return (
-        f"Diverged predictions on {data.dataset} after {seconds(data.reported[-1])} (further off "
-        f"than {limit}, which medians hide): up to {percent(float(np.nanmax(shares)))}{beside}."
-    )
+    return [data.value(model, column) for model in data.of_role(*roles)]
 
 
-def _infinite(data: SummaryData) -> str:
-    names = ", ".join(model.name for model in data.models if _has_infinite(data, model))
-    return names and f"Infinite errors on {data.dataset}, shown as ∞ and in no average: {names}."
-
-
-def _has_infinite(data: SummaryData, model: Model) -> bool:
-    frames = (f[f.index.get_level_values("task") == model.task] for f in (data.level, data.folds))
-    return any(bool(np.isinf(frame.to_numpy()).any()) for frame in frames)
-
-
-def _astray(data: SummaryData) -> str:
-    names = ", ".join(model.name for model in data.of_role("fitted") if astray(model))
-    return names and (
-        f"Fit to all data outside the scatter of the folds' curves on {data.dataset}, perhaps "
-        f"another minimum: {names}."
-    )
+def _infinite(data: SummaryData) -> list[str]:
+    """Names of models with an infinite score."""
+    lost = [frame.index[np.isinf(frame).any(axis=1)] for frame in (data.level, data.folds)]
+    tasks = {task for index in lost for task in index.get_level_values("task")}
+    return [model.name for model in data.models if model.task in tasks]
 
 
 def astray(model: Model) -> bool:
@@ -106,17 +86,6 @@ def _rms(curves: Array) -> Array:
     return np.sqrt(np.mean(np.square(curves), axis=-2))
 
 
-def _loose(data: SummaryData) -> str:
-    counts = {model: loose(model) for model in data.of_role("fitted")}
-    models = ", ".join(
-        f"{model.name} {count} of {model.theta[0].size}" for model, count in counts.items() if count
-    )
-    return models and (
-        "Parameters that scatter over the folds by more than half their mean on "
-        f"{data.dataset} (not determined one by one, even where the curve is): {models}."
-    )
-
-
 def loose(model: Model) -> int:
     """How many parameters scatter over the folds by more than half their mean.
 
@@ -126,12 +95,3 @@ def loose(model: Model) -> int:
         return 0
     sd, mean = model.theta.std(axis=0, ddof=1), np.abs(model.theta.mean(axis=0))
     return int((sd > LOOSE * mean).sum())
-
-
-def _without_truth(data: SummaryData) -> str:
-    if not data.description.true_joints or data.of_role("truth"):
-        return ""
-    return (
-        f"True friction of {data.dataset}: only the curve at steady speed is compared, the truth "
-        "has no row of its own."
-    )

@@ -79,6 +79,12 @@ class DataDescription:
         return "angle" if self.angle_unit == "rad" else "position"
 
     @property
+    def size(self) -> str:
+        """How much was recorded, in words."""
+        many = "s" if self.recordings != 1 else ""
+        return f"{self.recordings} recording{many}, {self.samples} samples, {self.seconds:.0f} s"
+
+    @property
     def true_joints(self) -> tuple[str, ...]:
         """Numbers "1", "2" ... of the joints where true curves are known, else none."""
         return tuple(str(j + 1) for j in range(len(self.joints)) if self.truth is not None)

@@ -289,11 +289,12 @@ def render(
     *,
     markup: bool = True,
     filters: Mapping[str, Callable[..., Any]] | None = None,
+    tests: Mapping[str, Callable[..., Any]] | None = None,
 ) -> str:
     """Text of a template with the values of its context.
 
     markup : whether names are marked as code and escaped for Markdown; else they stay plain
-    filters : by their names, beside those of numbers
+    filters, tests : by their names, beside those of numbers
     """
     templates = environment()
     templates.globals["inf"] = float("inf")
@@ -303,6 +304,7 @@ def render(
         "table": markdown,
         **(filters or {}),
     }
+    templates.tests |= tests or {}
     return templates.get_template(template).render(context)
 
 

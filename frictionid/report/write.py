@@ -7,6 +7,7 @@ paper and without scripts the figures of the report stand in its place.
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
@@ -31,9 +32,8 @@ from frictionid.report.exhibits import (
 from frictionid.report.figures.motion import examples_of
 from frictionid.report.figures.style import Style, drawing, rendered
 from frictionid.report.memory import memory_analysis
-from frictionid.report.provenance import folds_of, provenance_of, size_of
 from frictionid.report.recommended import chosen_of, equation_of, horizons_of, parameter_rows
-from frictionid.report.reliability import warning_lines
+from frictionid.report.reliability import folds_of, warning_lines
 from frictionid.report.sections import Model, Section, SummaryData, sections_of
 from frictionid.report.sensitivity import beside
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
@@ -133,13 +133,20 @@ def _context(
         "title": results.provenance.get("title") or results.provenance["suite"],
         "parts": parts,
         "warnings": warning_lines(results, sections),
-        "provenance": provenance_of(results, sections),
+        "provenance": results.provenance,
+        "digest": _digest,
+        "recipes": {m.recipe: m for s in sections for m in s.models if m.recipe},
+        "identifiers": {m.identifier: m for s in sections for m in s.models},
         "plotly": base64.b64encode(plotly_script()).decode(),
         "number": count(1).__next__,
         "document": document_of,
-        "size": size_of,
         "colours": {label: style.colour for label, style in names.styles.items()},
     }
+
+
+def _digest(hashes: Mapping[str, str]) -> str:
+    """SHA-256 over the hashes of all files of a data set."""
+    return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
 
 
 def _images(exhibits: Mapping[Any, Exhibits], drawn: Mapping[str, bytes]) -> dict[str, str]:
@@ -183,7 +190,6 @@ def _part(
     return {
         "anchor": names.stems[section.dataset, section.dataset],
         "section": section,
-        "size": size_of(section.description),
         "verdict": verdict,
         "tables": [
             named.table
