@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -29,12 +30,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import tomli_w
 
-from frictionid.api.suites import OpenSuite
+from frictionid.api.suites import run_suite
 from frictionid.comparison.suite import Suite
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
+from frictionid.files import plain
 
 HERE = Path(__file__).parent
 DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
@@ -107,9 +110,12 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
 def run(machine: Machine, jobs: int) -> None:
     """Run what is left of a machine's suite."""
     suite = suite_of(machine, load_dataset(DATA / machine.name))
-    opened = OpenSuite(suite, HERE / "machines.py", REPORT / machine.name)
-    said = partial(print, "  ", flush=True)
-    opened.run(jobs=jobs, resume=True, replace=True, done=said)
+    said, out = partial(print, "  ", flush=True), REPORT / machine.name
+    table = suite.model_dump(exclude_none=True)
+    with tempfile.NamedTemporaryFile("wb", suffix=".toml", dir=HERE) as file:
+        tomli_w.dump(plain({**table.pop("protocol"), **table}), file)
+        file.flush()
+        run_suite(file.name, out=out, jobs=jobs, resume=True, replace=True, done=said)
 
 
 # --- Table ---------------------------------------------------------------------------------------

@@ -24,8 +24,10 @@ from typing import NamedTuple
 
 from distributed import Client
 
-from frictionid.api.suites import open_suite, run_suite
+from frictionid.api.suites import run_suite
 from frictionid.comparison.cluster import on_cluster
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, results_of
 
 
@@ -107,7 +109,7 @@ def stub(seconds: float, folder: Path, out: Path) -> tuple[bool, str]:
 
 def _speed_up(file: Path, workers: int) -> None:
     """Print how much sooner the tasks of a suite are done, and how even their work is shared."""
-    tasks = open_suite(file).tasks
+    tasks = tasks_of(load_suite(file), file)
     prepared = prepare_benchmarks(tasks)
     walls = []
     for count in (1, workers):

@@ -28,7 +28,7 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
-from frictionid.report.console import console, printed
+from frictionid.report.console import printed, say
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
@@ -258,10 +258,10 @@ class Fit:
 
     def show(self) -> None:
         """Print it as the command line does."""
-        console().print(self._headline, markup=False, soft_wrap=True)
+        say(self._headline)
         show_fit(self.friction, self.joints)
         if self._assumption:
-            console().print(self._assumption, markup=False, soft_wrap=True)
+            say(self._assumption)
 
     def save(self, path: str | Path) -> None:
         """Write a model file (JSON), weights of a network beside it.

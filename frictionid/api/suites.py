@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +15,6 @@ from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import UNFINISHED, lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
-from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
 from frictionid.files import suite_path
@@ -63,105 +61,9 @@ def run_in_folder(
     return results
 
 
-@dataclass(frozen=True, eq=False)
-class OpenSuite:
-    """A suite, ready to run; its data are read when its tasks are first asked for.
-
-    Attributes
-    ----------
-    suite : Suite
-    path : Path, of its file
-    folder : Path, of its results
-    data : Path or None
-        Folder with the tables of its one data set.
-    device : str or None
-        Where networks are trained, whatever the suite says.
-    trust : bool
-        Whether code that the suite and its data sets name by its module may run.
-    """
-
-    suite: Suite
-    path: Path
-    folder: Path
-    data: Path | None = None
-    device: str | None = None
-    trust: bool = False
-
-    @cached_property
-    def tasks(self) -> tuple[Task, ...]:
-        """The tasks, in the order in which tables show them."""
-        tasks = tasks_of(self.suite, self.path, self.data, self.device, trust=self.trust)
-        return tuple(tasks)
-
-    @property
-    def steps(self) -> dict[str, str]:
-        """Names of the tasks for people, by those of their files."""
-        return {
-            t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in self.tasks
-        }
-
-    def run(
-        self,
-        *,
-        jobs: int = 0,
-        dask: str | None = None,
-        resume: bool = False,
-        replace: bool = False,
-        done: Callable[[str], None] = lambda _: None,
-    ) -> Comparison:
-        """Run the tasks and write the report; `done` is called with each finished step.
-
-        Raises
-        ------
-        InputError
-            Where a task fails, or the folder holds what is not to be replaced.
-        """
-        suite, steps = self.suite, self.steps
-        places = (self.folder / UNFINISHED / "tasks", self.folder / "tasks") if resume else ()
-        prepared = prepare_benchmarks(self.tasks, jobs, places)
-        protocol = self.tasks[0].benchmark.protocol
-        used = {"horizons": list(protocol.horizons), "sample_time": protocol.sample_time}
-        settings = suite.document() | used | ({"device": self.device} if self.device else {})
-
-        def report(task: Task) -> None:
-            done(steps[task.file])
-
-        about = About(suite.name, suite.title, settings)
-        results = run_in_folder(
-            self.tasks,
-            prepared,
-            about,
-            self.folder,
-            jobs=jobs,
-            dask=dask,
-            resume=resume,
-            replace=replace,
-            done=report,
-        )
-        return Comparison(results)
-
-
-def open_suite(
-    suite: str | Path,
-    *,
-    data: str | Path | None = None,
-    out: str | Path | None = None,
-    device: str | None = None,
-    trust: bool = False,
-) -> OpenSuite:
-    """The suite of a file or name with its tasks; parameters as in `run_suite`.
-
-    Raises
-    ------
-    InputError
-        For unknown names and settings, or a folder that cannot be written.
-    """
-    path = suite_path(Path(suite))
-    table = suites.load_suite(path)
-    folder = Path("report") / table.name if out is None else Path(out)
-    check_writable(folder)
-    tables = None if data is None else Path(data)
-    return OpenSuite(table, path, folder, tables, device, trust)
+# What shows how far a comparison is: gets its folder and the names of its steps, and gives what is
+# called with each that is finished.
+Progress = Callable[[Path, Sequence[str]], AbstractContextManager[Callable[[str], None]]]
 
 
 def run_suite(
@@ -176,6 +78,7 @@ def run_suite(
     device: str | None = None,
     trust: bool = False,
     done: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Run a suite, and write its result folder: tables, pictures, models, and a page.
 
@@ -201,11 +104,35 @@ def run_suite(
         Whether code that the suite and its data sets name by its module may run.
     done : function
         Called with the name of each task that is finished.
+    progress : function, optional
+        In its place: gets result folder and names of all tasks, gives a context of such a function.
 
     Raises
     ------
     InputError
         Where the suite is wrong, a task fails, or the folder holds what is not to be replaced.
     """
-    opened = open_suite(suite, data=data, out=out, device=device, trust=trust)
-    return opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=done)
+    path = suite_path(Path(suite))
+    table = suites.load_suite(path)
+    folder = Path("report") / table.name if out is None else Path(out)
+    check_writable(folder)
+    tasks = tasks_of(table, path, None if data is None else Path(data), device, trust=trust)
+    names = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
+    with nullcontext(done) if progress is None else progress(folder, [*names.values()]) as report:
+        places = (folder / UNFINISHED / "tasks", folder / "tasks") if resume else ()
+        prepared = prepare_benchmarks(tasks, jobs, places)
+        protocol = tasks[0].benchmark.protocol
+        used = {"horizons": list(protocol.horizons), "sample_time": protocol.sample_time}
+        settings = table.document() | used | ({"device": device} if device else {})
+        results = run_in_folder(
+            tasks,
+            prepared,
+            About(table.name, table.title, settings),
+            folder,
+            jobs=jobs,
+            dask=dask,
+            resume=resume,
+            replace=replace,
+            done=lambda task: report(names[task.file]),
+        )
+    return Comparison(results)

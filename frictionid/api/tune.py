@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from joblib import cpu_count
 
 from frictionid.comparison import suite as suites
 from frictionid.comparison.result_folder import lock
-from frictionid.comparison.search_space import Objective, Tuning
-from frictionid.comparison.tuning import Study, TuningTask, study_specs, tuning_tasks
+from frictionid.comparison.search_space import Objective
+from frictionid.comparison.tuning import Study, study_specs, tuning_tasks
 from frictionid.comparison.tuning import tune as search
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
@@ -60,82 +62,6 @@ class Tuned:
         return drawn(partial(progress, self.studies, self.objective))
 
 
-@dataclass(frozen=True, eq=False)
-class OpenTuning:
-    """A search that is ready to run.
-
-    name : of the suite; path : of its file; folder : of the results; total : number of trials
-    """
-
-    name: str
-    path: Path
-    folder: Path
-    tuning: Tuning
-    tasks: tuple[TuningTask, ...]
-
-    @property
-    def total(self) -> int:
-        """Number of trials of all studies."""
-        return self.tuning.trials * len(study_specs(self.tasks, self.tuning))
-
-    def run(
-        self,
-        *,
-        jobs: int = 0,
-        resume: bool = False,
-        replace: bool = False,
-        done: Callable[[str], None] = lambda _: None,
-    ) -> Tuned:
-        """Search, and write the page; `done` is called with each finished trial.
-
-        Raises
-        ------
-        InputError
-            Where a trial fails, or the folder holds what is not to be replaced.
-        """
-        from joblib import cpu_count
-
-        tuning, folder = self.tuning, self.folder
-        with lock(folder, ["journal.log"], "tuning"):
-            check_unchanged(folder, replace=replace)
-            results = search(
-                self.tasks,
-                tuning,
-                folder,
-                resume=resume,
-                replace_trials=replace,
-                jobs=jobs or cpu_count(),
-                done=done,
-            )
-            page = write_outcome(folder, results, tuning.objective, self.path, replace=replace)
-        return Tuned(tuple(results), tuning.objective, page)
-
-
-def open_tuning(
-    suite: str | Path,
-    *,
-    data: str | Path | None = None,
-    out: str | Path | None = None,
-    trials: int | None = None,
-    trust: bool = False,
-) -> OpenTuning:
-    """The search of a suite's settings, not yet begun; parameters as in `tune`.
-
-    Raises
-    ------
-    InputError
-        For unknown names and settings, or a folder that cannot be written.
-    """
-    path = suite_path(Path(suite))
-    table = suites.load_suite(path)
-    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
-    folder = Path("report") / f"{table.name}-tune" if out is None else Path(out)
-    check_writable(folder)
-    tables = None if data is None else Path(data)
-    tasks = tuning_tasks(table, path, tables, trust=trust)
-    return OpenTuning(table.name, path, folder, tuning, tuple(tasks))
-
-
 def tune(
     suite: str | Path,
     *,
@@ -147,6 +73,7 @@ def tune(
     replace: bool = False,
     trust: bool = False,
     done: Callable[[str], None] = lambda _: None,
+    progress: Callable[[Path, int], AbstractContextManager[Callable[[str], None]]] | None = None,
 ) -> Tuned:
     """Search settings of a suite's identifiers, nested in the training folds.
 
@@ -169,6 +96,8 @@ def tune(
         Whether code that the suite and its data sets name by its module may run.
     done : function, optional
         Called with each finished trial.
+    progress : function, optional
+        In its place: gets result folder and number of trials, gives a context of such a function.
 
     Raises
     ------
@@ -182,5 +111,26 @@ def tune(
         tuned = frictionid.tune("suite.toml", trials=20)
         tuned.frame.sort_values("score")
     """
-    opened = open_tuning(suite, data=data, out=out, trials=trials, trust=trust)
-    return opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
+    path = suite_path(Path(suite))
+    table = suites.load_suite(path)
+    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
+    folder = Path("report") / f"{table.name}-tune" if out is None else Path(out)
+    check_writable(folder)
+    tasks = tuning_tasks(table, path, None if data is None else Path(data), trust=trust)
+    total = tuning.trials * len(study_specs(tasks, tuning))
+    with (
+        nullcontext(done) if progress is None else progress(folder, total) as report,
+        lock(folder, ["journal.log"], "tuning"),
+    ):
+        check_unchanged(folder, replace=replace)
+        studies = search(
+            tasks,
+            tuning,
+            folder,
+            resume=resume,
+            replace_trials=replace,
+            jobs=jobs or cpu_count(),
+            done=report,
+        )
+        page = write_outcome(folder, studies, tuning.objective, path, replace=replace)
+    return Tuned(tuple(studies), tuning.objective, page)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +46,7 @@ def compare(
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from joblib import cpu_count
 
-    from frictionid.api.suites import open_suite
+    from frictionid.api.suites import run_suite
     from frictionid.cli.progress import interruptible, running
     from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
@@ -52,18 +54,30 @@ def compare(
     check_requirements(require)
     if dask and jobs:
         raise InputError("--jobs is for this computer, --dask for a cluster: give one of them")
-    where = device.value if device else None
-    opened = open_suite(suite, data=data, out=out, device=where, trust=trust)
-    with (
-        interruptible(f"what is done stays in {opened.folder}: finish it with --resume"),
-        running(
-            [*opened.steps.values()], f"comparing ({opened.suite.name})", jobs or cpu_count()
-        ) as count,
-    ):
-        compared = opened.run(jobs=jobs, dask=dask, resume=resume, replace=replace, done=count)
-    print(results_json(compared.results)) if json else show(compared.results)
-    _say_what_stays(opened.folder, list(opened.steps))
-    exit_unless_met(compared.results, require)
+
+    @contextmanager
+    def progress(folder: Path, steps: Sequence[str]) -> Iterator[Callable[[str], None]]:
+        with (
+            interruptible(f"what is done stays in {folder}: finish it with --resume"),
+            running(steps, f"comparing ({suite.stem})", jobs or cpu_count()) as count,
+        ):
+            yield count
+
+    results = run_suite(
+        suite,
+        data=data,
+        out=out,
+        jobs=jobs,
+        dask=dask,
+        resume=resume,
+        replace=replace,
+        device=device.value if device else None,
+        trust=trust,
+        progress=progress,
+    ).results
+    print(results_json(results)) if json else show(results)
+    _say_what_stays(results.folder, results.provenance["tasks"])
+    exit_unless_met(results, require)
 
 
 def _say_what_stays(folder: Path, files: list[str]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -82,16 +82,29 @@ def tune(
     trust: Trust = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
-    from frictionid.api.tune import open_tuning
+    from frictionid.api.tune import tune as tune_suite
     from frictionid.cli.progress import counted, interruptible
     from frictionid.report.sensitivity import outcome_json
 
-    opened = open_tuning(suite, data=data, out=out, trials=trials, trust=trust)
-    with (
-        interruptible(f"what is done stays in {opened.folder}: finish it with --resume"),
-        counted(opened.total, f"tuning ({opened.name})") as done,
-    ):
-        tuned = opened.run(jobs=jobs, resume=resume, replace=replace, done=done)
+    @contextmanager
+    def progress(folder: Path, total: int) -> Iterator[Callable[[str], None]]:
+        with (
+            interruptible(f"what is done stays in {folder}: finish it with --resume"),
+            counted(total, f"tuning ({suite.stem})") as done,
+        ):
+            yield done
+
+    tuned = tune_suite(
+        suite,
+        data=data,
+        out=out,
+        trials=trials,
+        jobs=jobs,
+        resume=resume,
+        replace=replace,
+        trust=trust,
+        progress=progress,
+    )
     if json:
         print(outcome_json(tuned.studies, tuned.page), end="")
         return

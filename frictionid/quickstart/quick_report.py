@@ -13,7 +13,7 @@ from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.mechanics import Mechanism
 from frictionid.quickstart.quick import Candidate, Quick
-from frictionid.report.console import console
+from frictionid.report.console import console, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.estimates import added
 from frictionid.report.figures.style import (
@@ -29,7 +29,7 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.figures.style import line as key_line
 from frictionid.report.numbers import NOTHING, factor, norm_unit, short
-from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table
 from frictionid.report.verdict import times
 
@@ -43,22 +43,15 @@ def show_quick(result: Quick) -> None:
     head = Text(check.dataset, style="bold").append(": the data are ", "")
     out.print(head.append(check.level, f"bold {LEVEL_COLOURS[check.level]}"))
     for finding in check.findings:
-        remedy = f" -> {finding.remedy}" if finding.remedy else ""
-        out.print(f"  {finding.text}{remedy}", markup=False, soft_wrap=True)
-    out.print()
+        say(f"  {finding.text}" + (f" -> {finding.remedy}" if finding.remedy else ""))
+    say("")
     if result.chosen is None:
-        out.print("No law was fitted: correct the data first.", markup=False)
+        say("No law was fitted: correct the data first.")
         return
-    for text in for_terminal(_table(result)):
-        out.print(text, soft_wrap=True)
-    for sentence in verdict(result):
-        out.print(sentence, markup=False, soft_wrap=True)
+    say(_table(result), *verdict(result))
     if result.refined:
-        out.print()
-        for text in for_terminal(parameter_table(result.refined.parameters)):
-            out.print(text, soft_wrap=True)
-    for advice in check.next:
-        out.print(f"next: {advice}", markup=False, soft_wrap=True)
+        say("", parameter_table(result.refined.parameters))
+    say(*(f"next: {advice}" for advice in check.next))
 
 
 def verdict(result: Quick) -> list[str]:
@@ -127,17 +120,12 @@ def quick_json(result: Quick) -> str:
 
 
 def _table(result: Quick) -> Table:
-    columns = [
-        *text_columns("law"),
-        Column("parameters"),
-        Column(f"error after {result.horizon:g} s [{_unit(result)}]"),
-        Column("times the best (80 %)"),
-    ]
-    lines = []
+    error = f"error after {result.horizon:g} s [{_unit(result)}]"
+    rows = []
     for c in result.candidates:
         mark = f"{c.name} *" if c is result.chosen else c.name
-        lines.append(line([mark, str(c.parameters), short(c.error), _times_best(c)]))
-    return Table("", "", tuple(columns), tuple(lines))
+        rows.append([mark, str(c.parameters), short(c.error), _times_best(c)])
+    return table_of([*text_columns("law"), "parameters", error, "times the best (80 %)"], rows)
 
 
 def best_of(result: Quick) -> Candidate:

@@ -24,7 +24,7 @@ from frictionid.report.memory import has_memory
 from frictionid.report.numbers import decimals, fixed, seconds, short
 from frictionid.report.plausibility import FAILED, Check, checks_of
 from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
-from frictionid.report.tables import Cell, Column, Table, line, text_columns
+from frictionid.report.tables import Cell, Column, Table, line, table_of, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
 CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended
@@ -257,17 +257,12 @@ def family_table(section: Section) -> Table | None:
     lowest = np.where(np.isfinite(values), values, np.inf).min(axis=0)
     digits = [decimals(column) for column in values.T]
     lines = [
-        line(
-            [FAMILIES[name], model.name, *map(Cell, map(fixed, row, digits), row == lowest)],
-            name,
-        )
+        line([FAMILIES[name], model.name, *map(Cell, map(fixed, row, digits), row == lowest)], name)
         for (name, model), row in zip(models, values, strict=True)
     ]
     columns = [Column(f"{d.dataset}, {h:g} s", unit=d.description.angle_unit) for d, h in places]
-    return Table(
+    caption = (
         f"Median {section.description.coordinate} error of predictions by what a model knows: on "
-        f"held-out motion of {section.dataset}, and on data that no fit has seen.",
-        f"question-{section.dataset}",
-        (*text_columns("what it knows", "model"), *columns),
-        tuple(lines),
+        f"held-out motion of {section.dataset}, and on data that no fit has seen."
     )
+    return table_of([*text_columns("what it knows", "model"), *columns], lines, caption)

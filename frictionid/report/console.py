@@ -26,10 +26,16 @@ def console() -> Any:
     return out if out.is_terminal else Console(highlight=False, width=WIDTH)
 
 
+def say(*parts: Any) -> None:
+    """Print texts as they stand, and tables, whose lines are as long as they are."""
+    for part in parts:
+        console().print(part, markup=False, soft_wrap=True)
+
+
 def printed(show: Callable[[], object]) -> str:
     r"""What a function that prints results would print, as plain text.
 
-    >>> printed(lambda: console().print("0.1 rad [1]", markup=False))
+    >>> printed(lambda: say("0.1 rad [1]"))
     '0.1 rad [1]\n'
     """
     recorder = _recorded(show)
@@ -61,17 +67,15 @@ def _recorded(show: Callable[[], object]) -> Any:
 
 def show_kinds(kinds: Sequence[KindDescription], hint: str) -> None:
     """Print each kind with the names and units of its parameters, and how to see `hint`."""
-    out = console()
     for kind in kinds:
-        out.print(f"{kind.name}", style="bold", markup=False)
-        out.print(f"  {kind.summary}", markup=False, soft_wrap=True)
+        console().print(kind.name, style="bold", markup=False)
+        say(f"  {kind.summary}")
         if kind.parameters:
             names = ", ".join(f"{p.name} [{p.unit}]" for p in kind.parameters)
-            out.print(f"  parameters: {names}", markup=False, soft_wrap=True)
+            say(f"  parameters: {names}")
         elif kind.settings:
-            names = ", ".join(setting.name for setting in kind.settings)
-            out.print(f"  settings: {names}", markup=False, soft_wrap=True)
-    out.print(f"\n{hint}", markup=False, soft_wrap=True)
+            say(f"  settings: {', '.join(setting.name for setting in kind.settings)}")
+    say(f"\n{hint}")
 
 
 def show_kind(kind: KindDescription) -> None:
@@ -79,7 +83,7 @@ def show_kind(kind: KindDescription) -> None:
     out = console()
     out.print(kind.name, style="bold", markup=False)
     for paragraph in filter(None, (kind.summary, *kind.details)):
-        out.print(f"{paragraph}\n", markup=False, soft_wrap=True)
+        say(f"{paragraph}\n")
     for title, entries in (
         ("parameter", kind.parameters),
         ("setting", kind.settings),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,10 @@ from frictionid.check.regression import one_way
 from frictionid.data.recordings import Recording
 from frictionid.files import plain, write_bytes
 from frictionid.mechanics import Mechanism
-from frictionid.report.console import console
+from frictionid.report.console import console, say
 from frictionid.report.figures import style
 from frictionid.report.numbers import NOTHING, either
-from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.tables import Column, Table, table_of, text_columns
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 ANSWERS = {True: "green", False: "red", None: "yellow"}
@@ -29,9 +29,28 @@ ANSWERS = {True: "green", False: "red", None: "yellow"}
 
 def show_verdict(verdict: Verdict) -> None:
     """Print a verdict: in colour in a terminal, as plain text into a pipe."""
+    from rich.table import Table as Grid
+    from rich.text import Text
+
     out = console()
-    for part in (_headline, _joints, _findings, _questions, _estimate, _friction, _next):
-        part(verdict, out)
+    level = (verdict.level, f"bold {COLOURS[verdict.level]}")
+    out.print(Text.assemble((verdict.dataset, "bold"), ": ", level, _clock(verdict)))
+    say(_joints(verdict))
+    for finding in verdict.findings:
+        mark = "note" if finding.level == "good" else finding.level
+        remedy = (f" -> {finding.remedy}" if finding.remedy else "", "dim")
+        out.print(Text.assemble((f"{mark}: ", COLOURS[finding.level]), finding.text, remedy))
+    if verdict.findings:
+        out.print()
+    grid = Grid(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    rows = [(q.passed, q.question, q.words) for q in verdict.questions]
+    rows += [(e.possible, f"identifiable: {e.what}", e.reason) for e in verdict.identifiable]
+    for passed, question, words in rows:
+        grid.add_row(Text(answer_of(passed), ANSWERS[passed]), question, words)
+    out.print(grid)
+    say(_estimate(verdict), _friction(verdict))
+    for advice in verdict.next:
+        out.print(Text.assemble(("next: ", "bold"), advice))
 
 
 def as_json(verdict: Verdict) -> str:
@@ -49,9 +68,8 @@ def _mechanism(verdict: Verdict) -> Mechanism:
     return verdict.regression.measured.dataset.mechanism
 
 
-def _headline(verdict: Verdict, console: Any) -> None:
-    from rich.text import Text
-
+def _clock(verdict: Verdict) -> str:
+    """Length, rate and gaps of the recordings."""
     clock = verdict.clock
     plural = "recording" if clock.recordings == 1 else "recordings"
     rates = f"{clock.slowest:.4g} to {clock.fastest:.4g}"
@@ -59,24 +77,21 @@ def _headline(verdict: Verdict, console: Any) -> None:
         rates = f"{clock.rate:.4g}"
     gaps = "gap" if clock.gaps == 1 else "gaps"
     longest = f" (longest {clock.longest_gap:.2g} s)" if clock.gaps else ""
-    facts = (
+    return (
         f"   {clock.recordings} {plural}, {clock.duration:.0f} s at {rates} Hz, jitter "
         f"{100 * clock.jitter:.1f} %, {clock.dropped} samples dropped, {clock.gaps} {gaps}{longest}"
         f", {verdict.passive:.0f} s of free decay"
     )
-    level = (verdict.level, f"bold {COLOURS[verdict.level]}")
-    console.print(Text.assemble((verdict.dataset, "bold"), ": ", level, facts))
 
 
-def _joints(verdict: Verdict, console: Any) -> None:
-    angle, torque = (
-        either(u) for u in (_mechanism(verdict).position_units, _mechanism(verdict).torque_units)
-    )
-    columns = text_columns("joint")
-    columns += map(Column, (f"q range [{angle}]", "w 95 %", "w top", "forward", "rest", "turns"))
-    columns += map(Column, (f"u RMS [{torque}]", "u top"))
-    columns += [Column(name, "noise") for name in "qwu"] + [Column(name, "step") for name in "qu"]
-    lines = [
+def _joints(verdict: Verdict) -> Table:
+    """Motion, torque, noise and steps of each joint."""
+    mechanism = _mechanism(verdict)
+    angle, torque = either(mechanism.position_units), either(mechanism.torque_units)
+    heads = [*text_columns("joint"), f"q range [{angle}]", "w 95 %", "w top", "forward", "rest"]
+    heads += ["turns", f"u RMS [{torque}]", "u top"]
+    heads += [Column(name, "noise") for name in "qwu"] + [Column(name, "step") for name in "qu"]
+    rows = [
         [
             str(j.joint),
             *(f"{value:.3g}" for value in (j.range, j.fast, j.top)),
@@ -88,37 +103,7 @@ def _joints(verdict: Verdict, console: Any) -> None:
         ]
         for j in verdict.joints
     ]
-    _print(console, columns, lines)
-
-
-def _print(console: Any, columns: Sequence[Column], lines: Sequence[Sequence[str]]) -> None:
-    for text in for_terminal(Table("", "", tuple(columns), tuple(map(line, lines)))):
-        console.print(text, soft_wrap=True)
-
-
-def _findings(verdict: Verdict, console: Any) -> None:
-    from rich.text import Text
-
-    for finding in verdict.findings:
-        mark = "note" if finding.level == "good" else finding.level
-        remedy = (f" -> {finding.remedy}" if finding.remedy else "", "dim")
-        console.print(
-            Text.assemble((f"{mark}: ", COLOURS[finding.level]), (finding.text, ""), remedy)
-        )
-    if verdict.findings:
-        console.print()
-
-
-def _questions(verdict: Verdict, console: Any) -> None:
-    from rich.table import Table as Grid
-    from rich.text import Text
-
-    grid = Grid(box=None, show_header=False, pad_edge=False, padding=(0, 1))
-    rows = [(q.passed, q.question, q.words) for q in verdict.questions]
-    rows += [(e.possible, f"identifiable: {e.what}", e.reason) for e in verdict.identifiable]
-    for passed, question, words in rows:
-        grid.add_row(Text(answer_of(passed), ANSWERS[passed]), question, words)
-    console.print(grid)
+    return table_of(heads, rows)
 
 
 def _published(verdict: Verdict) -> dict[str, float]:
@@ -127,51 +112,43 @@ def _published(verdict: Verdict) -> dict[str, float]:
     return dict(zip(model.names, model.published, strict=True)) if model else {}
 
 
-def _estimate(verdict: Verdict, console: Any) -> None:
+def _estimate(verdict: Verdict) -> Table:
+    """Base parameters by least squares, beside nominal and published ones."""
     published = _published(verdict)
-    columns = [*text_columns("least squares"), Column("estimate"), Column("nominal")]
-    columns += [Column("published")] * bool(published)
-    lines = [
-        [
-            name,
-            _with_error(verdict, name),
-            f"{nominal:.4g}",
-            *([f"{published[name]:.4g}"] if published else []),
-        ]
-        for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False)
+    heads = [
+        *text_columns("least squares"),
+        "estimate",
+        "nominal",
+        *["published"] * bool(published),
     ]
-    _print(console, columns, lines)
+    rows = []
+    for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False):
+        others = [nominal, *([published[name]] if published else [])]
+        rows.append([name, _with_error(verdict, name), *(f"{value:.4g}" for value in others)])
+    return table_of(heads, rows)
 
 
-def _friction(verdict: Verdict, console: Any) -> None:
+def _friction(verdict: Verdict) -> Table:
+    """Friction of joints, and of parts that turn with several, by least squares."""
     mechanism, published = _mechanism(verdict), _published(verdict)
     torque = either(mechanism.torque_units)
     pairs = zip(mechanism.torque_units, mechanism.position_units, strict=True)
     viscous = either([f"{force} s/{position}" for force, position in pairs])
     units = {"coulomb": torque, "viscous": viscous, "offset": torque}
-    columns = text_columns("joint")
-    columns += [Column(f"{name} [{unit}]") for name, unit in units.items()]
-    lines = []
+    rows = []
     coupled = [name for name, _ in mechanism.coupled]
     for part in [*(str(joint.joint) for joint in verdict.joints), *coupled]:
-        lines.append([part])
+        rows.append([part])
         for key in (f"{name}_{part}" for name in units):
             also = f" (published {published[key]:.3g})" if key in published else ""
             has_one = key in verdict.estimate.names  # a part of several joints has no offset
-            lines[-1].append(_with_error(verdict, key) + also if has_one else NOTHING)
-    _print(console, columns, lines)
+            rows[-1].append(_with_error(verdict, key) + also if has_one else NOTHING)
+    return table_of([*text_columns("joint"), *(f"{n} [{u}]" for n, u in units.items())], rows)
 
 
 def _with_error(verdict: Verdict, name: str) -> str:
     value, error = verdict.estimate.at(name)
     return f"{value:.4g} +- {error:.1g}" if np.isfinite(error) else "not identified"
-
-
-def _next(verdict: Verdict, console: Any) -> None:
-    from rich.text import Text
-
-    for advice in verdict.next:
-        console.print(Text.assemble(("next: ", "bold"), (advice, "")))
 
 
 # --- Pictures: where the joints have been, what moved them, friction before any fit ---------------

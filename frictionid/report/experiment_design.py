@@ -16,7 +16,7 @@ from frictionid.excitation.signals import DECIMALS, MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
 from frictionid.report.figures import style
 from frictionid.report.numbers import NOTHING, either
-from frictionid.report.tables import Column, Table, line, render, terminal_text, text_columns
+from frictionid.report.tables import Column, Table, render, table_of, terminal_text, text_columns
 
 GROUPS = {"friction_alone": False, "inertia_free": True}  # whether the inertia is free
 BINDING = 0.9  # of what the search allows
@@ -69,29 +69,27 @@ def limit_table(design: Design) -> Table:
         ("velocity", d.velocity_units, m.w, e.limits.velocity, MARGIN),
         ("angle", d.position_units, m.q, e.limits.angle, MARGIN),
     )
-    lines = []
+    shown = []
     for name, units, values, limit, margin in rows:
         most = np.abs(values).max((0, 1, 2))
         for j in np.flatnonzero((limit > 0) & np.isfinite(limit)):
             binding = "binding" if most[j] >= BINDING * margin * limit[j] else ""
             sizes = f"{most[j]:.4g}", f"{limit[j]:.4g}"
-            lines.append(line([name, f"joint {j + 1}", *sizes, units[j], binding]))
-    columns = [*text_columns("limit", "joint"), Column("largest"), Column("allowed")]
-    return Table("", "limits", (*columns, *text_columns("unit", "")), tuple(lines))
+            shown.append([name, f"joint {j + 1}", *sizes, units[j], binding])
+    heads = (*text_columns("limit", "joint"), "largest", "allowed", *text_columns("unit", ""))
+    return table_of(heads, shown)
 
 
 def error_table(design: Design) -> Table:
     """Expected standard error and bias of each parameter, with the inertia known and free."""
-    columns = [*text_columns("parameter"), Column("prior")]
-    for group in GROUPS:
-        words = group.replace("_", " ")
-        columns += [Column("std error", words), Column("bias", words)]
-    lines = []
+    words = [group.replace("_", " ") for group in GROUPS]
+    heads = [Column(name, group) for group in words for name in ("std error", "bias")]
+    rows = []
     for entry in _parameters(design):
         sizes = [entry[group] or {"error": None, "bias": None} for group in GROUPS]
         cells = [NOTHING if v is None else f"{v:.2g}" for size in sizes for v in size.values()]
-        lines.append(line([entry["name"], f"{entry['prior']:.4g}", *cells, entry["unit"]]))
-    return Table("", "errors", (*columns, *text_columns("unit")), tuple(lines))
+        rows.append([entry["name"], f"{entry['prior']:.4g}", *cells, entry["unit"]])
+    return table_of([*text_columns("parameter"), "prior", *heads, *text_columns("unit")], rows)
 
 
 def design_document(design: Design) -> dict[str, Any]:
@@ -183,19 +181,15 @@ def trajectory_table(design: TrajectoryDesign) -> Table:
         for name in ("q", "w", "torque")
     ]
     limits = (task.limits.angle, task.limits.velocity, task.limits.torque)
-    columns = text_columns("joint")
-    columns += [
-        Column(head, group)
-        for group in ("position", "velocity", "torque")
-        for head in ("largest", "limit")
-    ]
-    columns += [Column(name, "std error [%]") for name in task.friction.law.names]
-    lines = []
+    groups = ("position", "velocity", "torque")
+    heads = [*text_columns("joint"), *(Column(h, g) for g in groups for h in ("largest", "limit"))]
+    heads += [Column(name, "std error [%]") for name in task.friction.law.names]
+    rows = []
     for j, joint in enumerate(mechanism.joints):
         pairs = zip(largest, limits, strict=True)
         sizes = [f"{values[j]:.3g}" for pair in pairs for values in pair]
-        lines.append(line([joint, *sizes, *(f"{100 * e:.2g}" for e in design.error[j])]))
-    return Table("", "trajectories", tuple(columns), tuple(lines))
+        rows.append([joint, *sizes, *(f"{100 * e:.2g}" for e in design.error[j])])
+    return table_of(heads, rows)
 
 
 def trajectory_document(design: TrajectoryDesign) -> dict[str, Any]:

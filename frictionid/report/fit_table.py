@@ -12,7 +12,7 @@ from frictionid.friction.provenance import Estimate, Provenance
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import NOTHING, fixed
 from frictionid.report.sections import ANY, Model, Section
-from frictionid.report.tables import Cell, Column, Table, line, text_columns
+from frictionid.report.tables import Cell, Column, Table, line, table_of, text_columns
 
 COLUMNS = (
     *("block", "joint", "parameter", "value", "low_95", "high_95"),
@@ -38,19 +38,15 @@ def estimate_table(
     noise_alone : whether intervals hold the noise, but not the bias of smoothed states
     bounded : whether intervals are bounded; without them nothing is said of that
     """
-    columns = [
-        *text_columns("parameter"),
-        Column("value"),
-        Column("interval of the noise alone" if noise_alone else "95 % interval"),
-        *text_columns("unit", "identified"),
-    ]
-    lines = []
+    intervals = "interval of the noise alone" if noise_alone else "95 % interval"
+    heads = [*text_columns("parameter"), "value", intervals, *text_columns("unit", "identified")]
+    rows = []
     for e in read:
         value = digits(e.value, e.error if e.identified else float("inf"))
         said = NOTHING if not bounded else "yes" if e.identified else "NO, at its bound"
         said = "NO" if bounded and not e.identified and not e.at_bound else said
-        lines.append(line((e.name, value, interval(e.low, e.high, e.error), e.unit, said)))
-    return Table("", "parameters", tuple(columns), tuple(lines))
+        rows.append((e.name, value, interval(e.low, e.high, e.error), e.unit, said))
+    return table_of(heads, rows)
 
 
 def estimate_frame(
@@ -113,12 +109,12 @@ def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:
 def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     """Table of the parameters of `parameter_numbers`, recipes side by side."""
     recipes = [recipe for recipe in section.recipes if recipe in set(frame["recipe"])]
-    heads = text_columns("identifier", "joint", "parameter", "unit")
+    heads: list[str | Column] = [*text_columns("identifier", "joint", "parameter", "unit")]
     for recipe in recipes:
         group = f"{recipe} recipe"
         heads += [Column("mean ± sd of folds", group), Column("all data", group)]
     fixed_numbers = [ANY] if (frame["recipe"] == ANY).any() else []
-    heads += [Column("given") for _ in fixed_numbers]
+    heads += ["given"] * len(fixed_numbers)
     order = ["identifier", "role", "joint", "parameter", "unit"]
     lines = []
     for key, rows in frame.groupby(order, sort=False):
@@ -131,7 +127,7 @@ def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     )
     if (frame["identified"].map(str) == "False").any():
         caption += " Not identified (shooting): at a bound, or standard error too large."
-    return Table(caption, f"parameters-{section.dataset}", tuple(heads), tuple(lines))
+    return table_of(heads, lines, caption, f"parameters-{section.dataset}")
 
 
 def _values(rows: pd.DataFrame, recipes: Sequence[str]) -> list[str | Cell]:

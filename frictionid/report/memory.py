@@ -31,7 +31,7 @@ from frictionid.report.figures.style import (
 from frictionid.report.figures.style import line as drawn_line
 from frictionid.report.numbers import either, mean_sd, percent
 from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
-from frictionid.report.tables import Column, Table, line, text_columns
+from frictionid.report.tables import Table, line, table_of, text_columns
 
 KINDS = {"reversing": "reversing", "offset": "never reversing"}
 SIGNIFICANT = 2.0  # standard deviations over the folds
@@ -129,10 +129,9 @@ def loop_table(section: Section) -> Table | None:
     models += [model for model in section.of_role("truth") if has_memory(model)]
     data = section.description
     unit = either([f"m{unit}" for unit in data.torque_units])
-    columns = [*text_columns("model", "joint"), Column("Hz")]
-    columns += [Column(f"{text} width [{unit}]") for text in KINDS.values()]
-    columns += [Column(f"{KINDS['offset']} lag [ms]"), Column("share of torque")]
-    columns += text_columns("verdict")
+    heads = [*text_columns("model", "joint"), "Hz"]
+    heads += [f"{text} width [{unit}]" for text in KINDS.values()]
+    heads += [f"{KINDS['offset']} lag [ms]", "share of torque", *text_columns("verdict")]
     lines = []
     for model, (joint, name) in product(models, enumerate(data.joints)):
         for loops in zip(*(loops_of(model, joint, kind) for kind in KINDS), strict=True):
@@ -149,7 +148,7 @@ def loop_table(section: Section) -> Table | None:
         "folds. Late, early: a lag closes the loop, as a torque clock that is off would. Open: no "
         "lag closes it."
     )
-    return Table(caption, f"loops-{section.dataset}", tuple(columns), tuple(lines))
+    return table_of(heads, lines, caption, f"loops-{section.dataset}")
 
 
 # --- Pictures of loops ----------------------------------------------------------------------------

@@ -49,6 +49,7 @@ from frictionid.report.tables import (
     line,
     markdown,
     render,
+    table_of,
     text_columns,
 )
 
@@ -100,8 +101,7 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
     """
     dataset, identifier = frame.dataset.iloc[0], frame.identifier.iloc[0]
     measures = [CHANGE, *([ERROR] if is_known(frame) else []), ROLLOUT, LOSS]
-    columns = text_columns("recipe", "what is wrong", "by")
-    columns += [Column(measure.label) for measure in measures]
+    heads = [*text_columns("recipe", "what is wrong", "by"), *(m.label for m in measures)]
     words, numbers = frame[["recipe", "name", "text"]], frame[[m.column for m in measures]]
     lines = [
         line([*texts, *(short(v, 3) if np.isfinite(v) else NOTHING for v in values)], texts[0])
@@ -112,7 +112,7 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
         "have it wrong, too. Curves: RMS over RMS, of the worst joint. Changes: against the fit "
         "with nothing wrong."
     )
-    return Table(caption, f"sensitivity-{dataset}-{identifier}", tuple(columns), tuple(lines))
+    return table_of(heads, lines, caption, f"sensitivity-{dataset}-{identifier}")
 
 
 def beside(results: Results, section: Section, names: Names) -> Iterator[Picture]:
@@ -229,17 +229,17 @@ def score_table(studies: Sequence[Study], objective: Objective) -> Table:
     ]
     shown = [s.held_out for _, nested in rows for s in nested]
     places = decimals([*shown, *(whole.best.value for whole, _ in rows)], 3)
-    columns = [*text_columns("identifier", "sampler"), Column("trials")]
-    columns += [Column(name, "inner folds", unit) for name in ("as in the suite", "best")]
-    columns += [Column(name, "held out", unit) for name in ("as in the suite", "tuned", "gain")]
+    heads = [*text_columns("identifier", "sampler"), "trials"]
+    heads += [Column(name, "inner folds", unit) for name in ("as in the suite", "best")]
+    heads += [Column(name, "held out", unit) for name in ("as in the suite", "tuned", "gain")]
     caption = (
         f"{objective.words}. Inner folds: of all recordings; the best of many trials is "
         "optimistic. Held out: mean ± standard deviation over the outer folds, each tuned for "
         "itself without the recordings that judge it. Gain: mean ± standard error of the "
         "difference."
     )
-    lines = tuple(_score_line(whole, nested, places) for whole, nested in rows)
-    return Table(caption, "tuning-scores", tuple(columns), lines)
+    lines = [_score_line(whole, nested, places) for whole, nested in rows]
+    return table_of(heads, lines, caption, "tuning-scores")
 
 
 def _score_line(whole: Study, nested: Sequence[Study], places: int) -> Line:

@@ -24,7 +24,7 @@ from frictionid.report.estimates import (
 )
 from frictionid.report.numbers import MINUS, NOTHING
 from frictionid.report.sections import DataDescription, Model
-from frictionid.report.tables import Cell, Column, Line, Table, line, text_columns
+from frictionid.report.tables import Cell, Line, Table, line, table_of, text_columns
 
 LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like
@@ -197,10 +197,9 @@ def interval_table(
     nominal = any(e.nominal is not None and e.block in SIZES for e in read)
     true = {e: true_value(e, data) for e in read}
     is_simulated = any(value is not None for value in true.values())
-    heads = [*text_columns("block", "parameter", "unit"), Column("value"), Column("95 % interval")]
-    heads += [Column("nominal"), Column("against nominal")] if nominal else []
-    heads += [Column("true")] * is_simulated
-    heads += [Column(name) for name in beside]
+    heads = [*text_columns("block", "parameter", "unit"), "value", "95 % interval"]
+    heads += ["nominal", "against nominal"] if nominal else []
+    heads += [*["true"] * is_simulated, *beside]
     lines: list[Line] = []
     for name, members in groups(read, data.joints):
         if len(members) > MANY:
@@ -214,7 +213,7 @@ def interval_table(
             cells += [_beside(values.get(e.name), e) for values in beside.values()]
             lines.append(line(cells, name))
     label = f"shooting-{dataset}-{model.label}-{model.recipe}"
-    return Table(_caption(model, dataset, data, nominal), label, tuple(heads), tuple(lines))
+    return table_of(heads, lines, _caption(model, dataset, data, nominal), label)
 
 
 def given_numbers(model: Model, read: Sequence[Estimate]) -> dict[str, float]:
@@ -275,14 +274,9 @@ def window_numbers(refined: Estimates) -> pd.DataFrame:
 
 def window_table(model: Model, dataset: str, frame: pd.DataFrame) -> Table:
     """Table of the windows of `window_numbers`."""
-    heads = [
-        *text_columns("recording"),
-        Column("from [s]"),
-        Column("to [s]"),
-        Column("residual [noise]"),
-    ]
-    lines = [
-        line((str(name), f"{begin:.2f}", f"{end:.2f}", f"{size:.1f}", str(state)))
+    heads = [*text_columns("recording"), "from [s]", "to [s]", "residual [noise]"]
+    rows = [
+        (str(name), f"{begin:.2f}", f"{end:.2f}", f"{size:.1f}", str(state))
         for name, begin, end, size, state in frame.itertuples(index=False)
     ]
     caption = (
@@ -291,4 +285,4 @@ def window_table(model: Model, dataset: str, frame: pd.DataFrame) -> Table:
         "times the angle noise and more."
     )
     label = f"windows-{dataset}-{model.label}-{model.recipe}"
-    return Table(caption, label, (*heads, *text_columns("state")), tuple(lines))
+    return table_of([*heads, *text_columns("state")], rows, caption, label)

@@ -12,7 +12,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import StartErrors, loss
 from frictionid.report.numbers import NOTHING, decimals, fixed, seconds, signed
 from frictionid.report.sections import Model, Section, rollout, sections_of
-from frictionid.report.tables import Column, Table, line, text_columns
+from frictionid.report.tables import Table, table_of, text_columns
 
 SAME = 1e-9  # relative difference of equal numbers
 
@@ -205,22 +205,21 @@ def comparable_lines(compared: SideBySide) -> list[str]:
 def score_table(compared: SideBySide) -> Table:
     """Median errors of both results."""
     places = decimals([v for score in compared.scores for v in (score.before, score.after)])
-    lines = []
+    rows = []
     for score in compared.scores:
         ratio = score.after / score.before if score.before > 0 else float("nan")
         change = f"{signed(100 * (ratio - 1), 1)} %" if np.isfinite(ratio) else NOTHING
         after = f"{seconds(score.horizon)} [{score.unit}]"
         values = (fixed(v, places) for v in (score.before, score.after))
-        lines.append(line([score.dataset, score.model, after, *values, change, score.standing]))
-    heads = [*text_columns("data set", "model", "after"), Column("first"), Column("second")]
-    heads += [Column("change"), *text_columns("second is")]
-    return Table("Median errors of predictions.", "side-by-side", tuple(heads), tuple(lines))
+        rows.append([score.dataset, score.model, after, *values, change, score.standing])
+    heads = [*text_columns("data set", "model", "after"), "first", "second", "change"]
+    return table_of([*heads, *text_columns("second is")], rows, "Median errors of predictions.")
 
 
 def change_table(changes: tuple[Change, ...], what: str) -> Table:
     """What changed: name, value in the first and in the second result."""
-    lines = [line([name, _shown(before), _shown(after)]) for name, before, after in changes]
-    return Table("", what, tuple(text_columns(what, "first", "second")), tuple(lines))
+    rows = ([name, _shown(before), _shown(after)] for name, before, after in changes)
+    return table_of(text_columns(what, "first", "second"), rows)
 
 
 def _shown(value: Any) -> str:

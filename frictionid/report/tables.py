@@ -89,10 +89,22 @@ def text_columns(*names: str) -> list[Column]:
     return [Column(name, words=True) for name in names]
 
 
+def table_of(
+    heads: Iterable[str | Column],
+    rows: Iterable[Line | Iterable[str | Cell]],
+    caption: str = "",
+    label: str = "",
+) -> Table:
+    """A table of its lines; a heading that is plain text is that of numbers."""
+    columns = tuple(head if isinstance(head, Column) else Column(head) for head in heads)
+    lines = tuple(row if isinstance(row, Line) else line(row) for row in rows)
+    return Table(caption, label, columns, lines)
+
+
 def by_columns(caption: str, label: str, parts: Sequence[Part]) -> Table:
     """A table of its columns with their cells."""
     columns, cells = zip(*parts, strict=True)
-    return Table(caption, label, columns, tuple(map(line, zip(*cells, strict=True))))
+    return table_of(columns, zip(*cells, strict=True), caption, label)
 
 
 def blocks(table: Table) -> list[list[Line]]:

@@ -13,7 +13,7 @@ from frictionid.evaluation import torque_frame
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.console import console
+from frictionid.report.console import console, say
 from frictionid.report.estimates import interval, value_text
 from frictionid.report.sections import Section, score_tables, sections_of
 from frictionid.report.shooting_results import shooting_results
@@ -30,7 +30,7 @@ from frictionid.report.summary_table import (
     summary_of,
     summary_table,
 )
-from frictionid.report.tables import Column, Table, for_terminal, line, render, text_columns
+from frictionid.report.tables import Table, for_terminal, render, table_of, text_columns
 from frictionid.report.torque_left import torque_frames, torque_sentence, torque_table
 from frictionid.report.verdict import verdict_of
 
@@ -51,7 +51,7 @@ def show_summary(results: Results) -> None:
             _print_summary(summary_of(data, failed), f"{data.dataset}{unseen}")
             left = torque_sentence(torque_frames(data))
             if left:
-                console().print(left, markup=False, soft_wrap=True)
+                say(left)
     for section in sections:
         words = verdict(section)
         text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
@@ -87,9 +87,7 @@ def results_json(results: Results) -> str:
 
 def show_side_by_side(compared: SideBySide) -> None:
     """Print whether two results can be compared, and what changed."""
-    out = console()
-    for text in comparable_lines(compared):
-        out.print(text, markup=False, soft_wrap=True)
+    say(*comparable_lines(compared))
     if compared.scores:
         show_table(score_table(compared))
     changes = {
@@ -102,7 +100,7 @@ def show_side_by_side(compared: SideBySide) -> None:
         if changed:
             show_table(change_table(changed, what))
         else:
-            out.print(f"{what}: nothing changed", markup=False)
+            say(f"{what}: nothing changed")
 
 
 def side_by_side_json(compared: SideBySide) -> str:
@@ -131,8 +129,7 @@ def show_scores(table: pd.DataFrame) -> None:
 
 def show_table(table: Table) -> None:
     """Print a table with its caption."""
-    for part in (table, table.caption, ""):
-        console().print(part, soft_wrap=True, markup=False)
+    say(table, table.caption, "")
 
 
 def show_refined(refined: Estimates) -> None:
@@ -142,18 +139,14 @@ def show_refined(refined: Estimates) -> None:
         render(f"shooting_{part}.j2", context, markup=False).strip()
         for part in ("head", "terminal")
     )
-    out = console()
-    out.print(head, markup=False, soft_wrap=True)
-    out.print(parameter_table(refined.parameters), soft_wrap=True)
-    out.print(rest, markup=False, soft_wrap=True)
+    say(head, parameter_table(refined.parameters), rest)
 
 
 def parameter_table(read: Sequence[Estimate]) -> Table:
     """Parameters with their values, 95 % intervals and units."""
-    columns = [*text_columns("parameter"), Column("value"), Column("95 % interval")]
-    columns += text_columns("unit")
-    lines = [line((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit)) for e in read]
-    return Table("", "parameters", tuple(columns), tuple(lines))
+    heads = (*text_columns("parameter"), "value", "95 % interval", *text_columns("unit"))
+    rows = ((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit) for e in read)
+    return table_of(heads, rows)
 
 
 def show_fit(friction: Friction, joints: Sequence[str] = ()) -> None:
@@ -161,20 +154,19 @@ def show_fit(friction: Friction, joints: Sequence[str] = ()) -> None:
 
     joints : their names
     """
-    out, source = console(), friction.provenance
+    source = friction.provenance
     if source.refined is not None:
         show_refined(source.refined)
     else:
-        out.print(str(friction), markup=False, soft_wrap=True)
+        say(str(friction))
     notes = {
         f"with {source.equation_errors}:": source.equation,
         "how often draws of the recordings had a term:": source.inclusion,
     }
     for head, lines in notes.items():
         if lines:
-            out.print("\n  ".join([head, *lines]), markup=False, soft_wrap=True)
-    for sentence in (*source.equality, *source.torque):
-        out.print(sentence, markup=False, soft_wrap=True)
+            say("\n  ".join([head, *lines]))
+    say(*source.equality, *source.torque)
     show_torque_left({"model": torque_frame(source.torque_left)}, joints)
 
 
@@ -182,8 +174,7 @@ def show_torque_left(frames: Mapping[str, pd.DataFrame], joints: Sequence[str]) 
     """Print the torque left by models, see `torque_table`; nothing where none was measured."""
     table = torque_table(frames, joints)
     if table is not None:
-        console().print(table.caption, markup=False, soft_wrap=True)
-        console().print(table, soft_wrap=True)
+        say(table.caption, table)
 
 
 def _print_summary(summary: Summary, title: str) -> None:
@@ -196,14 +187,11 @@ def _print_summary(summary: Summary, title: str) -> None:
         lines = for_terminal(table)
         if max(line.cell_len for line in lines) <= out.width:
             break
-    for text in (Text(title, style="bold"), *lines, Text()):
-        out.print(text, soft_wrap=True)
+    say(Text(title, style="bold"), *lines, Text())
 
 
 def _print_link(path: Path) -> None:
     from rich.style import Style
     from rich.text import Text
 
-    out = console()
-    style = Style(link=path.as_uri()) if out.is_terminal else Style()
-    out.print(Text(str(path), style=style), soft_wrap=True)
+    say(Text(str(path), style=Style(link=path.as_uri() if console().is_terminal else None)))

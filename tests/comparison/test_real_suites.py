@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.api.suites import open_suite
+import frictionid as fid
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import descriptions_of
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import document, prepare_benchmarks, results_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
@@ -47,13 +49,14 @@ def compared(request, real_data):
     """A suite's name, its prepared data, and results of its tasks by name."""
     name = request.param
     real = SUITES[name]
-    suite = open_suite(ROOT / "comparisons" / f"{name}.toml", data=real_data / real.folder)
-    whole = suite.tasks[0].benchmark
+    file = ROOT / "comparisons" / f"{name}.toml"
+    every = tasks_of(load_suite(file), file, real_data / real.folder)
+    whole = every[0].benchmark
     protocol = replace(whole.protocol, every=real.every, horizons=real.horizons)
     folds = make_folds(whole.dataset.recordings, Split(count=2, kind="blocks", gap=0.25))
     benchmark = replace(whole, protocol=protocol, folds=folds)
     asked = {"none", *real.fitted, *real.published, "model_1.0", "model_2.0"}
-    tasks = [t._replace(benchmark=benchmark) for t in suite.tasks if t.name in asked]
+    tasks = [t._replace(benchmark=benchmark) for t in every if t.name in asked]
     prepared = prepare_benchmarks(tasks)
     return name, prepared, {t.name: (t, r) for t, r in results_of(tasks, prepared, jobs=1)}
 
@@ -122,4 +125,4 @@ def test_friction_is_near_that_of_the_published_fit(compared):
 def test_missing_recordings_are_named_in_a_line(name, monkeypatch, tmp_path):
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path))
     with pytest.raises(InputError, match=f"{SUITES[name].folder}.*--data FOLDER"):
-        open_suite(name).tasks  # noqa: B018
+        fid.run_suite(name, out=tmp_path / "out")

@@ -262,12 +262,12 @@ def test_a_trial_that_was_killed_is_made_again(place, tmp_path, monkeypatch):
 
 def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path):
     few, more = (Tuning(trials=t, folds=2, nested=False) for t in (2, 3))
-    (first,) = tune([tuning_task(place)], few, tmp_path)
+    first = tune([tuning_task(place)], few, tmp_path)[0].trials
     (longer,) = tune([tuning_task(place)], more, tmp_path, resume=True)
-    assert longer.trials[:2] == first.trials and len(longer.trials) == 3
+    assert longer.trials[:2] == first and len(longer.trials) == 3
     other = tuning_task(place, benchmark(recordings=dataset().recordings[:8]))
     (anew,) = tune([other], few, tmp_path, resume=True)
-    assert len(anew.trials) == 2 and anew.trials[0].value != first.trials[0].value
+    assert len(anew.trials) == 2 and anew.trials[0].value != first[0].value
 
 
 # --- Suites and pages ----------------------------------------------------------------------------

@@ -22,8 +22,7 @@ from frictionid.report.figures.style import (
 from frictionid.report.memory import with_loops
 from frictionid.report.numbers import percent, short
 from frictionid.report.sections import DataDescription, Model, Section, SummaryData
-from frictionid.report.tables import Column, Table, text_columns
-from frictionid.report.tables import line as table_line
+from frictionid.report.tables import Column, Table, table_of, text_columns
 
 MEASURED = "#BDBDBD"
 Motion = Mapping[str, Any]
@@ -158,20 +157,17 @@ def speed_table(dataset: str, data: DataDescription) -> Table | None:
     if data.speeds is None:
         return None
     unit = data.velocity_unit
-    columns = [*text_columns("joint"), Column("at rest")]
-    columns += [
-        Column(percent(level), "speed below which", unit) for level in data.speeds["levels"]
-    ]
-    lines = [
-        table_line([name, percent(s["rest"]), *map(short, s["speeds"]), short(s["reversals"])])
+    levels = [Column(percent(level), "speed below which", unit) for level in data.speeds["levels"]]
+    rows = [
+        [name, percent(s["rest"]), *map(short, s["speeds"]), short(s["reversals"])]
         for name, s in zip(data.joints, data.speeds["joints"], strict=True)
     ]
     caption = (
         f"{dataset}: speeds of the joints; at rest is below 0.05 {unit}, or 1 % of the speeds of "
         "slower joints."
     )
-    heads = (*columns, Column("reversals", "", "1/s"))
-    return Table(caption, f"speeds-{dataset}", heads, tuple(lines))
+    heads = (*text_columns("joint"), "at rest", *levels, Column("reversals", unit="1/s"))
+    return table_of(heads, rows, caption, f"speeds-{dataset}")
 
 
 def predicted_figure(table: pd.DataFrame, joints: Sequence[str], units: Sequence[str]) -> Any:
