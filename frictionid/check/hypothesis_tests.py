@@ -99,14 +99,7 @@ def beside_free(delay: Delay, rows: Rows, torque: SignalIntegrals, nominal: Arra
     Where inertias are far off, what they leave at reversals looks like a delay.
     """
     near = _inside(rows, abs(delay.seconds) + COARSE)
-    other, step = _balances(near, nominal, torque, _FREE).refined(delay.seconds)
-    return _with_drift(delay, other, step.error)
-
-
-def _with_drift(delay: Delay, other: float, error: float) -> Delay:
-    """The delay with the part of its distance to another estimate [s] that no error explains."""
-    beyond = np.sqrt(max((other - delay.seconds) ** 2 - error**2, 0.0))
-    return delay._replace(error=float(np.hypot(delay.error, beyond)))
+    return _with_drift(delay, _balances(near, nominal, torque, _FREE))
 
 
 def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
@@ -116,10 +109,15 @@ def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) 
     another time than they do; in longer windows these errors weigh less.
     """
     near = _inside(longer, abs(delay.seconds) + COARSE)
-    if near.moving.any(1).sum() < MIN_WINDOWS:
-        return delay
-    other, step = _balances(near, nominal, torque).refined(delay.seconds)
-    return _with_drift(delay, other, step.error)
+    few = near.moving.any(1).sum() < MIN_WINDOWS
+    return delay if few else _with_drift(delay, _balances(near, nominal, torque))
+
+
+def _with_drift(delay: Delay, balances: _Balances) -> Delay:
+    """The delay with the part of its distance to that of other balances that no error explains."""
+    other, step = balances.refined(delay.seconds)
+    beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
+    return delay._replace(error=float(np.hypot(delay.error, beyond)))
 
 
 class _Balances(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,30 +15,11 @@ data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 @data.command("list")
 def list_(json: Json = False) -> None:
     """Say which public recordings there are, their licences and what of them is here."""
-    from frictionid.data.readers.public_collections import cached, collections, count_present
-
-    if json:
-        print(_as_json())
-        return
-    for name, collection in collections().items():
-        total, here = len(collection.files), count_present(name)
-        hashed = sum(file.sha256 is not None for file in collection.files)
-        print(name)
-        print(f"  {collection.title}")
-        print(f"  files            {total}, here {here} ({cached(name)})")
-        print(f"  SHA-256          {_hashes(hashed, total)}")
-        print(f"  licence          {collection.licence}")
-        print(f"  redistribution   {collection.redistribution}")
-        print(f"  citation         {collection.citation}")
-        print(f"  origin           {collection.page}")
-
-
-def _as_json() -> str:
     import json as texts
 
     from frictionid.data.readers.public_collections import cached, collections, count_present
 
-    document = {
+    facts = {
         name: {
             "title": c.title,
             "files": len(c.files),
@@ -52,7 +33,15 @@ def _as_json() -> str:
         }
         for name, c in collections().items()
     }
-    return texts.dumps(document, indent=1)
+    if json:
+        print(texts.dumps(facts, indent=1))
+        return
+    for name, fact in facts.items():
+        print(name, f"  {fact['title']}", sep="\n")
+        print("  files            {files}, here {present} ({folder})".format_map(fact))
+        print(f"  SHA-256          {_hashes(fact['hashes_known'], fact['files'])}")
+        for key in ("licence", "redistribution", "citation", "origin"):
+            print(f"  {key:<16} {fact[key]}")
 
 
 @data.command()
@@ -83,7 +72,7 @@ def get(
     print(f"in {cached(name)}")
 
 
-def _hashes(hashed: int, total: int) -> str:
+def _hashes(hashed: Any, total: Any) -> str:
     if hashed == total:
         return "of all originals known"
     return f"of {hashed} of {total} originals known: the others are taken as they are"

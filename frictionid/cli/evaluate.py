@@ -18,6 +18,7 @@ from frictionid.cli.options import (
     SampleTime,
     Tables,
     Trust,
+    numbers,
 )
 
 
@@ -62,7 +63,7 @@ def evaluate(
     named = dict(zip(file_labels(models), models, strict=True))
     frictions = {name: friction_of(path, law or ()) for name, path in named.items()}
     protocol = Protocol(
-        horizons=_seconds(horizons),
+        horizons=tuple(numbers("--horizons", horizons, _HORIZONS)),
         sample_time=sample_time,
         whole=whole,
         initial_states=initial_states,
@@ -82,21 +83,11 @@ def evaluate(
     print(_STATES[initial_states], *notes, *written, sep="\n")
 
 
+_HORIZONS = "be positive seconds with commas, e.g. 0.25,0.5"
 _STATES = {
     "filter": "Rollouts start from states of a kinematic filter, the same for all models.",
     "model": "Rollouts start from states that each model estimates from the samples before.",
 }
-
-
-def _seconds(text: str) -> tuple[float, ...]:
-    from frictionid.errors import InputError
-
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(
-            f"--horizons {text!r} must be positive seconds with commas, e.g. 0.25,0.5"
-        ) from None
 
 
 def predict(

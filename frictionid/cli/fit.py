@@ -24,6 +24,7 @@ from frictionid.cli.options import (
     Tables,
     Trust,
     Windows,
+    numbers,
     settings,
 )
 
@@ -106,6 +107,9 @@ def _show(fitted: Fit, chosen: Mapping[str, Any], written: Iterable[Path]) -> No
         print(f"written to {path}")
 
 
+_WINDOWS = "be lengths in seconds, e.g. --windows 0.1,0.3"
+
+
 def _options(
     free: str, fixed: list[str] | None, windows: str | None, equal: list[str] | None
 ) -> dict[str, Any]:
@@ -113,7 +117,7 @@ def _options(
     return {
         "free": free or None,
         "fixed": fixed or (),
-        "windows": None if windows is None else _seconds(windows),
+        "windows": None if windows is None else numbers("--windows", windows, _WINDOWS),
         "equal": [[name.strip() for name in group.split(",")] for group in equal or []],
     }
 
@@ -126,14 +130,3 @@ def _say_if_numerical(friction: Friction) -> None:
             f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "
             "fits and predictions treat friction at rest as a step; a wider one is a part of it"
         )
-
-
-def _seconds(text: str) -> list[float]:
-    from frictionid.errors import InputError
-
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"--windows {text!r} must be lengths in seconds, e.g. --windows 0.1,0.3"
-        ) from None

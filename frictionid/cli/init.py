@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Json, present
+from frictionid.cli.options import Json, numbers, present
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
@@ -57,7 +57,9 @@ def init(
     check_outputs([dataset_file])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
-    facts = Known(columns, _numbers("--kt", kt), _numbers("--gear", gear), _pair(gains))
+    two = numbers("--gains", gains, "be P and D with a comma, e.g. --gains 20,1.5", 2)
+    constants = _constants("--kt", kt), _constants("--gear", gear)
+    facts = Known(columns, *constants, (two[0], two[1]) if two else None)
     robot = Path(mechanism)
     if mechanism and robot.exists():
         from frictionid.quickstart.describe_robot import describe_robot
@@ -155,30 +157,10 @@ def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
     return replace(guesses, kt=kt, gear=gear)
 
 
-def _numbers(option: str, text: str) -> float | list[float] | None:
+def _constants(option: str, text: str) -> float | list[float] | None:
     """Number of an option, or numbers with commas; None where it is not given."""
-    from frictionid.errors import InputError
-
-    if not text:
-        return None
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"{option} {text!r} must be a number, or one per joint with commas"
-        ) from None
-    return values[0] if len(values) == 1 else values
-
-
-def _pair(text: str) -> tuple[float, float] | None:
-    from frictionid.errors import InputError
-
-    values = _numbers("--gains", text)
-    if values is None:
-        return None
-    if not isinstance(values, list) or len(values) != 2:
-        raise InputError(f"--gains {text!r} must be P and D with a comma, e.g. --gains 20,1.5")
-    return values[0], values[1]
+    values = numbers(option, text, "be a number, or one per joint with commas")
+    return values[0] if len(values) == 1 else values or None
 
 
 def _is_asked() -> bool:

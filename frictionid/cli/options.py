@@ -101,6 +101,32 @@ def add_command(app: typer.Typer, command: Callable[..., None]) -> None:
     app.command(help=summary)(command)
 
 
+def numbers(option: str, text: str, rule: str, count: int | None = None) -> list[float]:
+    """Finite numbers of an option, with commas; none where it is not given.
+
+    count : of numbers, where that is fixed
+
+    Raises
+    ------
+    InputError
+        Where it does not keep the rule.
+
+    >>> numbers("--windows", "0.1,0.3", "be lengths in seconds, e.g. --windows 0.1,0.3")
+    [0.1, 0.3]
+    """
+    import math
+
+    from frictionid.errors import InputError
+
+    try:
+        values = [float(part) for part in text.split(",")] if text.strip() else []
+    except ValueError:
+        values = [math.nan]
+    if not all(map(math.isfinite, values)) or (values and len(values) != (count or len(values))):
+        raise InputError(f"{option} {text!r} must {rule}")
+    return values
+
+
 def settings(texts: Iterable[str]) -> dict[str, Any]:
     """Settings by key; a dot in a key leads into a table, as in TOML.
 

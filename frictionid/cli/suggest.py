@@ -7,8 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from frictionid.cli.options import Json, Replace, present
+from frictionid.cli.options import Json, Replace, numbers, present
 
+_TWO = "be two numbers [Hz], e.g. 0.2,4"
+_NUMBERS = "be numbers with commas, e.g. 0.5,1"
 MechanismFile = Annotated[
     Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
 ]
@@ -80,8 +82,8 @@ def suggest(
             recordings=recordings,
             length=length,
             families=_names(families),
-            frequencies=_pair(frequencies),
-            start=_numbers("--start", start) or None,
+            frequencies=numbers("--frequencies", frequencies, _TWO, 2),
+            start=numbers("--start", start, _NUMBERS) or None,
             drive_rate=drive_rate,
             camera_rate=camera_rate,
             noise=noise,
@@ -160,26 +162,3 @@ def _places(out: Path, recordings: int) -> list[Path]:
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def _pair(text: str) -> tuple[float, float]:
-    from frictionid.errors import InputError
-
-    values = _numbers("--frequencies", text)
-    if len(values) != 2:
-        raise InputError(f"--frequencies {text!r} must be two numbers [Hz], e.g. 0.2,4")
-    return values[0], values[1]
-
-
-def _numbers(option: str, text: str) -> tuple[float, ...]:
-    import math
-
-    from frictionid.errors import InputError
-
-    try:
-        values = tuple(float(part) for part in text.split(",")) if text.strip() else ()
-    except ValueError:
-        values = (math.nan,)
-    if not all(math.isfinite(v) for v in values):
-        raise InputError(f"{option} {text!r} must be numbers with commas, e.g. 0.5,1")
-    return values

@@ -109,7 +109,7 @@ def _numbers(model: Model) -> Iterator[tuple[Any, ...]]:
 def parameter_table(section: Section, frame: pd.DataFrame) -> Table:
     """Table of the parameters of `parameter_numbers`, recipes side by side."""
     recipes = [recipe for recipe in section.recipes if recipe in set(frame["recipe"])]
-    heads: list[str | Column] = [*text_columns("identifier", "joint", "parameter", "unit")]
+    heads = text_columns("identifier", "joint", "parameter", "unit")
     for recipe in recipes:
         group = f"{recipe} recipe"
         heads += [Column("mean ± sd of folds", group), Column("all data", group)]

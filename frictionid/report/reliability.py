@@ -66,8 +66,8 @@ def _diverged(data: SummaryData, *roles: str) -> list[float]:
 
 def _infinite(data: SummaryData) -> list[str]:
     """Names of models with an infinite score."""
-    lost = [frame.index[np.isinf(frame).any(axis=1)] for frame in (data.level, data.folds)]
-    tasks = {task for index in lost for task in index.get_level_values("task")}
+    lost = [frame[np.isinf(frame).any(axis=1)] for frame in (data.level, data.folds)]
+    tasks = {task for frame in lost for task in frame.index.get_level_values("task")}
     return [model.name for model in data.models if model.task in tasks]
 
 

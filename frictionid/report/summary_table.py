@@ -93,8 +93,9 @@ def summary_table(
     for name in list(ONE_STEP)[: 1 if detail == BRIEF else 2]:
         parts.append(_one_step(summary, name, sd, detail == BRIEF))
     shown = summary.horizons[-2:] if detail in (LAST, BRIEF) else summary.horizons
-    parts += [_rollout(summary, h, detail == FULL or h == shown[-1]) for h in shown]
-    parts += [*_true_start(summary), *_free_run(summary), *_curves(summary)]
+    parts += [_rollout(summary, h, full=detail == FULL or h == shown[-1]) for h in shown]
+    parts += [_rollout(summary, h, TRUE_START) for h in _true_starts(summary)]
+    parts += [*_free_run(summary), *_curves(summary)]
     if detail != BRIEF:
         parts.append((Column("parameters"), [fixed(v, 0) for v in frame["n_parameters"]]))
     if "implausible" in frame:
@@ -124,7 +125,7 @@ def caption_of(data: SummaryData, summary: Summary) -> str:
         parts.append(f"rollouts: median (90 % quantile, share further off than {limit})")
     elif shares:
         parts.append(f"rollouts: median (90 % quantile), none further off than {limit}")
-    if _true_start(summary):
+    if _true_starts(summary):
         parts.append("from true states: against the true angles, with the memory of the motion")
     if summary.frame["free_run_mean"].notna().any():
         parts.append("free run: mean error over whole recordings, simulated from their start")
@@ -145,32 +146,27 @@ def _one_step(summary: Summary, name: str, deviations: bool, brief: bool) -> Par
     return _with_best(summary, column, name, places, details)
 
 
-def _rollout(summary: Summary, horizon: float, full: bool) -> Part:
-    names = [rollout(horizon, s) for s in ("median", "q90", "diverged")]
-    median, q90, diverged = (summary.frame[name] for name in names)
+def _rollout(
+    summary: Summary, horizon: float, score: str = "rollout_angle", *, full: bool = True
+) -> Part:
+    names = [rollout(horizon, s, score) for s in ("median", "q90")]
+    median, q90 = (summary.frame[name] for name in names)
+    true_start = score == TRUE_START
+    diverged = 0.0 * median if true_start else summary.frame[rollout(horizon, "diverged")]
     shares = (diverged > 0).any()
     details = [
         f" ({short(q)}{f', {percent(d)}' if shares else ''})" if full and not np.isnan(m) else ""
         for m, q, d in zip(median, q90, diverged, strict=True)
     ]
-    column = Column(seconds(horizon), "rollout", summary.unit, ", median (90 %)")
+    group = "from true states" if true_start else "rollout"
+    column = Column(seconds(horizon), group, summary.unit, ", median (90 %)")
     return _with_best(summary, column, names[0], decimals(median), details)
 
 
-def _true_start(summary: Summary) -> list[Part]:
-    """Errors of predictions from true states, at the last horizon alone."""
-    if not summary.horizons:
-        return []
-    names = [rollout(summary.horizons[-1], s, TRUE_START) for s in ("median", "q90")]
-    median, q90 = (summary.frame[name] for name in names)
-    if median.isna().all():
-        return []
-    details = [
-        f" ({short(q)})" if not np.isnan(m) else "" for m, q in zip(median, q90, strict=True)
-    ]
-    heading = seconds(summary.horizons[-1])
-    column = Column(heading, "from true states", summary.unit, ", median (90 %)")
-    return [_with_best(summary, column, names[0], decimals(median), details)]
+def _true_starts(summary: Summary) -> list[float]:
+    """Horizons of the predictions from true states that are shown: the last, where it has any."""
+    last = summary.horizons[-1:]
+    return [h for h in last if summary.frame[rollout(h, "median", TRUE_START)].notna().any()]
 
 
 def _free_run(summary: Summary) -> list[Part]:

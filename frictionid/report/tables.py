@@ -84,7 +84,7 @@ def line(cells: Iterable[str | Cell], block: str = "", title: str = "") -> Line:
     return Line(tuple(c if isinstance(c, Cell) else Cell(c) for c in cells), block, title)
 
 
-def text_columns(*names: str) -> list[Column]:
+def text_columns(*names: str) -> list[str | Column]:
     """Columns that hold words: they stand at the left of their cells."""
     return [Column(name, words=True) for name in names]
 

@@ -14,7 +14,7 @@ from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures import style
 from frictionid.report.numbers import short
-from frictionid.report.tables import Column, Table, line, render_page, terminal_text, text_columns
+from frictionid.report.tables import Table, line, render_page, table_of, terminal_text, text_columns
 
 from .baseline import Arrival, Baseline
 from .changes import Changes, joined, totals
@@ -110,17 +110,14 @@ class Monitored:
     @property
     def table(self) -> Table:
         """Changes of all joints, for people."""
-        columns = (
-            *text_columns("joint", "part"),
-            *map(Column, ("change", "95 % interval", "per cent", "p")),
-        )
+        heads = (*text_columns("joint", "part"), "change", "95 % interval", "per cent", "p")
         lines = []
         for joint, part, value, low, high, per_cent in self.judgement.parts:
             p = f"{self.judgement.p_of_joint[joint]:.2g}" if part == "total" else ""
             interval = f"[{short(low, 3)}, {short(high, 3)}]"
             numbers = (short(value, 3), interval, f"{per_cent:+.1f}", p)
             lines.append(line([self.baseline.joints[joint], part, *numbers], str(joint)))
-        return Table(_CAPTION, "monitoring", columns, tuple(lines))
+        return table_of(heads, lines, _CAPTION, "monitoring")
 
     @property
     def document(self) -> dict[str, Any]:

@@ -20,10 +20,10 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Pooled as Specimens
 from frictionid.friction.provenance import Provenance
-from frictionid.report.console import console, printed
+from frictionid.report.console import printed, say
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
-from frictionid.report.tables import Column, Table, for_terminal, line, text_columns
+from frictionid.report.tables import Table, table_of, text_columns
 
 from .models import Key, check_alike, estimates, joint_names, place_of, pooled
 from .random_effects import Regression, meta_regression, pooled_draws
@@ -33,27 +33,20 @@ _LEAST = 1e-4  # p-values below it are not told apart
 
 def pooled_table(several: Specimens) -> Table:
     """Table of the pooled parameters."""
-    columns = (
-        *text_columns("parameter"),
-        *map(Column, ("mean", "95 % interval", "range of another specimen", "tau")),
-        *(*text_columns("unit"), *map(Column, ("Q", "p", "models"))),
-    )
-    lines = []
+    numbers = "mean", "95 % interval", "range of another specimen", "tau"
+    heads = (*text_columns("parameter"), *numbers, *text_columns("unit"), "Q", "p", "models")
+    rows = []
     for e in several.parameters:
         ranges = (interval(*ends, e.error) for ends in (e.interval_95, e.range_95))
         p = f"{e.p_value:.2g}" if e.p_value >= _LEAST else f"<{_LEAST:g}"
         words = (e.name, digits(e.value, e.error), *ranges, short(e.tau), e.unit)
-        lines.append(line((*words, f"{e.Q:.3g}", p, str(len(e.models)))))
-    return Table("", "pooled", columns, tuple(lines))
+        rows.append((*words, f"{e.Q:.3g}", p, str(len(e.models))))
+    return table_of(heads, rows)
 
 
 def show_pooled(several: Specimens) -> None:
     """Print what was pooled, and what was left out."""
-    out = console()
-    for text in for_terminal(pooled_table(several)):
-        out.print(text, soft_wrap=True)
-    for sentence in several.left_out:
-        out.print(printable(sentence), markup=False, soft_wrap=True)
+    say(pooled_table(several), *map(printable, several.left_out))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
