@@ -29,10 +29,8 @@ from frictionid.report.memory import loop_pictures, loop_table
 from frictionid.report.recommended import chosen_of
 from frictionid.report.sections import Model, Section, SummaryData, rollout
 from frictionid.report.shooting_results import (
-    ShootingResults,
     interval_numbers,
     interval_table,
-    shooting_results,
     window_numbers,
     window_table,
 )
@@ -73,16 +71,6 @@ class Exhibits(NamedTuple):
     pictures: tuple[Picture, ...]
 
 
-class ShootingFit(NamedTuple):
-    """A fit by shooting: stem of its files and facts of its result."""
-
-    model: Model
-    stem: str
-    results: ShootingResults
-    parameters: int
-    identified: int
-
-
 class Names(NamedTuple):
     """What names of files and styles are shared by all parts of a report.
 
@@ -115,19 +103,12 @@ def names_of(sections: tuple[Section, ...]) -> Names:
     return Names(stems, fits, styles(model for section in sections for model in section.models))
 
 
-def shooting_fits(section: Section, stems: Mapping[Model, str]) -> list[ShootingFit]:
-    """The fits by shooting, the one that predicts best first."""
-    fits = [model for model in section.models if model in stems and model.refined is not None]
+def shooting_fits(section: Section) -> list[Model]:
+    """The fits with intervals, the one that predicts best first."""
+    fits = [model for model in section.models if model.refined is not None]
     data = section.fitted
     first = data.best(fits, rollout(data.reported[-1])) if data.reported else None
-    fits.sort(key=lambda model: model is not first)
-    out = []
-    for model in fits:
-        refined = model.refined or Estimates()
-        facts = shooting_results(refined, section.description)
-        count = sum(e.identified for e in refined.parameters)
-        out.append(ShootingFit(model, stems[model], facts, len(refined.parameters), count))
-    return out
+    return sorted(fits, key=lambda model: model is not first)
 
 
 def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verdict) -> Exhibits:
@@ -146,9 +127,9 @@ def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verd
     if data.held_out:
         tables += fitted_tables(section, verdict, stem)
         pictures = [*fitted_pictures(section, names), *pictures]
-        for i, fit in enumerate(shooting_fits(section, names.fits)):
-            tables += [t._replace(linked=i > 0) for t in fit_tables(section, fit)]
-            pictures.append(correlation_picture(section, fit.model, names, linked=i > 0))
+        for i, model in enumerate(shooting_fits(section)):
+            tables += fit_tables(section, model, names.fits[model], linked=i > 0)
+            pictures.append(correlation_picture(section, model, names, linked=i > 0))
         pictures += kind_pictures(section, names, "bands")
     return Exhibits(tuple(tables), tuple(pictures))
 
@@ -176,16 +157,18 @@ def fitted_tables(section: Section, verdict: Verdict, stem: str) -> Iterator[Nam
             yield NamedTable(f"{kind}--{stem}", marked(table, verdict), frame, heading)
 
 
-def fit_tables(section: Section, fit: ShootingFit) -> Iterator[NamedTable]:
+def fit_tables(
+    section: Section, model: Model, stem: str, *, linked: bool = False
+) -> Iterator[NamedTable]:
     """Tables of a fit by shooting: parameters, and windows that do not count."""
-    data, model = section.description, fit.model
+    data = section.description
     table = interval_table(model, section.dataset, data, section.of_role("given"))
-    yield NamedTable(f"shooting--{fit.stem}", table, interval_numbers(model, data))
+    yield NamedTable(f"shooting--{stem}", table, interval_numbers(model, data), linked=linked)
     windows = window_numbers(model.refined or Estimates())
     if not windows.empty:
         table = window_table(model, section.dataset, windows)
         heading = "Windows that were left out or are not explained"
-        yield NamedTable(f"windows--{fit.stem}", table, windows, heading)
+        yield NamedTable(f"windows--{stem}", table, windows, heading, linked)
 
 
 # --- Pictures -------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
 from frictionid.report.candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
 from frictionid.report.estimates import added
-from frictionid.report.numbers import factor, percent, seconds
+from frictionid.report.numbers import factor
 from frictionid.report.plausibility import FAILED
 from frictionid.report.questions import (
     NOT_EVALUATED,
@@ -27,6 +27,7 @@ from frictionid.report.questions import (
     unanswered,
 )
 from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
+from frictionid.report.tables import lines_of, render
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"
@@ -166,8 +167,20 @@ def _decided(
     recommended = None if kind == UNDECIDED else provisional.name
     error = verdict.measure.words(provisional.error)
     several = len({c.model.recipe for c in verdict.candidates} - {ANY}) > 1
-    within = f"by recipe {verdict.recipe}, " if several else ""
-    sentence = _sentence(kind, provisional, adequate, simplest, compared, error, within)
+    good = [c for c in compared if c.standing in ("best", "adequate") and c is not adequate]
+    context = {
+        "kind": kind,
+        "model": provisional.name,
+        "adequate": adequate.name,
+        "simplest": simplest.name,
+        "error": error,
+        "within": f"by recipe {verdict.recipe}, " if several else "",
+        "others": len(compared) - 1,
+        "worse": sum(c.standing in ("worse", "diverged") for c in compared),
+        "unfit": [c.name for c in good if c.implausible],
+        "contradicted": [c.name for c in compared if c.loss and c.loss.contradicted],
+    }
+    sentence = render("sentence.j2", context, markup=False).strip()
     evidence = {"error": provisional.error}
     question = Question("model", MODEL, recommended or UNDECIDED, sentence, evidence)
     asked = Asked(section, verdict.candidates, provisional, verdict.measure)
@@ -212,76 +225,27 @@ def _is_simplest(candidate: Candidate, compared: Sequence[Candidate]) -> bool:
     return richer and all(c.model.role != "fitted" for c in simpler)
 
 
-def _sentence(
-    kind: str,
-    model: Candidate,
-    adequate: Candidate,
-    simplest: Candidate,
-    compared: Sequence[Candidate],
-    error: str,
-    within: str,
-) -> str:
-    """The verdict in one sentence; `error` says how far off the model is.
-
-    model : what is delivered of the adequate one, fitted by shooting where it was
-    within : by which recipe models are compared, where there are several
-    """
-    if kind == UNDECIDED:
-        return (
-            f"These data cannot tell whether {simplest.name} is enough or {adequate.name} is "
-            f"needed; {model.name} {error}."
-        )
-    others = len(compared) - 1
-    worse = sum(c.standing in ("worse", "diverged") for c in compared)
-    rivals = f"{within}{worse} of {others} other models are practically worse"
-    rivals += f", {others - worse} no better" if worse < others else ""
-    good = [c for c in compared if c.standing in ("best", "adequate") and c is not adequate]
-    unfit = [c.name for c in good if c.implausible]
-    if unfit:
-        rivals += f"; {', '.join(unfit)} would do, but {'are' if unfit[1:] else 'is'} implausible"
-    contradicted = [c.name for c in compared if c.loss and c.loss.contradicted]
-    if contradicted:
-        rivals += f"; of {', '.join(contradicted)} the measured errors decide"
-    if kind == SIMPLE:
-        return f"The simple model is enough: {model.name} {error}; {rivals}."
-    clause = error.removeprefix("is ") if error.startswith("is ") else f"which {error}"
-    return f"Use {model.name}, {clause}" + (f"; {rivals}." if others else ".")
-
-
 def _doubt(section: Section, kind: str, model: Candidate, simplest: Candidate) -> tuple[str, str]:
     """What speaks most against the verdict, and what to record next, a sentence each."""
     data = section.fitted
     recordings = data.description.recordings
-    if model.implausible:
-        doubt = f"{model.name} is not plausible: it {model.implausible[0]}."
-        return doubt, "Motion through the speeds at which it fails."
-    if kind == UNDECIDED and simplest.loss is not None:
-        most = recordings_needed(recordings, simplest.loss.factor)
-        words = f"about {most} recordings in place of {recordings}"
-        if most > MANY * recordings:
-            words = f"more than {MANY} times as many recordings, or longer ones"
-        doubt = (
-            f"{simplest.name} is {times(simplest.loss.factor)} times as far off as the best model"
-        )
-        return f"{doubt}.", f"More of the same motion: {words}."
-    if recordings < FEWEST:
-        parts = f"The folds are parts of {recordings} recording{'s' * (recordings > 1)}"
-        return f"{parts}: another one may say something else.", WHOLE
-    share = data.value(model.model, rollout(data.reported[-1], "diverged"))
-    if share >= 0.01:
-        horizon = seconds(data.reported[-1])
-        doubt = f"{percent(share)} of its predictions diverge within {horizon}."
-        return doubt, "Motion like that from which they start."
-    if not section.tests:
-        return (
-            "The models are judged on motion like that which they were fitted to.",
-            "A data set of other motion or another load that no fit sees, as a test.",
-        )
-    return (
-        f"{len(section.tests)} data sets that no fit has seen give one number each: their chance "
-        "is not known.",
-        "More recordings of the motion that the model is for.",
-    )
+    last = data.reported[-1] if data.reported else float("nan")
+    undecided = simplest.loss if kind == UNDECIDED else None
+    context = {
+        "model": model,
+        "simplest": simplest,
+        "undecided": undecided and times(undecided.factor),
+        "needed": undecided and recordings_needed(recordings, undecided.factor),
+        "recordings": recordings,
+        "fewest": FEWEST,
+        "many": MANY,
+        "share": data.value(model.model, rollout(last, "diverged")),
+        "last": last,
+        "tests": len(section.tests),
+        "whole": WHOLE,
+    }
+    doubt, remedy = lines_of(render("doubt.j2", context, markup=False))
+    return doubt, remedy
 
 
 def times(between: Factor) -> str:

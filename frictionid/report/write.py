@@ -36,6 +36,7 @@ from frictionid.report.recommended import chosen_of, equation_of, horizons_of, p
 from frictionid.report.reliability import folds_of, warning_lines
 from frictionid.report.sections import Model, Section, SummaryData, sections_of
 from frictionid.report.sensitivity import beside
+from frictionid.report.shooting_results import shooting_results
 from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
 from frictionid.report.tables import (
     Cell,
@@ -140,6 +141,7 @@ def _context(
         "plotly": base64.b64encode(plotly_script()).decode(),
         "number": count(1).__next__,
         "document": document_of,
+        "fits": names.fits,
         "colours": {label: style.colour for label, style in names.styles.items()},
     }
 
@@ -201,8 +203,8 @@ def _part(
         "equation": equation_of(chosen) if chosen else "",
         "rows": parameter_rows(chosen, data) if chosen else [],
         "horizons": horizons_of(data, chosen) if chosen else [],
-        "fit": _fit_lines(section, names),
-        "others": shooting_fits(section, names.fits)[1:],
+        "fit": _fit_lines(section),
+        "others": shooting_fits(section)[1:],
         "charts": friction_charts(section, names.styles, chosen),
         "scored": [
             _scored(scored, verdict, chosen, exhibits[section.dataset, scored.dataset], names)
@@ -262,12 +264,13 @@ def _table(data: SummaryData, verdict: Verdict, chosen: Model | None) -> Table:
     return table._replace(columns=heads, lines=tuple(lines))
 
 
-def _fit_lines(section: Section, names: Names) -> list[str]:
+def _fit_lines(section: Section) -> list[str]:
     """Facts of the fit by shooting that predicts best."""
-    for fit in shooting_fits(section, names.fits):
-        context = {"found": fit.results}
+    for model in shooting_fits(section)[:1]:
+        assert model.refined is not None
+        context = {"found": shooting_results(model.refined, section.description)}
         texts = [render(f"shooting_{p}.j2", context, markup=False) for p in ("head", "terminal")]
-        return [f"What {fit.model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
+        return [f"What {model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
     return []
 
 
