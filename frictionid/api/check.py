@@ -45,14 +45,15 @@ class Verdict:
         Columns: level, kind, text, remedy, joint (from 1, None for none), numbers.
         """
         columns = ["level", "kind", "text", "remedy", "joint", "numbers"]
-        rows = [[getattr(f, name) for name in columns] for f in self.details.findings]
+        rows = map(vars, self.details.findings)
         return pd.DataFrame(rows, columns=columns).astype({"joint": object})
 
     @property
     def questions(self) -> pd.DataFrame:
         """The classic questions: passed (None where it was not tested), question, words."""
-        rows = [(q.passed, q.question, q.words) for q in self.details.questions]
-        return pd.DataFrame(rows, columns=["passed", "question", "words"], dtype=object)
+        columns = ["passed", "question", "words"]
+        rows = [q._asdict() for q in self.details.questions]
+        return pd.DataFrame(rows, columns=columns, dtype=object)
 
     @property
     def identifiable(self) -> pd.DataFrame:

@@ -18,11 +18,13 @@ from frictionid.excitation import Design, TrajectoryDesign
 from frictionid.excitation.signals import FAMILIES
 from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import (
+    command_frame,
     described,
     design_document,
     design_figure,
     trajectory_document,
     trajectory_figure,
+    trajectory_frame,
     trajectory_text,
 )
 from frictionid.report.figures.style import drawn
@@ -51,13 +53,8 @@ class Suggestion:
 
         Columns time [s] and, for each motor of joint j, uj [N m].
         """
-        design = self.design
-        out = {}
-        for r in range(design.experiment.recordings):
-            columns = {"time": design.experiment.commands}
-            columns |= {f"u{j + 1}": design.torque[:, r, j] for j in design.space.motors}
-            out[f"recording {r + 1}"] = pd.DataFrame(columns)
-        return out
+        count = self.design.experiment.recordings
+        return {f"recording {r + 1}": command_frame(self.design, r) for r in range(count)}
 
     @property
     def errors(self) -> pd.DataFrame:
@@ -188,15 +185,8 @@ class SuggestedTrajectories:
 
         Columns time [s] and, for each joint j, qj, wj and aj: position, velocity, acceleration, SI.
         """
-        out = {}
-        for number, trajectory in enumerate(self.design.trajectories, start=1):
-            time = np.arange(round(self.design.task.length * rate) + 1) / rate
-            columns = {"time": time}
-            for j, reference in enumerate(trajectory.references, start=1):
-                motion = zip("qwa", reference.motion(time), strict=True)
-                columns |= {f"{name}{j}": values for name, values in motion}
-            out[f"trajectory {number}"] = pd.DataFrame(columns)
-        return out
+        count = len(self.design.trajectories)
+        return {f"trajectory {k + 1}": trajectory_frame(self.design, k, rate) for k in range(count)}
 
     @property
     def errors(self) -> pd.DataFrame:

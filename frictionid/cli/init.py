@@ -57,7 +57,8 @@ def init(
     check_outputs([dataset_file])
     named = {"time": time, "angle": angle, "torque": torque}
     columns = {key: [c.strip() for c in text.split(",")] for key, text in named.items() if text}
-    two = numbers("--gains", gains, "be P and D with a comma, e.g. --gains 20,1.5", 2)
+    rule = "be P and D with a comma, e.g. --gains 20,1.5"
+    two = numbers("--gains", gains, rule, 2) if gains else ()
     constants = _constants("--kt", kt), _constants("--gear", gear)
     facts = Known(columns, *constants, (two[0], two[1]) if two else None)
     robot = Path(mechanism)
@@ -159,8 +160,10 @@ def _motor(tables: Tables, machine: dict[str, Any], guesses: Known) -> Known:
 
 def _constants(option: str, text: str) -> float | list[float] | None:
     """Number of an option, or numbers with commas; None where it is not given."""
+    if not text:
+        return None
     values = numbers(option, text, "be a number, or one per joint with commas")
-    return values[0] if len(values) == 1 else values or None
+    return values[0] if len(values) == 1 else values
 
 
 def _is_asked() -> bool:

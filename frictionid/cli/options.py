@@ -102,7 +102,7 @@ def add_command(app: typer.Typer, command: Callable[..., None]) -> None:
 
 
 def numbers(option: str, text: str, rule: str, count: int | None = None) -> list[float]:
-    """Finite numbers of an option, with commas; none where it is not given.
+    """Finite numbers of an option, with commas.
 
     count : of numbers, where that is fixed
 
@@ -119,10 +119,10 @@ def numbers(option: str, text: str, rule: str, count: int | None = None) -> list
     from frictionid.errors import InputError
 
     try:
-        values = [float(part) for part in text.split(",")] if text.strip() else []
+        values = [float(part) for part in text.split(",")]
     except ValueError:
         values = [math.nan]
-    if not all(map(math.isfinite, values)) or (values and len(values) != (count or len(values))):
+    if not all(map(math.isfinite, values)) or len(values) != (count or len(values)):
         raise InputError(f"{option} {text!r} must {rule}")
     return values
 

@@ -83,7 +83,7 @@ def suggest(
             length=length,
             families=_names(families),
             frequencies=numbers("--frequencies", frequencies, _TWO, 2),
-            start=numbers("--start", start, _NUMBERS) or None,
+            start=numbers("--start", start, _NUMBERS) if start.strip() else None,
             drive_rate=drive_rate,
             camera_rate=camera_rate,
             noise=noise,
@@ -99,7 +99,8 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
     from frictionid.cli.progress import show
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
-        command_csv,
+        command_frame,
+        csv_of,
         described,
         design_document,
         design_figure,
@@ -107,7 +108,7 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
     from frictionid.report.figures.style import png
 
     for number, path in enumerate(places):
-        write_text(path, command_csv(design, number))
+        write_text(path, csv_of(command_frame(design, number)))
     if figure is not None:
         write_bytes(figure, png(lambda: design_figure(design)))
     show(described(design), design_document(design), (*places, figure), json=json)
@@ -127,9 +128,11 @@ def _suggest_trajectories(
     from frictionid.cli.progress import counted, show
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
-        trajectory_csv,
+        FINE,
+        csv_of,
         trajectory_document,
         trajectory_figure,
+        trajectory_frame,
         trajectory_text,
     )
     from frictionid.report.figures.style import png
@@ -146,7 +149,7 @@ def _suggest_trajectories(
             done=done,
         ).design
     for number, path in enumerate(places):
-        write_text(path, trajectory_csv(design, number, rate))
+        write_text(path, csv_of(trajectory_frame(design, number, rate), FINE))
     if figure is not None:
         write_bytes(figure, png(lambda: trajectory_figure(design)))
     text, numbers = trajectory_text(design), trajectory_document(design)

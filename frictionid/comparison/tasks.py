@@ -268,7 +268,7 @@ def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str
         "refined": refined and refined.document(),
         "members": result.members,
         "beyond": result.beyond and result.beyond._asdict(),
-        "loops": [loop.document() for loop in result.loops],
+        "loops": [loop._asdict() for loop in result.loops],
         "errors": result.errors and _rounded(result.errors),
         "torque": result.torque,
     }

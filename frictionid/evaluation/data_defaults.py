@@ -30,7 +30,7 @@ def protocol_for(protocol: Protocol, held: Sequence[tuple[Dataset, Folds | None]
 
     held : data sets with their folds, None where whole recordings are predicted
     """
-    if protocol.sample_time is None and all(_interval(data) < _FAST for data, _ in held):
+    if protocol.sample_time is None and all(usual_interval(data) < _FAST for data, _ in held):
         protocol = replace(protocol, sample_time=_APART)
     if protocol.horizons != Protocol().horizons:
         return protocol
@@ -40,7 +40,7 @@ def protocol_for(protocol: Protocol, held: Sequence[tuple[Dataset, Folds | None]
     return replace(protocol, horizons=kept or usual[:1])
 
 
-def _interval(dataset: Dataset) -> float:
+def usual_interval(dataset: Dataset) -> float:
     """Usual time [s] between two samples."""
     return float(np.median(np.concatenate([np.diff(r.angle.time) for r in dataset.recordings])))
 

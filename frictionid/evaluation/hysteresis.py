@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,9 @@ _FINE = 0.005  # [s] between nodes of memories that advance at any time
 _POINTS = 120  # of a period, at least
 _FLAT = 1e-4  # variation of a torque, in units of its size, below which nothing can be late
 _TRIALS = 2048
+SIGNIFICANT = 2.0  # standard deviations over the folds
+LATEST = 1 / 12  # of a period: what closes later than that is no lag
+NARROW = 0.01  # width of a loop, in units of the torque's size, below which it is none
 
 
 @dataclass(frozen=True)
@@ -75,9 +78,39 @@ class HysteresisLoop(NamedTuple):
     width: Array
     lag: Array
 
-    def document(self) -> dict[str, Any]:
-        """The loop as result files have it."""
-        return self._asdict()
+    @property
+    def folds(self) -> slice:
+        """Where the folds stand; the friction of all data is last."""
+        return slice(0, max(len(self.width) - 1, 1))
+
+    @property
+    def share(self) -> float:
+        """Mean width over the folds in units of the torque's RMS."""
+        width = abs(self.width[self.folds].mean())
+        size = np.sqrt(np.mean(self.torque[self.folds] ** 2))
+        return float(width / max(size, 1e-300))
+
+    @property
+    def verdict(self) -> str:
+        """What the loop says: "late", "early", "open", "closed" or "scatter".
+
+        open : wider than 1 % of the torque and two standard deviations over the folds; late or
+        early : a lag of the velocity closes it, beyond two standard deviations and less than a
+        twelfth of the period; scatter : wider than 1 %, but inside the scatter of the folds
+        """
+        width, lag = self.width[self.folds], self.lag[self.folds]
+        if self.share < NARROW:
+            return "closed"
+        if abs(width.mean()) <= SIGNIFICANT * _sd(width):
+            return "scatter"
+        if np.isfinite(lag).all():
+            late = SIGNIFICANT * _sd(lag) < abs(lag.mean()) < LATEST / self.frequency
+            return ("late" if lag.mean() > 0 else "early") if late else "open"
+        return "open"
+
+
+def _sd(values: Array) -> float:
+    return float(values.std(ddof=1)) if len(values) > 1 else 0.0
 
 
 def hysteresis_loops(

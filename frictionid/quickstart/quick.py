@@ -27,6 +27,7 @@ from frictionid.dynamics.step_size import TooSteepError
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity
+from frictionid.evaluation.data_defaults import usual_interval
 from frictionid.evaluation.reference_model import Loss, StartErrors, choose, preferring
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction
@@ -153,7 +154,7 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
     most = _SAMPLES / np.shape(dataset.recordings[0].angle.value)[1]
     spans = np.array([np.ptp(r.angle.time) for r in dataset.recordings])
     sample_time = time_between_samples(dataset, _SAMPLES)
-    seconds = most * (sample_time or _usual_time(dataset))
+    seconds = most * (sample_time or usual_interval(dataset))
     if spans.sum() <= seconds:
         return dataset, sample_time
     count = int(np.clip(seconds / spans.mean(), min(_FEWEST, len(spans)), len(spans)))
@@ -165,14 +166,10 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
 
 def time_between_samples(dataset: Dataset, most: int) -> float | None:
     """Time [s] between samples that leaves so many of all joints, or 0.01; None: all of them."""
-    usual, joints = _usual_time(dataset), np.shape(dataset.recordings[0].angle.value)[1]
+    usual, joints = usual_interval(dataset), np.shape(dataset.recordings[0].angle.value)[1]
     seconds = sum(float(np.ptp(r.angle.time)) for r in dataset.recordings)
     apart = max(usual, min(seconds * joints / most, _COARSEST))
     return apart if apart > 1.5 * usual else None
-
-
-def _usual_time(dataset: Dataset) -> float:
-    return float(np.median(np.concatenate([np.diff(r.angle.time) for r in dataset.recordings])))
 
 
 def _compared(
@@ -249,9 +246,9 @@ def _starts(result: Result, horizon: float, moving: Array) -> StartErrors:
 
 def _complexity(result: Result) -> float:
     """Effective number of parameters, as in a comparison."""
-    scores: Any = result.scores
-    counts = scores.value[scores.score == "effective_parameters"]
-    return float(counts.iloc[0]) if len(counts) else float(result.overall.theta.size)
+    with suppress(InputError):
+        return result.value("effective_parameters", "count")
+    return float(result.overall.theta.size)
 
 
 def _by_fold(result: Result, horizon: float) -> Array:

@@ -9,6 +9,7 @@ from itertools import zip_longest
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
@@ -22,19 +23,30 @@ GROUPS = {"friction_alone": False, "inertia_free": True}  # whether the inertia 
 BINDING = 0.9  # of what the search allows
 
 
-def command_csv(design: Design, recording: int) -> str:
-    """CSV text of one recording: time [s], a torque column per motor, each held to the next."""
-    motors = design.space.motors
-    names = [f"u{j + 1}" for j in motors]
-    return _csv(names, design.experiment.commands, design.torque[:, recording, motors], DECIMALS)
+def command_frame(design: Design, recording: int) -> pd.DataFrame:
+    """Torques of one recording: time [s], a column u1, u2 ... per motor, each held to the next."""
+    columns = {"time": design.experiment.commands}
+    columns |= {f"u{j + 1}": design.torque[:, recording, j] for j in design.space.motors}
+    return pd.DataFrame(columns)
 
 
-def _csv(names: Sequence[str], time: Array, values: Array, decimals: int) -> str:
-    """A line for each time (T,) with the values (T, n) there; no zero has a sign."""
-    lines = [",".join(["time", *names])]
-    for t, row in zip(time, values, strict=True):
-        lines.append(",".join([f"{t:.9g}", *(f"{v + 0.0:.{decimals}f}" for v in row)]))
-    return "\n".join(lines) + "\n"
+def trajectory_frame(design: TrajectoryDesign, number: int, rate: float) -> pd.DataFrame:
+    """One period of a trajectory at so many samples per second [Hz].
+
+    Columns: time [s], then position, velocity and acceleration of each joint, q1 w1 a1 q2 ..., SI.
+    """
+    time = np.arange(round(design.task.length * rate) + 1) / rate
+    columns = {"time": time}
+    for j, reference in enumerate(design.trajectories[number].references, start=1):
+        motion = zip("qwa", reference.motion(time), strict=True)
+        columns |= {f"{name}{j}": values for name, values in motion}
+    return pd.DataFrame(columns)
+
+
+def csv_of(frame: pd.DataFrame, decimals: int = DECIMALS) -> str:
+    """CSV text of a table over time; no zero has a sign."""
+    shown = (frame + 0.0).assign(time=frame["time"].map("{:.9g}".format))
+    return shown.to_csv(index=False, float_format=f"%.{decimals}f", lineterminator="\n")
 
 
 def described(design: Design) -> str:
@@ -148,19 +160,7 @@ def _over(name: str, values: Array, limit: Array) -> list[tuple[str, int, float]
     return [(name, int(j) + 1, float(most[j])) for j in np.flatnonzero(~(most <= limit))]
 
 
-_DECIMALS = 9
-
-
-def trajectory_csv(design: TrajectoryDesign, number: int, rate: float) -> str:
-    """CSV text of one period at so many samples per second [Hz].
-
-    Columns: time [s], then position, velocity and acceleration of each joint, q1 w1 a1 q2 ..., SI.
-    """
-    references = design.trajectories[number].references
-    time = np.arange(round(design.task.length * rate) + 1) / rate
-    columns = [part for reference in references for part in reference.motion(time)]
-    heads = [f"{name}{j + 1}" for j in range(len(references)) for name in "qwa"]
-    return _csv(heads, time, np.stack(columns, axis=-1), _DECIMALS)
+FINE = 9  # decimals of a trajectory
 
 
 def trajectory_text(design: TrajectoryDesign) -> str:

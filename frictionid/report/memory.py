@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.hysteresis import HysteresisLoop
 from frictionid.evaluation.statistics import Pair
 from frictionid.report.figures.style import (
     DARK,
@@ -34,70 +35,23 @@ from frictionid.report.sections import EULER, Model, Section, SummaryData, rollo
 from frictionid.report.tables import Table, line, table_of, text_columns
 
 KINDS = {"reversing": "reversing", "offset": "never reversing"}
-SIGNIFICANT = 2.0  # standard deviations over the folds
 ROUNDING = 1e-9
-LATEST = 1 / 12  # of a period: what closes later than that is no lag
-NARROW = 0.01  # width of a loop, in units of the torque's size, below which it is none
 
 
-class Loop(NamedTuple):
-    """One joint's loop on one motion: velocity (T,), torque (F + 1, T), width and lag (F + 1,)."""
-
-    joint: int
-    kind: str
-    frequency: float
-    velocity: Array
-    torque: Array
-    width: Array
-    lag: Array
-
-    @property
-    def folds(self) -> slice:
-        """Where the folds stand; the friction of all data is last."""
-        return slice(0, max(len(self.width) - 1, 1))
-
-    @property
-    def share(self) -> float:
-        """Mean width over the folds in units of the torque's RMS."""
-        width = abs(self.width[self.folds].mean())
-        size = np.sqrt(np.mean(self.torque[self.folds] ** 2))
-        return float(width / max(size, 1e-300))
-
-    @property
-    def verdict(self) -> str:
-        """What the loop says: "late", "early", "open", "closed" or "scatter".
-
-        open : wider than 1 % of the torque and two standard deviations over the folds; late or
-        early : a lag of the velocity closes it, beyond two standard deviations and less than a
-        twelfth of the period; scatter : wider than 1 %, but inside the scatter of the folds
-        """
-        width, lag = self.width[self.folds], self.lag[self.folds]
-        if self.share < NARROW:
-            return "closed"
-        if abs(width.mean()) <= SIGNIFICANT * _sd(width):
-            return "scatter"
-        if np.isfinite(lag).all():
-            late = SIGNIFICANT * _sd(lag) < abs(lag.mean()) < LATEST / self.frequency
-            return ("late" if lag.mean() > 0 else "early") if late else "open"
-        return "open"
-
-
-def _sd(values: Array) -> float:
-    return float(values.std(ddof=1)) if len(values) > 1 else 0.0
-
-
-def loops_of(model: Model, joint: int, kind: str) -> list[Loop]:
+def loops_of(model: Model, joint: int, kind: str) -> list[HysteresisLoop]:
     """Loops of a model's joint on one kind of motion, from slow to fast."""
     arrays = ("velocity", "torque", "width", "lag")
     loops = [
-        Loop(joint, kind, float(d["frequency"]), *(np.asarray(d[a], dtype=float) for a in arrays))
+        HysteresisLoop(
+            joint, kind, float(d["frequency"]), *(np.asarray(d[a], dtype=float) for a in arrays)
+        )
         for d in model.loops
         if d["joint"] == joint and d["kind"] == kind
     ]
     return sorted(loops, key=lambda loop: loop.frequency)
 
 
-def middle(loops: Sequence[Loop]) -> Loop:
+def middle(loops: Sequence[HysteresisLoop]) -> HysteresisLoop:
     """The loop at the middle one of the frequencies."""
     return loops[len(loops) // 2]
 
@@ -196,7 +150,7 @@ def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, St
     return picture
 
 
-def _panel(axis: Any, loops: Sequence[Loop], colour: str) -> None:
+def _panel(axis: Any, loops: Sequence[HysteresisLoop], colour: str) -> None:
     axis.locator_params(nbins=5)
     if not loops:
         return
