@@ -132,7 +132,7 @@ def main() -> None:
         ("perfect", "True angles of the same frames, with noise of the tracker's own size."),
     ):
         (OUT / name / "dataset.toml").write_bytes(document(name, described))
-    from frictionid.cli.compare import compare
+    from frictionid.cli.suites import compare
 
     compare(
         ROOT / "comparisons" / "from_pixels.toml",

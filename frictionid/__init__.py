@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from frictionid.api.suggest import suggest as suggest
     from frictionid.api.suggest import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
-    from frictionid.api.tune import tune as tune
+    from frictionid.api.suites import tune as tune
     from frictionid.comparison.fit_model import fit_model as fit_model
     from frictionid.data.readers.dataset import load_dataset as load_dataset
     from frictionid.data.recordings import Dataset as Dataset

@@ -21,9 +21,8 @@ from frictionid.api.models import (
 )
 from frictionid.api.notebook import counted
 from frictionid.comparison.equal_joints import groups_of, with_equal
-from frictionid.comparison.fit_model import fit_model
+from frictionid.comparison.fit_model import fit_model, with_smoothing_bias
 from frictionid.comparison.registry import RECIPES
-from frictionid.comparison.smoothing_bias import with_smoothing_bias
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_named, recipe_of
 from frictionid.config import checked, nearest
 from frictionid.data.recordings import Dataset

@@ -14,19 +14,18 @@ from pydantic import ValidationError
 
 from frictionid.api.fit import method_of
 from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
+from frictionid.api.suites import open_suite
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
 from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
 from frictionid.comparison.sensitivity.variations import SensitivitySettings
-from frictionid.comparison.suite import load_suite
 from frictionid.comparison.tasks import Task
 from frictionid.config import mistake
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.files import suite_path
 from frictionid.fitting.method import Method, check_method
-from frictionid.outputs import check_unchanged, check_writable
+from frictionid.outputs import check_unchanged
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
@@ -158,15 +157,12 @@ def sensitivity_of_suite(
     InputError
         Where the suite is wrong, a fit fails, or the folder holds what is not to be replaced.
     """
-    path = suite_path(Path(suite))
-    table = load_suite(path)
+    table, path, folder, tables = open_suite(suite, data, out, "-sensitivity")
     named = {"identifiers": identifiers, "recipes": recipes}
     update = {key: list(values) for key, values in named.items() if values}
     settings = table.sensitivity.model_copy(update=update)
     table = table.model_copy(update={"sensitivity": settings})
-    folder = Path("report") / f"{table.name}-sensitivity" if out is None else Path(out)
-    check_writable(folder)
-    cases = sensitivity_cases(table, path, None if data is None else Path(data), trust=trust)
+    cases = sensitivity_cases(table, path, tables, trust=trust)
     with lock(folder, ["provenance.json", CASES], "sensitivity study"):
         check_unchanged(folder, replace=replace)
         with nullcontext(_silent) if progress is None else progress(len(cases)) as done:

@@ -1,12 +1,15 @@
-"""frictionid.run_suite: the comparison of a suite file, written to its result folder."""
+"""frictionid.run_suite and frictionid.tune: what a suite file says, done in its result folder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pandas as pd
 from joblib import cpu_count
 
 from frictionid.api.comparison import Comparison
@@ -15,11 +18,20 @@ from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import UNFINISHED, lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
+from frictionid.comparison.search_space import Objective
+from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.comparison.tuning import Study, study_specs, tuning_tasks
+from frictionid.comparison.tuning import tune as search
 from frictionid.files import suite_path
-from frictionid.outputs import check_writable
+from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report import build
+from frictionid.report.console import printed, printed_html
+from frictionid.report.figures.studies import progress as progress_picture
+from frictionid.report.figures.style import drawn
+from frictionid.report.sensitivity import score_table, settings_tables, trials_of, write_outcome
+from frictionid.report.terminal import show_table
 
 
 class About(NamedTuple):
@@ -64,6 +76,32 @@ def run_in_folder(
 # What shows how far a comparison is: gets its folder and the names of its steps, and gives what is
 # called with each that is finished.
 Progress = Callable[[Path, Sequence[str]], AbstractContextManager[Callable[[str], None]]]
+
+
+class _Opened(NamedTuple):
+    """A suite with its file, the folder of its results, and its tables where one was named."""
+
+    suite: Suite
+    path: Path
+    folder: Path
+    data: Path | None
+
+
+def open_suite(
+    suite: str | Path, data: str | Path | None, out: str | Path | None, ending: str = ""
+) -> _Opened:
+    """A suite of a file or name; results are for report/<suite> with an ending where none is given.
+
+    Raises
+    ------
+    InputError
+        For unknown names and keys, or a folder that cannot be written.
+    """
+    path = suite_path(Path(suite))
+    table = suites.load_suite(path)
+    folder = Path("report") / f"{table.name}{ending}" if out is None else Path(out)
+    check_writable(folder)
+    return _Opened(table, path, folder, None if data is None else Path(data))
 
 
 def run_suite(
@@ -112,11 +150,8 @@ def run_suite(
     InputError
         Where the suite is wrong, a task fails, or the folder holds what is not to be replaced.
     """
-    path = suite_path(Path(suite))
-    table = suites.load_suite(path)
-    folder = Path("report") / table.name if out is None else Path(out)
-    check_writable(folder)
-    tasks = tasks_of(table, path, None if data is None else Path(data), device, trust=trust)
+    table, path, folder, tables = open_suite(suite, data, out)
+    tasks = tasks_of(table, path, tables, device, trust=trust)
     names = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
     with nullcontext(done) if progress is None else progress(folder, [*names.values()]) as report:
         places = (folder / UNFINISHED / "tasks", folder / "tasks") if resume else ()
@@ -136,3 +171,113 @@ def run_suite(
             done=lambda task: report(names[task.file]),
         )
     return Comparison(results)
+
+
+# --- Settings, searched -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tuned:
+    """The outcome of a search.
+
+    Attributes
+    ----------
+    studies : tuple of Study, one for each model and fold
+    objective : Objective, the score that was lowered
+    page : Path of summary.md; a suite with the settings that were chosen stands beside it
+    """
+
+    studies: tuple[Study, ...]
+    objective: Objective
+    page: Path
+
+    def __repr__(self) -> str:
+        return printed(self.show).rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        return printed_html(self.show)
+
+    def show(self) -> None:
+        """Print scores and chosen settings."""
+        for table in (score_table(self.studies, self.objective), *settings_tables(self.studies)):
+            show_table(table)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """All trials, a line for each: study, number, score on the inner folds, settings."""
+        return trials_of(self.studies)
+
+    def plot(self) -> Any:
+        """How the searches went on, as a Matplotlib figure."""
+        return drawn(partial(progress_picture, self.studies, self.objective))
+
+
+def tune(
+    suite: str | Path,
+    *,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    trials: int | None = None,
+    jobs: int = 0,
+    resume: bool = False,
+    replace: bool = False,
+    trust: bool = False,
+    done: Callable[[str], None] = lambda _: None,
+    progress: Callable[[Path, int], AbstractContextManager[Callable[[str], None]]] | None = None,
+) -> Tuned:
+    """Search settings of a suite's identifiers, nested in the training folds.
+
+    Parameters
+    ----------
+    suite : path of a suite file, or name of one that comes with the package
+    data : path, optional
+        Folder with the tables of the suite's one data set.
+    out : path, optional
+        Result folder; by default report/<suite>-tune.
+    trials : int, optional
+        Number of trials of each study, in place of the suite's.
+    jobs : int
+        Number of parallel trials; 0: one for each core.
+    resume : bool
+        Whether finished trials are kept.
+    replace : bool
+        Whether an earlier search of the folder may be replaced.
+    trust : bool
+        Whether code that the suite and its data sets name by its module may run.
+    done : function, optional
+        Called with each finished trial.
+    progress : function, optional
+        In its place: gets result folder and number of trials, gives a context of such a function.
+
+    Raises
+    ------
+    InputError
+        Where the suite says what cannot be searched, or the folder is not to be replaced.
+
+    Examples
+    --------
+    Twenty trials of each study of one's own suite::
+
+        tuned = frictionid.tune("suite.toml", trials=20)
+        tuned.frame.sort_values("score")
+    """
+    table, path, folder, tables = open_suite(suite, data, out, "-tune")
+    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
+    tasks = tuning_tasks(table, path, tables, trust=trust)
+    total = tuning.trials * len(study_specs(tasks, tuning))
+    with (
+        nullcontext(done) if progress is None else progress(folder, total) as report,
+        lock(folder, ["journal.log"], "tuning"),
+    ):
+        check_unchanged(folder, replace=replace)
+        studies = search(
+            tasks,
+            tuning,
+            folder,
+            resume=resume,
+            replace_trials=replace,
+            jobs=jobs or cpu_count(),
+            done=report,
+        )
+        page = write_outcome(folder, studies, tuning.objective, path, replace=replace)
+    return Tuned(tuple(studies), tuning.objective, page)

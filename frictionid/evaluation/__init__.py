@@ -11,7 +11,6 @@ from frictionid.evaluation.curves import (
     velocity_grid,
     with_speeds,
 )
-from frictionid.evaluation.data_defaults import protocol_for
 from frictionid.evaluation.folds import Folds, Split, make_folds
 from frictionid.evaluation.free_run import (
     free_run,
@@ -34,6 +33,7 @@ from frictionid.evaluation.prepared import (
     calibrated_views,
     prepare,
     prepared_for,
+    protocol_for,
     screened,
     speeds,
     training_of,

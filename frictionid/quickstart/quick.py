@@ -27,7 +27,7 @@ from frictionid.dynamics.step_size import TooSteepError
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity
-from frictionid.evaluation.data_defaults import usual_interval
+from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import Loss, StartErrors, choose, preferring
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Friction

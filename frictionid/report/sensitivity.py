@@ -153,7 +153,7 @@ def write_outcome(
 
     replace : write also over files that were changed since
     """
-    texts = {"trials.csv": trials(studies).to_csv(index=False, float_format="%.9g")}
+    texts = {"trials.csv": trials_of(studies).to_csv(index=False, float_format="%.9g")}
     datasets = []
     by_dataset: dict[str, list[Study]] = {}
     for study in studies:
@@ -171,7 +171,7 @@ def write_outcome(
     return folder / "summary.md"
 
 
-def trials(studies: Sequence[Study]) -> pd.DataFrame:
+def trials_of(studies: Sequence[Study]) -> pd.DataFrame:
     """All trials, one in a line: study, number, score on the inner folds, settings."""
     lines = [
         {

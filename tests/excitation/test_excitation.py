@@ -40,7 +40,12 @@ from frictionid.fitting.one_step.residual import integral_problem, mask_stiction
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
-from frictionid.report.experiment_design import command_csv, described, design_figure
+from frictionid.report.experiment_design import (
+    command_frame,
+    csv_of,
+    described,
+    design_figure,
+)
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve, Stribeck
 from frictionid.simulate.integrate import TrueSystem, integrate_motion
@@ -353,10 +358,10 @@ def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal():
     space = SignalSpace(on_pendulum(length=1.5))
     once, again = (design_signals(space, search) for _ in range(2))
     assert np.all(np.diff(once.values) >= 0)
-    assert command_csv(once, 1) == command_csv(again, 1)
+    assert command_frame(once, 1).equals(command_frame(again, 1))
     assert described(once) == described(again)
     other = design_signals(space, replace(search, generations=0, seed=6))
-    assert command_csv(once, 0) != command_csv(other, 0)
+    assert not command_frame(once, 0).equals(command_frame(other, 0))
 
 
 @pytest.mark.parametrize("family", ["multisine", "chirp"])
@@ -372,7 +377,7 @@ def test_only_the_families_asked_for_are_used(family):
 
 def test_the_table_can_be_played_and_the_picture_is_one():
     design = on_acrobot()
-    header, *rows = command_csv(design, 0).splitlines()
+    header, *rows = csv_of(command_frame(design, 0)).splitlines()
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
     assert header == "time,u2"
     assert np.allclose(table[:, 0], design.experiment.commands)
