@@ -73,9 +73,8 @@ def run_in_folder(
     return results
 
 
-# What shows how far a comparison is: gets its folder and the names of its steps, and gives what is
-# called with each that is finished.
-Progress = Callable[[Path, Sequence[str]], AbstractContextManager[Callable[[str], None]]]
+# A context of what is called with each finished step.
+Count = AbstractContextManager[Callable[[str], None]]
 
 
 class _Opened(NamedTuple):
@@ -116,7 +115,7 @@ def run_suite(
     device: str | None = None,
     trust: bool = False,
     done: Callable[[str], None] = lambda _: None,
-    progress: Progress | None = None,
+    progress: Callable[[Sequence[str]], Count] | None = None,
 ) -> Comparison:
     """Run a suite, and write its result folder: tables, pictures, models, and a page.
 
@@ -143,7 +142,7 @@ def run_suite(
     done : function
         Called with the name of each task that is finished.
     progress : function, optional
-        In its place: gets result folder and names of all tasks, gives a context of such a function.
+        In its place: gets the names of all tasks, and gives a context of such a function.
 
     Raises
     ------
@@ -153,7 +152,7 @@ def run_suite(
     table, path, folder, tables = open_suite(suite, data, out)
     tasks = tasks_of(table, path, tables, device, trust=trust)
     names = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
-    with nullcontext(done) if progress is None else progress(folder, [*names.values()]) as report:
+    with nullcontext(done) if progress is None else progress([*names.values()]) as report:
         places = (folder / UNFINISHED / "tasks", folder / "tasks") if resume else ()
         prepared = prepare_benchmarks(tasks, jobs, places)
         protocol = tasks[0].benchmark.protocol
@@ -223,7 +222,7 @@ def tune(
     replace: bool = False,
     trust: bool = False,
     done: Callable[[str], None] = lambda _: None,
-    progress: Callable[[Path, int], AbstractContextManager[Callable[[str], None]]] | None = None,
+    progress: Callable[[int], Count] | None = None,
 ) -> Tuned:
     """Search settings of a suite's identifiers, nested in the training folds.
 
@@ -247,7 +246,7 @@ def tune(
     done : function, optional
         Called with each finished trial.
     progress : function, optional
-        In its place: gets result folder and number of trials, gives a context of such a function.
+        In its place: gets the number of trials, and gives a context of such a function.
 
     Raises
     ------
@@ -266,7 +265,7 @@ def tune(
     tasks = tuning_tasks(table, path, tables, trust=trust)
     total = tuning.trials * len(study_specs(tasks, tuning))
     with (
-        nullcontext(done) if progress is None else progress(folder, total) as report,
+        nullcontext(done) if progress is None else progress(total) as report,
         lock(folder, ["journal.log"], "tuning"),
     ):
         check_unchanged(folder, replace=replace)

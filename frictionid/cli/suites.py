@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,7 +45,7 @@ def compare(
     """Compare friction models on identical folds, and report which one the evidence supports."""
     from joblib import cpu_count
 
-    from frictionid.api.suites import run_suite
+    from frictionid.api.suites import open_suite, run_suite
     from frictionid.cli.progress import interruptible, running
     from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
@@ -55,26 +54,22 @@ def compare(
     if dask and jobs:
         raise InputError("--jobs is for this computer, --dask for a cluster: give one of them")
 
-    @contextmanager
-    def progress(folder: Path, steps: Sequence[str]) -> Iterator[Callable[[str], None]]:
-        with (
-            interruptible(f"what is done stays in {folder}: finish it with --resume"),
-            running(steps, f"comparing ({suite.stem})", jobs or cpu_count()) as count,
-        ):
-            yield count
-
-    results = run_suite(
-        suite,
-        data=data,
-        out=out,
-        jobs=jobs,
-        dask=dask,
-        resume=resume,
-        replace=replace,
-        device=device.value if device else None,
-        trust=trust,
-        progress=progress,
-    ).results
+    opened = open_suite(suite, data, out)
+    with interruptible(f"what is done stays in {opened.folder}: finish it with --resume"):
+        results = run_suite(
+            suite,
+            data=data,
+            out=out,
+            jobs=jobs,
+            dask=dask,
+            resume=resume,
+            replace=replace,
+            device=device.value if device else None,
+            trust=trust,
+            progress=partial(
+                running, title=f"comparing ({opened.suite.name})", jobs=jobs or cpu_count()
+            ),
+        ).results
     print(results_json(results)) if json else show(results)
     _say_what_stays(results.folder, results.provenance["tasks"])
     exit_unless_met(results, require)
@@ -120,9 +115,6 @@ def sensitivity(
     from frictionid.report.sensitivity import sensitivity_table, studies
     from frictionid.report.terminal import show_table
 
-    def bar(total: int) -> AbstractContextManager[Callable[[str], None]]:
-        return counted(total, "sensitivity")
-
     with interruptible("finished fits are kept: run the same command again"):
         frame, page = sensitivity_of_suite(
             suite,
@@ -133,7 +125,7 @@ def sensitivity(
             jobs=jobs,
             replace=replace,
             trust=trust,
-            progress=bar,
+            progress=partial(counted, title="sensitivity"),
         )
     if json:
         rows = summarised(frame).to_dict(orient="records")
@@ -160,29 +152,24 @@ def tune(
     trust: Trust = False,
 ) -> None:
     """Search settings of a suite's identifiers, and write those chosen as a suite."""
+    from frictionid.api.suites import open_suite
     from frictionid.api.suites import tune as tune_suite
     from frictionid.cli.progress import counted, interruptible
     from frictionid.report.sensitivity import outcome_json
 
-    @contextmanager
-    def progress(folder: Path, total: int) -> Iterator[Callable[[str], None]]:
-        with (
-            interruptible(f"what is done stays in {folder}: finish it with --resume"),
-            counted(total, f"tuning ({suite.stem})") as done,
-        ):
-            yield done
-
-    tuned = tune_suite(
-        suite,
-        data=data,
-        out=out,
-        trials=trials,
-        jobs=jobs,
-        resume=resume,
-        replace=replace,
-        trust=trust,
-        progress=progress,
-    )
+    opened = open_suite(suite, data, out, "-tune")
+    with interruptible(f"what is done stays in {opened.folder}: finish it with --resume"):
+        tuned = tune_suite(
+            suite,
+            data=data,
+            out=out,
+            trials=trials,
+            jobs=jobs,
+            resume=resume,
+            replace=replace,
+            trust=trust,
+            progress=partial(counted, title=f"tuning ({opened.suite.name})"),
+        )
     if json:
         print(outcome_json(tuned.studies, tuned.page), end="")
         return
