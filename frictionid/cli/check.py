@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from frictionid.cli.options import DataFolder, DatasetPath, Json, Replace, Tables, Trust
+from frictionid.cli.options import DatasetPath, PresentOrNone
 
 
 def check(
     dataset: DatasetPath,
-    data: Tables = None,
-    published: Annotated[
-        Path | None, typer.Option(help="Model file to compare with the data.")
-    ] = None,
-    json: Json = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    data: Path | None = None,
+    published: Path | None = None,
+    json: bool = False,
+    out: Path | None = None,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Report errors in recordings, what the recordings identify, and what to record next.
 
@@ -27,6 +25,11 @@ def check(
     failed. Of each motor's torque it says whether it is measured, commanded or modelled.
 
     The exit status is 0 where the data are good, 1 doubtful, 2 unusable as they stand.
+
+    Parameters
+    ----------
+    published : Model file to compare with the data.
+    out : Folder for pictures.
     """
     from frictionid.api.check import check as check_data
     from frictionid.check import LEVELS
@@ -55,17 +58,20 @@ def check(
 
 def quick(
     dataset: DatasetPath,
-    figure: Annotated[
-        Path | None, typer.Option(help="Picture to write (PNG) [quick-<name>.png].")
-    ] = None,
-    data: DataFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    figure: Path | None = None,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Check a data set, compare three friction laws on held-out motion, and say which one holds.
 
     The exit status is 2 where the data are unusable, else 0.
+
+    Parameters
+    ----------
+    figure : Picture to write (PNG) [quick-<name>.png].
     """
     from frictionid.api.check import quick as first_verdict
     from frictionid.cli.progress import running

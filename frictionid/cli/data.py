@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from frictionid.cli.options import Json
+from frictionid.cli.options import add_command
 
 data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 
 
-@data.command("list")
-def list_(json: Json = False) -> None:
+def list_(*, json: bool = False) -> None:
     """Say which public recordings there are, their licences and what of them is here."""
     import json as texts
 
@@ -44,14 +43,18 @@ def list_(json: Json = False) -> None:
             print(f"  {key:<16} {fact[key]}")
 
 
-@data.command()
 def get(
-    name: Annotated[str, typer.Argument(help="Name of the collection, see: frictionid data list.")],
-    from_: Annotated[
-        Path | None, typer.Option("--from", help="Folder that has the files, instead of a network.")
-    ] = None,
+    name: str,
+    *,
+    from_: Path | None = None,
 ) -> None:
-    """Put the files of a public collection into its folder, each checked by its hash."""
+    """Put the files of a public collection into its folder, each checked by its hash.
+
+    Parameters
+    ----------
+    name : Name of the collection, see: frictionid data list.
+    from_ : Folder that has the files, instead of a network.
+    """
     from frictionid.data.readers.public_collections import (
         cached,
         collection_named,
@@ -76,3 +79,7 @@ def _hashes(hashed: Any, total: Any) -> str:
     if hashed == total:
         return "of all originals known"
     return f"of {hashed} of {total} originals known: the others are taken as they are"
+
+
+add_command(data, list_, "list")
+add_command(data, get)

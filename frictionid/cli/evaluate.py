@@ -3,46 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from frictionid.cli.options import (
-    DataFolder,
     DatasetPath,
-    Json,
-    Laws,
-    ModelPath,
     ModelsAndDataset,
-    Replace,
-    SampleTime,
-    Tables,
-    Trust,
+    PresentOrNone,
+    PresentPath,
     numbers,
 )
 
 
 def evaluate(
     files: ModelsAndDataset,
-    out: Annotated[Path | None, typer.Option(help="Table of scores to write (CSV).")] = None,
-    horizons: Annotated[
-        str, typer.Option(help="Rollout horizons in seconds, with commas.")
-    ] = "0.1,0.25,0.5,1.0",
-    data: Tables = None,
-    sample_time: SampleTime = None,
-    law: Laws = None,
-    whole: Annotated[
-        bool, typer.Option(help="Also simulate whole recordings from their start.")
-    ] = False,
-    initial_states: Annotated[
-        str,
-        typer.Option(help="Estimator of the states that rollouts start from: filter, or model."),
-    ] = "filter",
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    out: Path | None = None,
+    horizons: str = "0.1,0.25,0.5,1.0",
+    data: Path | None = None,
+    sample_time: float | None = None,
+    law: list[str] | None = None,
+    whole: bool = False,
+    initial_states: str = "filter",
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
-    """Score fitted models on all recordings of a data set, one step ahead and over seconds."""
+    """Score fitted models on all recordings of a data set, one step ahead and over seconds.
+
+    Parameters
+    ----------
+    out : Table of scores to write (CSV).
+    horizons : Rollout horizons in seconds, with commas.
+    whole : Also simulate whole recordings from their start.
+    initial_states : Estimator of the states that rollouts start from: filter, or model.
+    """
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
     from frictionid.cli.progress import counted
     from frictionid.comparison.registry import friction_of
@@ -91,23 +84,28 @@ _STATES = {
 
 
 def predict(
-    model: ModelPath,
+    model: PresentPath,
     dataset: DatasetPath,
-    out: Annotated[Path, typer.Option(help="Table to write (CSV or Parquet).")],
-    horizon: Annotated[float, typer.Option(help="How far ahead [s].")] = 1.0,
-    every: Annotated[
-        float | None, typer.Option(help="Time between two starts [s]; the horizon.")
-    ] = None,
-    whole: Annotated[
-        bool, typer.Option("--whole", help="Whole recordings from their start instead.")
-    ] = False,
-    law: Laws = None,
-    data: DataFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    out: Path,
+    horizon: float = 1.0,
+    every: float | None = None,
+    whole: bool = False,
+    law: list[str] | None = None,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
-    """Write the motion that a model predicts beside the measured one, in SI units."""
+    """Write the motion that a model predicts beside the measured one, in SI units.
+
+    Parameters
+    ----------
+    out : Table to write (CSV or Parquet).
+    horizon : How far ahead [s].
+    every : Time between two starts [s]; the horizon.
+    whole : Whole recordings from their start instead.
+    """
     from frictionid.api.evaluate import predict as predicted
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset

@@ -9,21 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from frictionid.cli.options import (
-    Bias,
-    Consistent,
     DatasetPath,
-    Equal,
-    Fixed,
-    Free,
-    Iterations,
-    Json,
-    KnownCalibration,
-    Replace,
-    SampleTime,
-    Settings,
-    Tables,
-    Trust,
-    Windows,
     numbers,
     settings,
 )
@@ -37,38 +23,50 @@ if TYPE_CHECKING:
 
 def fit(
     dataset: DatasetPath,
-    identifier: Annotated[str, typer.Option(help="Kind of identifier, e.g. stribeck.")],
-    out: Annotated[Path, typer.Option(help="Model file to write.")],
-    set_: Settings = None,
-    recipe: Annotated[
-        str | None, typer.Option(help="One-step recipe: integral, study or calibrated.")
-    ] = None,
-    data: Tables = None,
-    sample_time: SampleTime = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the fit.")] = 0,
-    by: Annotated[
-        str | None,
-        typer.Option(
-            help="shooting; inverse_dynamics, on torques; or one_step, fast, which takes masses, "
-            "gains and clocks as given [shooting, or of arms inverse_dynamics]."
-        ),
-    ] = None,
-    free: Free = "",
-    fixed: Fixed = None,
-    windows: Windows = None,
-    iterations: Iterations = None,
-    consistent: Consistent = False,
-    calibration: KnownCalibration = None,
-    equal: Equal = None,
-    bias: Bias = False,
-    figure: Annotated[
-        Path | None, typer.Option(help="Picture of friction over velocity to write (PNG).")
-    ] = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    identifier: str,
+    out: Path,
+    set_: list[str] | None = None,
+    recipe: str | None = None,
+    data: Path | None = None,
+    sample_time: float | None = None,
+    seed: int = 0,
+    by: str | None = None,
+    free: str = "",
+    fixed: list[str] | None = None,
+    windows: str | None = None,
+    iterations: Annotated[int | None, typer.Option(min=1)] = None,
+    consistent: bool = False,
+    calibration: Path | None = None,
+    equal: list[str] | None = None,
+    bias: bool = False,
+    figure: Path | None = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
-    """Fit friction to all recordings of a data set."""
+    """Fit friction to all recordings of a data set.
+
+    Parameters
+    ----------
+    identifier : Kind of identifier, e.g. stribeck.
+    out : Model file to write.
+    set_ : A setting, e.g. symmetric=false or bounds.viscous=[0,1].
+    recipe : One-step recipe: integral, study or calibrated.
+    seed : Seed of the fit.
+    by : shooting; inverse_dynamics, on torques; or one_step, fast, which takes masses, gains and
+        clocks as given [shooting, or of arms inverse_dynamics].
+    free : Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash
+        [friction, and of inertia, delay and bias what the data tell].
+    fixed : A parameter that is not free, e.g. inertia.gravity_2; repeatable.
+    windows : Lengths of the windows of shooting [s], e.g. 0.1,0.3.
+    iterations : Iterations of shooting at most.
+    consistent : Inverse dynamics: inertias that bodies can have.
+    calibration : Model file whose base parameters, delay, gain, bias, offset, and what it says of
+        servos, are held; blocks named by --free have its standard errors as priors.
+    bias : Intervals hold the bias of smoothed states, too; takes seconds.
+    figure : Picture of friction over velocity to write (PNG).
+    """
     from frictionid.api.fit import fit as fit_data
     from frictionid.api.models import identifier_of
     from frictionid.cli.progress import heard

@@ -4,48 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from frictionid.cli.options import Json, numbers, present
+from frictionid.cli.options import ModelPaths, numbers
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
 
-EACH = "one, or one per joint with commas"
-NAMES = "with commas, one per joint; guessed where none is given"
-
-
-def _all_present(paths: list[Path]) -> list[Path]:
-    return [path for path in paths if present(path)]
-
 
 def init(
-    tables: Annotated[
-        list[Path],
-        typer.Argument(help="Tables of recordings, or their folder.", callback=_all_present),
-    ],
-    mechanism: Annotated[
-        str, typer.Option(help="Kind, see: frictionid mechanisms; or a URDF, MJCF, or its folder.")
-    ] = "",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="A parameter or option of it, e.g. mass=0.3; repeatable."),
-    ] = None,
-    kt: Annotated[str, typer.Option(help=f"Torque constant of the motors [N m/A], {EACH}.")] = "",
-    gear: Annotated[str, typer.Option(help=f"Turns of the motor per joint's, {EACH}.")] = "",
-    gains: Annotated[
-        str, typer.Option(help="P,D of a controller that follows targets [N m/rad, N m s/rad].")
-    ] = "",
-    time: Annotated[str, typer.Option(help="Column of the time.")] = "",
-    angle: Annotated[str, typer.Option(help=f"Columns of the angles, {NAMES}.")] = "",
-    torque: Annotated[str, typer.Option(help=f"Columns of torques or currents, {NAMES}.")] = "",
-    json: Json = False,
+    tables: ModelPaths,
+    *,
+    mechanism: str = "",
+    set_: list[str] | None = None,
+    kt: str = "",
+    gear: str = "",
+    gains: str = "",
+    time: str = "",
+    angle: str = "",
+    torque: str = "",
+    json: bool = False,
 ) -> None:
     """Guess what the columns of tables are, and write dataset.toml and a first suite.toml.
 
     What is not given is asked for in a terminal. Files that are there are never overwritten.
+
+    Parameters
+    ----------
+    tables : Tables of recordings, or their folder.
+    mechanism : Kind, see: frictionid mechanisms; or a URDF, MJCF, or its folder.
+    set_ : A parameter or option of it, e.g. mass=0.3; repeatable.
+    kt : Torque constant of the motors [N m/A], one, or one per joint with commas.
+    gear : Turns of the motor per joint's, one, or one per joint with commas.
+    gains : P,D of a controller that follows targets [N m/rad, N m s/rad].
+    time : Column of the time.
+    angle : Columns of the angles, with commas, one per joint; guessed where none is given.
+    torque : Columns of torques or currents, with commas, one per joint; guessed where none is
+        given.
     """
     from frictionid.cli.options import setting
     from frictionid.outputs import check_outputs
@@ -77,6 +74,8 @@ def init(
 def _check_free(files: Sequence[Path], left: bytes | None = None) -> None:
     """What somebody has written is never overwritten here, so that there is no --replace.
 
+    Parameters
+    ----------
     left : what an interrupted call leaves, which may stay
     """
     import os

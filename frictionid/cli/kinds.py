@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated
-
-import typer
-
-from frictionid.cli.options import Json
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from frictionid.comparison.kind_descriptions import KindDescription
-
-
-KindName = Annotated[str, typer.Argument(help="Show all of this one.", show_default=False)]
 
 
 def list_kinds(
@@ -35,22 +28,37 @@ def list_kinds(
         show_kinds(chosen, f"All of one: frictionid {command} NAME")
 
 
-def laws(name: KindName = "", json: Json = False) -> None:
-    """List the friction laws of model files, with their equations, parameters and units."""
+def laws(name: str = "", *, json: bool = False) -> None:
+    """List the friction laws of model files, with their equations, parameters and units.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
     from frictionid.comparison import kind_descriptions
 
     list_kinds(kind_descriptions.laws, name, json, "laws")
 
 
-def identifiers(name: KindName = "", json: Json = False) -> None:
-    """List what --identifier of fit and [[identifiers]] of a suite can name, with settings."""
+def identifiers(name: str = "", *, json: bool = False) -> None:
+    """List what --identifier of fit and [[identifiers]] of a suite can name, with settings.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
     from frictionid.comparison import kind_descriptions
 
     list_kinds(kind_descriptions.identifiers, name, json, "identifiers")
 
 
-def mechanisms(name: KindName = "", json: Json = False) -> None:
-    """List the mechanisms that [mechanism] of a data set can name, with parameters and units."""
+def mechanisms(name: str = "", *, json: bool = False) -> None:
+    """List the mechanisms that [mechanism] of a data set can name, with parameters and units.
+
+    Parameters
+    ----------
+    name : Show all of this one.
+    """
     from frictionid.comparison import kind_descriptions
 
     list_kinds(kind_descriptions.mechanisms, name, json, "mechanisms")

@@ -5,100 +5,63 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable
-from copy import copy
 from inspect import Parameter
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+from typer.models import ParameterInfo
 
-Bias = Annotated[
-    bool,
-    typer.Option("--bias", help="Intervals hold the bias of smoothed states, too; takes seconds."),
-]
-Trust = Annotated[
-    bool,
-    typer.Option("--trust", help="Run code that a suite or data set names by its module."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print all numbers as JSON.")]
-Replace = Annotated[
-    bool, typer.Option("--replace", help="Write over files that exist (never over what is read).")
-]
-Only = Annotated[
-    list[str] | None, typer.Option(help="Name of a recording to take; repeatable [all].")
-]
-Require = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--require",
-        help="Exit with 1 unless the verdict on every data set is this: recommended, "
-        "simple_enough, undecided, or QUESTION=ANSWER as in verdict.json; repeatable.",
-    ),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="A setting, e.g. symmetric=false or bounds.viscous=[0,1]."),
-]
-Free = Annotated[
-    str,
-    typer.Option(
-        help="Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash "
-        "[friction, and of inertia, delay and bias what the data tell]."
-    ),
-]
-KnownCalibration = Annotated[
-    Path | None,
-    typer.Option(
-        help="Model file whose base parameters, delay, gain, bias, offset, and what it says of "
-        "servos, are held; blocks named by --free have its standard errors as priors."
-    ),
-]
-Equal = Annotated[
-    list[str] | None,
-    typer.Option(help="Joints with the same friction, e.g. hip_left,hip_right; repeatable."),
-]
-Fixed = Annotated[
-    list[str] | None,
-    typer.Option(help="A parameter that is not free, e.g. inertia.gravity_2; repeatable."),
-]
-Windows = Annotated[
-    str | None, typer.Option(help="Lengths of the windows of shooting [s], e.g. 0.1,0.3.")
-]
-Iterations = Annotated[int | None, typer.Option(min=1, help="Iterations of shooting at most.")]
-Laws = Annotated[
-    list[str] | None,
-    typer.Option("--law", help="Class of a law that is not built in, module:Class; repeatable."),
-]
-SampleTime = Annotated[float | None, typer.Option(help="Use samples at least this far apart [s].")]
-Tables = Annotated[Path | None, typer.Option("--data", help="Folder with the tables.")]
-SuiteTables = Annotated[
-    Path | None,
-    typer.Option("--data", help="Folder with the tables of the suite's one data set."),
-]
-Consistent = Annotated[
-    bool, typer.Option("--consistent", help="Inverse dynamics: inertias that bodies can have.")
-]
+# Of commands that do not say themselves what such an option does.
+COMMON = """
+data : Folder with the tables.
+dataset : Folder with dataset.toml, that file, or a name, e.g. acrobot_clean.
+equal : Joints with the same friction, e.g. hip_left,hip_right; repeatable.
+files : MODEL.json ... DATASET
+folder : Result folder of a comparison.
+json : Print all numbers as JSON.
+law : Class of a law that is not built in, module:Class; repeatable.
+model : Model file, or machine:NAME.
+models : MODEL.json MODEL.json ...
+only : Name of a recording to take; repeatable [all].
+other : A second one, to say what changed.
+replace : Write over files that exist (never over what is read).
+require : Exit with 1 unless the verdict on every data set is this: recommended, simple_enough,
+    undecided, or QUESTION=ANSWER as in verdict.json; repeatable.
+sample_time : Use samples at least this far apart [s].
+suite : Suite file, or the name of one, e.g. acrobot.
+trust : Run code that a suite or data set names by its module.
+"""
 
 
-def add_command(app: typer.Typer, command: Callable[..., None]) -> None:
-    """Add a command: positional parameters are arguments, keyword-only ones options.
+def add_command(app: typer.Typer, command: Callable[..., None], name: str | None = None) -> None:
+    """Add a command, under another name than its function's where one is given.
 
-    The help of each stands in the section Parameters of the docstring, unless its type brings one;
-    truths are flags that turn something on.
+    Positional parameters are arguments, keyword-only ones options. What they do stands in the
+    section Parameters of the docstring, or else above. Integers are not negative. A function that a
+    type names, as Annotated[Path, present], checks the value.
     """
     summary, _, section = (inspect.getdoc(command) or "").partition("\n\nParameters\n----------\n")
-    texts = dict(re.findall(r"^(\w+) : (.*(?:\n +.*)*)", section, re.MULTILINE))
+    texts = dict(re.findall(r"^(\w+) : (.*(?:\n +.*)*)", COMMON + section, re.MULTILINE))
     hints = get_type_hints(command, include_extras=True)
-    for name, parameter in inspect.signature(command).parameters.items():
-        hint = hints[name]
-        kind, *infos = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-        flag = [f"--{name.replace('_', '-')}"] if kind is bool else []
-        is_option = parameter.kind is Parameter.KEYWORD_ONLY
-        info = copy(infos[0]) if infos else typer.Option(*flag) if is_option else typer.Argument()
-        if name in texts:
-            info.help = " ".join(texts[name].split())
-        command.__annotations__[name] = Annotated[kind, info]
-    app.command(help=summary)(command)
+    for key, parameter in inspect.signature(command).parameters.items():
+        text = " ".join(texts.get(key, "").split())
+        command.__annotations__[key] = _described(hints[key], parameter, text)
+    app.command(name, help=summary)(command)
+
+
+def _described(hint: Any, parameter: Parameter, text: str) -> Any:
+    """The type of a parameter with what the command line makes of it."""
+    kind, note = get_args(hint) if get_origin(hint) is Annotated else (hint, None)
+    if isinstance(note, ParameterInfo):
+        note.help = note.help or text
+    elif parameter.kind is Parameter.KEYWORD_ONLY:
+        option = f"--{parameter.name.rstrip('_').replace('_', '-')}"
+        least = 0 if kind in (int, int | None) else None
+        note = typer.Option(option, help=text, min=least, callback=note)
+    else:
+        note = typer.Argument(help=text, callback=note)
+    return Annotated[kind, note]
 
 
 def numbers(option: str, text: str, rule: str, count: int | None = None) -> list[float]:
@@ -163,6 +126,8 @@ def setting(text: str) -> tuple[str, Any]:
     >>> setting("symmetric=false"), setting("shape = arctan"), setting("mass=.4")
     (('symmetric', False), ('shape', ' arctan'), ('mass', 0.4))
     """
+    import re
+
     from frictionid.config import parse_toml
     from frictionid.errors import InputError
 
@@ -225,30 +190,11 @@ def _models(paths: list[Path]) -> list[Path]:
     return paths
 
 
-DatasetPath = Annotated[
-    Path,
-    typer.Argument(
-        help="Folder with dataset.toml, that file, or a name, e.g. acrobot_clean.",
-        callback=_dataset,
-    ),
-]
-SuitePath = Annotated[
-    Path, typer.Argument(help="Suite file, or the name of one, e.g. acrobot.", callback=_suite)
-]
-ResultFolder = Annotated[
-    Path, typer.Argument(help="Result folder of a comparison.", callback=_results)
-]
-OtherFolder = Annotated[
-    Path | None,
-    typer.Argument(help="A second one, to say what changed.", callback=_other_results),
-]
-ModelPath = Annotated[Path, typer.Argument(help="Model file, or machine:NAME.", callback=present)]
-ModelPaths = Annotated[
-    list[Path], typer.Argument(help="MODEL.json MODEL.json ...", callback=_models)
-]
-ModelsAndDataset = Annotated[
-    list[Path], typer.Argument(help="MODEL.json ... DATASET", callback=_models_and_dataset)
-]
-DataFolder = Annotated[
-    Path | None, typer.Option("--data", help="Folder with the tables.", callback=present)
-]
+DatasetPath = Annotated[Path, _dataset]
+SuitePath = Annotated[Path, _suite]
+ResultFolder = Annotated[Path, _results]
+OtherFolder = Annotated[Path | None, _other_results]
+PresentPath = Annotated[Path, present]
+ModelPaths = Annotated[list[Path], _models]
+ModelsAndDataset = Annotated[list[Path], _models_and_dataset]
+PresentOrNone = Annotated[Path | None, present]

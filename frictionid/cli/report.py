@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from frictionid.cli.options import Json, OtherFolder, Replace, Require, ResultFolder
+from frictionid.cli.options import OtherFolder, ResultFolder
 from frictionid.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 def report(
     folder: ResultFolder,
     other: OtherFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    require: Require = None,
+    *,
+    json: bool = False,
+    replace: bool = False,
+    require: list[str] | None = None,
 ) -> None:
     """Rebuild page, tables and figures of a result folder, or say what changed to another one.
 

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from frictionid.cli.options import Json, Replace, present
+from frictionid.cli.options import PresentPath
 
 
 def simulate(
-    rig: Annotated[Path, typer.Argument(callback=present)],
+    rig: PresentPath,
     *,
     out: Path,
-    seed: Annotated[int | None, typer.Option(min=0)] = None,
+    seed: int | None = None,
     noise_free: bool = False,
-    json: Json = False,
-    replace: Replace = False,
+    json: bool = False,
+    replace: bool = False,
 ) -> None:
     """Simulate recordings of a rig with known friction.
 

@@ -3,63 +3,58 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from frictionid.cli.options import Json, Replace, numbers, present
+from frictionid.cli.options import PresentPath, numbers
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"
-MechanismFile = Annotated[
-    Path, typer.Option(help="Any TOML file with a [mechanism] table.", callback=present)
-]
-
-Trajectory = Annotated[
-    bool,
-    typer.Option(
-        "--trajectory",
-        help="Design positions for a controller to follow (Fourier series), as for an arm.",
-    ),
-]
-Effort = Annotated[int, typer.Option(help="Number of random signals that the search starts from.")]
-Robust = Annotated[
-    bool, typer.Option("--robust", help="Design also for half and twice the prior friction.")
-]
-Noise = Annotated[float, typer.Option(help="Angle noise, standard deviation [deg], or [mm].")]
-Recordings = Annotated[
-    int, typer.Option(help="Number of recordings; several are written to OUT_1.csv ...")
-]
-Prior = Annotated[
-    str, typer.Option(help='Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].')
-]
-LimitsText = Annotated[
-    str, typer.Option(help='E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.')
-]
 
 
 def suggest(
-    mechanism: MechanismFile,
-    limits: LimitsText,
-    out: Annotated[Path, typer.Option(help="Torque table to write (CSV).")],
-    friction: Prior = "",
-    recordings: Recordings = 4,
-    length: Annotated[float, typer.Option(help="Length of each [s].")] = 5.0,
-    families: Annotated[str, typer.Option(help="Wave forms.")] = "multisine,chirp",
-    frequencies: Annotated[str, typer.Option(help="Lowest and highest [Hz].")] = "0.2,4",
-    start: Annotated[str, typer.Option(help="Start angles, e.g. 0,0 [searched].")] = "",
-    drive_rate: Annotated[float, typer.Option(help="Commands per second [Hz].")] = 60.0,
-    camera_rate: Annotated[float, typer.Option(help="Images per second [Hz].")] = 60.0,
-    noise: Noise = 0.1,
-    robust: Robust = False,
-    effort: Effort = 600,
-    trajectory: Trajectory = False,
-    figure: Annotated[Path | None, typer.Option(help="Picture to write (PNG).")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
-    json: Json = False,
-    replace: Replace = False,
+    *,
+    mechanism: PresentPath,
+    limits: str,
+    out: Path,
+    friction: str = "",
+    recordings: int = 4,
+    length: float = 5.0,
+    families: str = "multisine,chirp",
+    frequencies: str = "0.2,4",
+    start: str = "",
+    drive_rate: float = 60.0,
+    camera_rate: float = 60.0,
+    noise: float = 0.1,
+    robust: bool = False,
+    effort: int = 600,
+    trajectory: bool = False,
+    figure: Path | None = None,
+    seed: int = 0,
+    json: bool = False,
+    replace: bool = False,
 ) -> None:
-    """Suggest torque signals or trajectories, and say how well friction will be known from them."""
+    """Suggest torque signals or trajectories, and say how well friction will be known from them.
+
+    Parameters
+    ----------
+    mechanism : Any TOML file with a [mechanism] table.
+    limits : E.g. "torque=0.14,velocity=[10,20],angle=3.1"; SI units.
+    out : Torque table to write (CSV).
+    friction : Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].
+    recordings : Number of recordings; several are written to OUT_1.csv ...
+    length : Length of each [s].
+    families : Wave forms.
+    frequencies : Lowest and highest [Hz].
+    start : Start angles, e.g. 0,0 [searched].
+    drive_rate : Commands per second [Hz].
+    camera_rate : Images per second [Hz].
+    noise : Angle noise, standard deviation [deg], or [mm].
+    robust : Design also for half and twice the prior friction.
+    effort : Number of random signals that the search starts from.
+    trajectory : Design positions for a controller to follow (Fourier series), as for an arm.
+    figure : Picture to write (PNG).
+    seed : Seed of the search.
+    """
     from frictionid.api.suggest import stages
     from frictionid.api.suggest import suggest as suggested
     from frictionid.cli.progress import counted

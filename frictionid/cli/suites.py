@@ -2,47 +2,42 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from frictionid.cli.options import Json, Replace, Require, SuitePath, SuiteTables, Trust
+from frictionid.cli.options import SuitePath
 from frictionid.errors import InputError
-
-
-class Device(StrEnum):
-    """Where networks are trained."""
-
-    cpu = "cpu"
-    cuda = "cuda"
 
 
 def compare(
     suite: SuitePath,
-    data: SuiteTables = None,
-    out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>].")] = None,
-    jobs: Annotated[
-        int, typer.Option(min=0, help="Number of parallel tasks; 0: one per core.")
-    ] = 0,
-    dask: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Run the tasks on the cluster of a Dask scheduler."),
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep finished tasks.")] = False,
-    trust: Trust = False,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace results of another suite, or begin anew.")
-    ] = False,
-    device: Annotated[
-        Device | None, typer.Option(help="Where networks are trained, whatever the suite says.")
-    ] = None,
-    json: Json = False,
-    require: Require = None,
+    *,
+    data: Path | None = None,
+    out: Path | None = None,
+    jobs: int = 0,
+    dask: str | None = None,
+    resume: bool = False,
+    trust: bool = False,
+    replace: bool = False,
+    device: Literal["cpu", "cuda"] | None = None,
+    json: bool = False,
+    require: list[str] | None = None,
 ) -> None:
-    """Compare friction models on identical folds, and report which one the evidence supports."""
+    """Compare friction models on identical folds, and report which one the evidence supports.
+
+    Parameters
+    ----------
+    data : Folder with the tables of the suite's one data set.
+    out : Result folder [report/<suite>].
+    jobs : Number of parallel tasks; 0: one per core.
+    dask : Run the tasks on the cluster of the Dask scheduler at this address.
+    resume : Keep finished tasks.
+    replace : Replace results of another suite, or begin anew.
+    device : Where networks are trained, whatever the suite says.
+    """
     from joblib import cpu_count
 
     from frictionid.api.suites import open_suite, run_suite
@@ -64,7 +59,7 @@ def compare(
             dask=dask,
             resume=resume,
             replace=replace,
-            device=device.value if device else None,
+            device=device,
             trust=trust,
             progress=partial(
                 running, title=f"comparing ({opened.suite.name})", jobs=jobs or cpu_count()
@@ -87,26 +82,28 @@ def _say_what_stays(folder: Path, files: list[str]) -> None:
 
 def sensitivity(
     suite: SuitePath,
-    data: SuiteTables = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Result folder [report/<suite>-sensitivity].")
-    ] = None,
-    identifier: Annotated[
-        list[str] | None,
-        typer.Option(help="Identifier of the suite; repeatable [its first parametric law]."),
-    ] = None,
-    recipe: Annotated[
-        list[str] | None, typer.Option(help="Recipe of the suite; repeatable [all of them].")
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=0, help="Number of parallel fits; 0: one per core.")] = 0,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    data: Path | None = None,
+    out: Path | None = None,
+    identifier: list[str] | None = None,
+    recipe: list[str] | None = None,
+    jobs: int = 0,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Fit with one thing wrong at a time: parameters, delay, gain, tilt, noise, rate, recordings.
 
     Each variation is fitted and judged on held-out recordings; recipes that shoot come with base
     parameters held and free. Fits that are in the folder are kept.
+
+    Parameters
+    ----------
+    data : Folder with the tables of the suite's one data set.
+    out : Result folder [report/<suite>-sensitivity].
+    identifier : Identifier of the suite; repeatable [its first parametric law].
+    recipe : Recipe of the suite; repeatable [all of them].
+    jobs : Number of parallel fits; 0: one per core.
     """
     from frictionid.api.sensitivity import sensitivity_of_suite
     from frictionid.cli.progress import counted, interruptible
@@ -138,20 +135,26 @@ def sensitivity(
 
 def tune(
     suite: SuitePath,
-    data: SuiteTables = None,
-    out: Annotated[Path | None, typer.Option(help="Result folder [report/<suite>-tune].")] = None,
-    trials: Annotated[
-        int | None, typer.Option(min=1, help="Number of trials of each study [the suite's].")
-    ] = None,
-    jobs: Annotated[
-        int, typer.Option(min=0, help="Number of parallel trials; 0: one per core.")
-    ] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Keep finished trials.")] = False,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    *,
+    data: Path | None = None,
+    out: Path | None = None,
+    trials: Annotated[int | None, typer.Option(min=1)] = None,
+    jobs: int = 0,
+    resume: bool = False,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
-    """Search settings of a suite's identifiers, and write those chosen as a suite."""
+    """Search settings of a suite's identifiers, and write those chosen as a suite.
+
+    Parameters
+    ----------
+    data : Folder with the tables of the suite's one data set.
+    out : Result folder [report/<suite>-tune].
+    trials : Number of trials of each study [the suite's].
+    jobs : Number of parallel trials; 0: one per core.
+    resume : Keep finished trials.
+    """
     from frictionid.api.suites import open_suite
     from frictionid.api.suites import tune as tune_suite
     from frictionid.cli.progress import counted, interruptible

@@ -7,15 +7,10 @@ import typer
 
 import frictionid as fid
 from frictionid.cli.options import (
-    DataFolder,
     DatasetPath,
-    Equal,
-    Json,
-    ModelPath,
     ModelPaths,
-    Only,
-    Replace,
-    Trust,
+    PresentOrNone,
+    PresentPath,
     present,
 )
 from frictionid.cli.progress import heard, show
@@ -25,7 +20,7 @@ from .export import FORMATS
 
 
 def export(
-    model: ModelPath,
+    model: PresentPath,
     *,
     to: Annotated[str, typer.Option(help=f"Format: {', '.join(FORMATS)}; see docs/export.md.")],
     out: Path,
@@ -35,11 +30,11 @@ def export(
     precision: Literal["double", "float"] = "double",
     joints: str = "",
     temperature: float | None = None,
-    randomise: Annotated[int, typer.Option(min=0)] = 0,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    randomise: int = 0,
+    seed: int = 0,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Write a fitted friction in the format of a simulator, a controller or a drive.
 
@@ -68,7 +63,7 @@ def export(
 
 
 def compensate(
-    model: ModelPath,
+    model: PresentPath,
     *,
     out: Path,
     to: str = "csv",
@@ -76,8 +71,8 @@ def compensate(
     smooth: float = 0.05,
     limit: float | None = None,
     speed: list[float] | None = None,
-    json: Json = False,
-    replace: Replace = False,
+    json: bool = False,
+    replace: bool = False,
 ) -> None:
     """Write the torque that cancels friction along a reference, over the reference's velocity.
 
@@ -121,15 +116,15 @@ STATUS = {"unchanged": 0, "other": 0, "changed": 1, "cannot_tell": 3}
 def monitor(
     new: list[Path],
     *,
-    baseline: Annotated[Path, typer.Option(callback=present)],
+    baseline: PresentPath,
     rate: float = 0.01,
     state: Path | None = None,
     out: Path | None = None,
-    only: Only = None,
-    data: DataFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    only: list[str] | None = None,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Say whether friction, or something else, has changed, and by how much, at a stated rate.
 
@@ -157,12 +152,12 @@ def baseline(
     *,
     out: Path,
     law: str = "stribeck",
-    model: Annotated[Path | None, typer.Option(callback=present)] = None,
-    only: Only = None,
-    data: DataFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    model: PresentOrNone = None,
+    only: list[str] | None = None,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Record the friction of a healthy machine, for `frictionid monitor`.
 
@@ -195,11 +190,11 @@ def pool(
     *,
     out: Path,
     ranges: Path | None = None,
-    equal: Equal = None,
+    equal: list[str] | None = None,
     over: str | None = None,
     at: float | None = None,
-    json: Json = False,
-    replace: Replace = False,
+    json: bool = False,
+    replace: bool = False,
 ) -> None:
     """Pool fitted models of several specimens: means, spread, and ranges of another specimen.
 

@@ -6,15 +6,11 @@ from typing import Annotated, Literal
 import typer
 
 import frictionid as fid
-from frictionid.cli.options import DatasetPath, Json, Replace, present
+from frictionid.cli.options import DatasetPath, PresentPath
 from frictionid.cli.progress import counted, show
 from frictionid.errors import InputError
 
-Port = Annotated[str, typer.Option(help="Serial port, e.g. /dev/ttyUSB0.")]
-LogFile = Annotated[Path, typer.Option(help="Log to write (CSV).")]
-DriveRig = Annotated[Path, typer.Option(help="Settings with the tables [motor] and [protocol].")]
 Baud = Annotated[int | None, typer.Option(min=1, help="In place of [protocol] baud.")]
-Append = Annotated[bool, typer.Option("--append", help="Continue an existing log.")]
 RIG = Path("rig.toml")
 
 
@@ -27,8 +23,8 @@ def track(
     method: Literal["follow", "study"] = "follow",
     overlay: Path | None = None,
     sheet: Path | None = None,
-    json: Json = False,
-    replace: Replace = False,
+    json: bool = False,
+    replace: bool = False,
 ) -> None:
     """Track coloured dots in a video; write joint angles with their standard deviations.
 
@@ -100,7 +96,7 @@ def render(
     camera: Path,
     out: Path,
     only: list[str] | None = None,
-    replace: Replace = False,
+    replace: bool = False,
 ) -> None:
     """Render simulated recordings as videos of coloured dots.
 
@@ -136,8 +132,8 @@ def render(
 
 
 def align(
-    angles: Annotated[Path, typer.Argument(callback=present)],
-    torque: Annotated[Path, typer.Argument(callback=present)],
+    angles: PresentPath,
+    torque: PresentPath,
     *,
     out: Path,
     rig: Path = RIG,
@@ -146,7 +142,7 @@ def align(
     marker: str = "",
     offset: float | None = None,
     hold: str = "previous",
-    json: Json = False,
+    json: bool = False,
 ) -> None:
     """Estimate offset and drift between two clocks from the motion itself (docs/drive.md).
 
@@ -177,11 +173,11 @@ def align(
 
 def log(
     *,
-    port: Port,
-    out: LogFile,
-    rig: DriveRig = RIG,
+    port: str,
+    out: Path,
+    rig: Path = RIG,
     baud: Baud = None,
-    append: Append = False,
+    append: bool = False,
     seconds: Annotated[float | None, typer.Option(min=0)] = None,
     patience: Annotated[float | None, typer.Option(min=0)] = None,
 ) -> None:
@@ -189,6 +185,10 @@ def log(
 
     Parameters
     ----------
+    port : Serial port, e.g. /dev/ttyUSB0.
+    out : Log to write (CSV).
+    rig : Settings with the tables [motor] and [protocol].
+    append : Continue an existing log.
     seconds : Duration [s]; by default Ctrl-C ends it.
     patience : End when no line has come for so long [s].
     """
@@ -209,15 +209,15 @@ def log(
 
 def excite(
     *,
-    port: Port,
+    port: str,
     signal: Path,
-    out: LogFile,
-    rig: DriveRig = RIG,
+    out: Path,
+    rig: Path = RIG,
     baud: Baud = None,
     rate: float = 100.0,
     ramp: float = 0.3,
     silence: float = 0.25,
-    append: Append = False,
+    append: bool = False,
 ) -> None:
     """Play a torque signal to a drive and log what it reports; any key is an emergency stop.
 
@@ -225,10 +225,14 @@ def excite(
 
     Parameters
     ----------
+    port : Serial port, e.g. /dev/ttyUSB0.
     signal : Table: time [s], a torque per motor [N m].
+    out : Log to write (CSV).
+    rig : Settings with the tables [motor] and [protocol].
     rate : Commands per second [Hz].
     ramp : Time of the ramps up and down [s].
     silence : Ramp down when the drive is silent [s].
+    append : Continue an existing log.
     """
     from .log import ProgressLine, counts_text, open_logger, stop_requests
     from .playback import PlaySettings, keys, load_signal
@@ -264,7 +268,7 @@ def simulate_drive(
     *,
     port: Path,
     recording: str = "",
-    rig: DriveRig = RIG,
+    rig: Path = RIG,
     rate: float = 1000.0,
     speed: float = 1.0,
     offset: float = 0.0,
@@ -276,9 +280,9 @@ def simulate_drive(
     damaged: float = 0.0,
     unplugged: int = 0,
     restarts: int = 0,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: int = 0,
     sent: Path | None = None,
-    replace: Replace = False,
+    replace: bool = False,
 ) -> None:
     """Play the torque of a recording as a drive would report it, and obey commands.
 
@@ -287,6 +291,7 @@ def simulate_drive(
     dataset : Data set with the torque to play.
     port : Name of the port to make, e.g. /tmp/drive.
     recording : Recording to play [the first].
+    rig : Settings with the tables [motor] and [protocol].
     rate : Lines per second [Hz].
     speed : Times real time; inf: as fast as it is read.
     offset : Zero of its clock by the angles' clock [s].

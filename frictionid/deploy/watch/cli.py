@@ -6,14 +6,14 @@ from typing import Annotated, Any
 
 import typer
 
-from frictionid.cli.options import DataFolder, Json, Replace, Trust, present
+from frictionid.cli.options import PresentOrNone, PresentPath
 
 
 def watch(
-    model: Annotated[Path, typer.Argument(callback=present)],
+    model: PresentPath,
     dataset: Path,
     *,
-    follow: Annotated[Path | None, typer.Option(callback=present)] = None,
+    follow: PresentOrNone = None,
     port: str = "",
     baud: Annotated[int, typer.Option(min=1)] = 115200,
     header: str = "",
@@ -21,16 +21,15 @@ def watch(
     rate: float = 1.0,
     idle: Annotated[float | None, typer.Option(min=0.0)] = None,
     code: Path | None = None,
-    data: DataFolder = None,
-    json: Json = False,
-    replace: Replace = False,
-    trust: Trust = False,
+    data: PresentOrNone = None,
+    json: bool = False,
+    replace: bool = False,
+    trust: bool = False,
 ) -> None:
     """Say which torque acts from outside, and what friction is, while a machine runs.
 
     Parameters
     ----------
-    model : Model file.
     dataset : Data set of the machine: its columns, and recordings without contact.
     follow : Table that is being written (CSV).
     port : Serial port that sends such a table.
