@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import Verdict
-from frictionid.check.motion import Motion
 from frictionid.check.questions import answer_of
 from frictionid.check.regression import one_way
-from frictionid.data.recordings import Recording
 from frictionid.files import plain, write_bytes
 from frictionid.mechanics import Mechanism
 from frictionid.report.console import console, say
@@ -185,8 +183,7 @@ def _coverage(verdict: Verdict) -> Any:
             axes.scatter(q[which, j], w[which, j], s=size, color=colour, lw=0, rasterized=True)
         axes.axhline(0.0, color=style.PALE, linewidth=0.6, zorder=0)
         axes.set_title(f"joint {j + 1}: {100 * fact.at_rest:.0f} % of the time at rest", loc="left")
-        axes.set_xlabel(f"q{j + 1} [{units[j]}]")
-        axes.set_ylabel(f"w{j + 1} [{units[j]}/s]")
+        axes.set(xlabel=f"q{j + 1} [{units[j]}]", ylabel=f"w{j + 1} [{units[j]}/s]")
     style.key_above(
         picture,
         {"moving": style.marker(MOVING), "at rest, or too slow to tell": style.marker(RESTING)},
@@ -198,35 +195,28 @@ def _motion(verdict: Verdict) -> Any:
     """Angles, velocities and torques over time, of the recordings that move most."""
     measured, mechanism = verdict.regression.measured, _mechanism(verdict)
     slides = set(mechanism.position_units) == {"m"}
-    chosen, joints = _chosen(verdict), range(len(verdict.joints))
-    picture = style.figure(4.6)
-    rows = picture.subplots(3, len(chosen), sharex="col", sharey="row", squeeze=False)
-    for column, i in zip(rows.T, chosen, strict=True):
-        _over_time(column, measured.dataset.recordings[i], measured.motions[i], joints)
+    shown = [(measured.dataset.recordings[i], measured.motions[i].states) for i in _chosen(verdict)]
+    colours = {f"joint {j + 1}": style.COLOURS[j % 6] for j in range(len(verdict.joints))}
+
+    def draw(axis: Any, row: int, column: int) -> None:
+        recording, states = shown[column]
+        torque, start = recording.torque, states.time[0]
+        time = torque.time if row == 2 else states.time
+        held = "steps-post" if row == 2 and torque.hold == "previous" else "default"
+        for values, colour in zip(
+            (states.q, states.w, torque.value)[row].T, colours.values(), strict=True
+        ):
+            axis.plot(time - start, values, color=colour, linewidth=0.8, drawstyle=held)
+        axis.set_xlim(0.0, states.time[-1] - start)
+
     labels = (
         f"{'position' if slides else 'angle'} [{either(mechanism.position_units)}]",
         f"velocity [{either(mechanism.velocity_units)}]",
         f"{'force' if slides else 'torque'} [{either(mechanism.torque_units)}]",
     )
-    for axes, label in zip(rows[:, 0], labels, strict=True):
-        axes.set_ylabel(label)
-    style.key_above(picture, {f"joint {j + 1}": rows[0][0].lines[j] for j in joints})
-    return picture
-
-
-def _over_time(column: Any, recording: Recording, motion: Motion, joints: range) -> None:
-    states, torque = motion.states, recording.torque
-    start = states.time[0]
-    held = "steps-post" if torque.hold == "previous" else "default"
-    for j in joints:
-        colour = style.COLOURS[j % len(style.COLOURS)]
-        column[0].plot(states.time - start, states.q[:, j], color=colour, lw=1.0)
-        column[1].plot(states.time - start, states.w[:, j], color=colour, lw=1.0)
-        drawn = {"color": colour, "drawstyle": held, "lw": 0.7}
-        column[2].plot(torque.time - start, torque.value[:, j], **drawn)
-    column[0].set_title(style.plain(recording.name.rsplit("/", 1)[-1]), fontsize=7, loc="left")
-    column[2].set_xlabel("time [s]")
-    column[2].set_xlim(0.0, states.time[-1] - start)
+    titles = [style.plain(recording.name.rsplit("/", 1)[-1]) for recording, _ in shown]
+    key = {name: style.line(colour, linewidth=1.0) for name, colour in colours.items()}
+    return style.panels(draw, labels, titles, key, "time [s]", 1.35, sharex="col", sharey="row")
 
 
 def _chosen(verdict: Verdict) -> list[int]:

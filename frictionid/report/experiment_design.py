@@ -224,6 +224,7 @@ def design_figure(design: Design) -> Any:
     )
 
     def draw(axis: Any, row: int, recording: int) -> None:
+        axis.grid()
         name, _, time, values, limit = rows[row]
         for j, look in enumerate(looks.values()):
             held = name == "torque"
@@ -236,7 +237,7 @@ def design_figure(design: Design) -> Any:
 
     labels = [f"{name} [{either(units)}]" for name, units, *_ in rows]
     titles = [f"recording {r + 1}" for r in range(e.recordings)]
-    return _over_time(labels, titles, looks, draw)
+    return _over_time(draw, labels, titles, looks)
 
 
 def trajectory_figure(design: TrajectoryDesign) -> Any:
@@ -245,6 +246,7 @@ def trajectory_figure(design: TrajectoryDesign) -> Any:
     rows = (("position", "q", "angle"), ("velocity", "w", "velocity"), ("torque",) * 3)
 
     def draw(axis: Any, row: int, number: int) -> None:
+        axis.grid()
         _, name, limit = rows[row]
         values = getattr(design.trajectories[number], name) / getattr(task.limits, limit)
         for j, look in enumerate(looks.values()):
@@ -254,7 +256,7 @@ def trajectory_figure(design: TrajectoryDesign) -> Any:
         axis.set_yticks(np.linspace(-1.0, 1.0, 5))
 
     titles = [f"trajectory {number + 1}" for number in range(len(design.trajectories))]
-    return _over_time([f"{label} / limit" for label, *_ in rows], titles, looks, draw)
+    return _over_time(draw, [f"{label} / limit" for label, *_ in rows], titles, looks)
 
 
 def _looks(joints: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -271,22 +273,11 @@ def _looks(joints: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _over_time(
+    draw: Callable[[Any, int, int], None],
     labels: Sequence[str],
     titles: Sequence[str],
     looks: Mapping[str, Mapping[str, Any]],
-    draw: Callable[[Any, int, int], None],
 ) -> Any:
-    """A row for each quantity over time, a column for each recording, drawn one by one."""
-    shown = style.figure(6.5, 1.5 + 4.2 * len(titles))
-    axes = shown.subplots(len(labels), len(titles), sharex=True, sharey="row", squeeze=False)
-    for (row, column), axis in np.ndenumerate(axes):
-        draw(axis, row, column)
-        axis.grid(**style.GRID)
-    for axis, label in zip(axes[:, 0], labels, strict=True):
-        axis.set_ylabel(label)
-    for column, title in zip(axes.T, titles, strict=True):
-        column[0].set_title(title)
-        column[-1].set_xlabel("time [s]")
-    key = {name: style.line(look["color"], look["linestyle"]) for name, look in looks.items()}
-    style.key_above(shown, key)
-    return shown
+    key = {name: style.line(**look) for name, look in looks.items()}
+    size = 2.0, 1.5 + 4.2 * len(titles)
+    return style.panels(draw, labels, titles, key, "time [s]", *size, sharex=True, sharey="row")

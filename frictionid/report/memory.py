@@ -23,9 +23,9 @@ from frictionid.report.figures.style import (
     GREY,
     ZERO,
     Style,
-    figure,
-    key_above,
     mixed,
+    model_title,
+    panels,
     plain,
     side_by_side,
 )
@@ -126,28 +126,28 @@ def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, li
 def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:
     data = section.description
     rows = list(product(range(len(data.joints)), KINDS))
-    picture = figure(0.6 + 1.5 * len(rows))
-    axes = picture.subplots(len(rows), len(columns), squeeze=False, sharey="row", sharex="row")
-    for row, (joint, kind) in zip(axes, rows, strict=True):
-        tones: dict[str, None] = {}
-        for axis, model in zip(row, columns, strict=True):
-            loops = loops_of(model, joint, kind)
-            _panel(axis, loops, styles[model.label].colour)
-            _truth(axis, section, joint, kind)
-            tones |= dict.fromkeys(f"{loop.frequency:.3g}" for loop in loops)
+
+    def draw(axis: Any, row: int, column: int) -> None:
+        model, (joint, kind) = columns[column], rows[row]
+        _panel(axis, loops_of(model, joint, kind), styles[model.label].colour)
+        _truth(axis, section, joint, kind)
+        if row == 0:
+            model_title(axis, model, styles)
+
+    labels = []
+    for joint, kind in rows:
+        loops = [loop for model in columns for loop in loops_of(model, joint, kind)]
+        tones = ", ".join(dict.fromkeys(f"{loop.frequency:.3g}" for loop in loops))
         name = f"{plain(data.joints[joint])}, {KINDS[kind]}"
-        label = f"{name}\n{', '.join(tones)} Hz  [{data.torque_units[joint]}]"
-        row[0].set_ylabel(label, fontsize=7)
-    for axis, model in zip(axes[0], columns, strict=True):
-        axis.set_title(plain(model.label), color=styles[model.label].colour, weight="bold")
+        labels.append(f"{name}\n{tones} Hz  [{data.torque_units[joint]}]")
     slow, between, fast = (drawn_line(mixed(GREY, tone), linewidth=1.5) for tone in TONES)
     key = {"slow": slow, "middle frequency": between, "fast": fast}
     key["each fold, middle frequency"] = drawn_line(GREY, linewidth=0.5, alpha=0.6)
     if section.of_role("truth") or data.truth is not None:
         key["truth"] = drawn_line(DARK, DASHED, 1)
-    key_above(picture, key)
-    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
-    return picture
+    below = f"velocity [{data.velocity_unit}]"
+    titles = [""] * len(columns)
+    return panels(draw, labels, titles, key, below, 1.7, sharey="row", sharex="row")
 
 
 def _panel(axis: Any, loops: Sequence[HysteresisLoop], colour: str) -> None:

@@ -18,16 +18,16 @@ from frictionid.report.figures.style import (
     Style,
     draw_truth,
     error_to_truth,
-    figure,
     frame,
     key_above,
     label_panels,
     line,
     measured,
+    model_title,
     most,
     paired_panels,
+    panels,
     patch,
-    plain,
     prefixed,
     side_by_side,
     unmeasured_patch,
@@ -66,22 +66,20 @@ def _curve_picture(
     styles: Mapping[str, Style],
 ) -> Any:
     """A picture; `limits` are the ends of the joints' torque axes."""
-    picture = figure(0.6 + 1.75 * len(limits))
-    axes = picture.subplots(len(limits), len(columns), squeeze=False)
-    for joint, row in enumerate(axes):
-        w = data.velocity[:, joint]
-        for axis, model in zip(row, columns, strict=True):
-            velocity_axis(axis, w, limits[joint])
-            draw_density(axis, *density_heights(data, joint), DENSITY)
-            for other in fixed:
-                dashed = {"color": styles[other.label].colour, "linewidth": 0.9, "zorder": 3}
-                axis.plot(w, other.curves[-1, :, joint], "--", **dashed)
-            _folds(axis, w, model.curves[..., joint], styles[model.label].colour)
-            draw_truth(axis, data, joint)
-            axis.tick_params(labelleft=axis is row[0], labelbottom=joint == len(limits) - 1)
-        row[0].set_ylabel(f"{data.joints[joint]}\n[{data.torque_units[joint]}]")
-    for axis, model in zip(axes[0], columns, strict=True):
-        axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
+
+    def draw(axis: Any, joint: int, column: int) -> None:
+        w, model = data.velocity[:, joint], columns[column]
+        velocity_axis(axis, w, limits[joint])
+        draw_density(axis, *density_heights(data, joint), DENSITY)
+        for other in fixed:
+            dashed = {"color": styles[other.label].colour, "linewidth": 0.9, "zorder": 3}
+            axis.plot(w, other.curves[-1, :, joint], "--", **dashed)
+        _folds(axis, w, model.curves[..., joint], styles[model.label].colour)
+        draw_truth(axis, data, joint)
+        axis.tick_params(labelleft=column == 0, labelbottom=joint == len(limits) - 1)
+        if joint == 0:
+            model_title(axis, model, styles)
+
     key = {
         "each fold": line(GREY, linewidth=0.6, alpha=0.6),
         "mean of folds": line(GREY, linewidth=1.6),
@@ -90,9 +88,10 @@ def _curve_picture(
         **_truth_key(data),
         "velocity density, cut": patch(PALE),
     }
-    key_above(picture, key)
-    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
-    return picture
+    pairs = zip(data.joints, data.torque_units, strict=True)
+    labels = [f"{name}\n[{unit}]" for name, unit in pairs]
+    titles = [""] * len(columns)
+    return panels(draw, labels, titles, key, f"velocity [{data.velocity_unit}]", 1.75)
 
 
 def _truth_key(data: DataDescription) -> dict[str, Any]:

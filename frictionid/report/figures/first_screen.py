@@ -14,7 +14,6 @@ from frictionid.report.figures.style import (
     DARK,
     DASHED,
     GREY,
-    GRID,
     Style,
     draw_truth,
     figure,
@@ -25,8 +24,10 @@ from frictionid.report.figures.style import (
     measured,
     mixed,
     most,
+    panels,
     patch,
     plain,
+    plain_logarithm,
     unmeasured_patch,
 )
 from frictionid.report.numbers import short
@@ -60,7 +61,7 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
     axes = picture.subplots(rows, columns, squeeze=False).ravel()
     for joint, axis in enumerate(axes[:joints]):
         _friction(axis, chosen, rivals, data, joint, colour)
-        axis.set_title(plain(data.joints[joint]), fontsize=8)
+        axis.set_title(plain(data.joints[joint]))
         axis.locator_params(axis="x", nbins=3 if columns == ABREAST else 5)
         if joint % columns == 0:
             axis.set_ylabel(f"friction [{data.torque_units[joint]}]")
@@ -77,7 +78,7 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
     if not everywhere:
         key["not measured"] = unmeasured_patch()
     key_above(picture, key)
-    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]")
     return picture
 
 
@@ -161,17 +162,11 @@ def _errors(axis: Any, candidate: Candidate, height: float, colour: str, verdict
 
 def _scale(axis: Any, shown: Sequence[Candidate]) -> None:
     """A logarithmic axis of errors with plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     values = np.concatenate([[c.error, *c.by_fold] for c in shown])
     values = values[np.isfinite(values) & (values > 0)]
-    axis.set_xscale("log")
+    plain_logarithm(axis, "x")
     axis.set_xlim(0.85 * values.min(), 1.15 * values.max())
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.grid(axis="x", **GRID)
-    axis.set_axisbelow(True)
+    axis.grid(axis="x")
     axis.tick_params(axis="y", length=0)
 
 
@@ -184,21 +179,21 @@ def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
     if chosen is None or not chosen.torque:
         return None
     time, *parts = (np.asarray(chosen.torque[k]) for k in ("time", "measured", "model", "rigid"))
-    joints, colour = parts[0].shape[1], styles[chosen.label].colour
+    colour = styles[chosen.label].colour
     looks: dict[str, dict[str, Any]] = {
         "measured": {"color": MEASURED, "linewidth": 3.5},
         "rigid bodies and friction": {"color": colour, "linewidth": 1.1},
         "rigid bodies alone": {"color": DARK, "linewidth": 0.8, "linestyle": DASHED},
     }
-    picture = figure(0.7 + 0.75 * joints, WIDTH)
-    axes = picture.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
-    for joint, axis in enumerate(axes):
+
+    def draw(axis: Any, joint: int, _column: int) -> None:
         for values, look in zip(parts, looks.values(), strict=True):
             axis.plot(time, values[:, joint], **look)
-        axis.set_ylabel(f"{plain(data.joints[joint])}\n[{data.torque_units[joint]}]")
         axis.margins(x=0)
-        axis.grid(**GRID)
-    picture.align_ylabels(axes)
-    key_above(picture, {name: line(**look) for name, look in looks.items()})
-    picture.supxlabel(f"time [s], {plain(chosen.torque['recording'])}", fontsize=8)
-    return picture
+        axis.grid()
+
+    pairs = zip(data.joints, data.torque_units, strict=True)
+    labels = [f"{plain(name)}\n[{unit}]" for name, unit in pairs][: parts[0].shape[1]]
+    key = {name: line(**look) for name, look in looks.items()}
+    below = f"time [s], {plain(chosen.torque['recording'])}"
+    return panels(draw, labels, [""], key, below, 0.75, WIDTH, sharex=True)

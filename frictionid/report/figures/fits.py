@@ -100,7 +100,7 @@ def fit_correlation(refined: Estimates, joints: Sequence[str]) -> Any:
     place = (width - 0.45, height - 0.3 - tall, 0.1, tall)
     bar = picture.add_axes([x / size for x, size in zip(place, 2 * (width, height), strict=True)])
     picture.colorbar(image, cax=bar, ticks=[-1, 0, 1])
-    bar.set_title("r", fontsize=8)
+    bar.set_title("r")
     return picture
 
 
@@ -201,8 +201,8 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
         counts, edges = np.histogram(w[:, j], bins=_BINS, range=(grid[0, j], grid[-1, j]))
         draw_density(axes, edges, cut_heights(counts), _SPEEDS)
         axes.set_title(description.friction_names[j], loc="left")
-        axes.set_xlabel(f"velocity [{description.friction_units[j]}/s]")
-        axes.set_ylabel(f"friction [{description.friction_torque_units[j]}]")
+        velocity, torque = description.friction_units[j], description.friction_torque_units[j]
+        axes.set(xlabel=f"velocity [{velocity}/s]", ylabel=f"friction [{torque}]")
     key = {"fit to all data": line(COLOURS[0], linewidth=1.5)}
     if half is not None:
         key["95 % at all velocities"] = patch(COLOURS[0], _BAND)

@@ -14,8 +14,8 @@ from frictionid.report.figures.style import (
     GREY,
     Style,
     figure,
-    key_above,
     line,
+    panels,
     patch,
     plain,
 )
@@ -70,19 +70,18 @@ def _panels(
     if not columns:
         return None
     measured = next(iter(columns.values()))[0][0]["measured"]
-    joints = range(len(measured[0]))  # coupled parts have no angle
-    picture = figure(0.65 + 1.5 * len(joints))
-    axes = picture.subplots(len(joints), len(columns), sharex="col", squeeze=False)
-    for column, (title, shown) in zip(axes.T, columns.items(), strict=True):
-        for joint, axis in enumerate(column):
-            _panel(axis, shown, joint)
-        column[0].set_title(title, fontsize=7, loc="left")
-    for joint in joints:
-        axes[joint, 0].set_ylabel(f"{data.joints[joint]} [{data.position_units[joint]}]")
-    text = "time since the start of the prediction [s]"
-    picture.supxlabel(f"{text}{plain(beside)}", fontsize=8)
-    key_above(picture, {"measured": line(MEASURED, linewidth=4), **key})
-    return picture
+    pairs = zip(data.joints, data.position_units, strict=True)
+    labels = [f"{name} [{unit}]" for name, unit in pairs][: len(measured[0])]  # others: no angle
+    shown = list(columns.values())
+    return panels(
+        lambda axis, joint, column: _panel(axis, shown[column], joint),
+        labels,
+        list(columns),
+        {"measured": line(MEASURED, linewidth=4), **key},
+        f"time since the start of the prediction [s]{plain(beside)}",
+        1.5,
+        sharex="col",
+    )
 
 
 def title_of(motion: Motion) -> str:
@@ -142,13 +141,11 @@ def velocity_scatter(section: Section) -> Any:
     dots = {"s": 2, "color": COLOURS[0], "alpha": 0.35, "linewidths": 0, "rasterized": True}
     for joint, axis in enumerate(axes[: n - 1], 1):
         axis.scatter(w[:, 0], w[:, joint], **dots)
-        axis.set_xlabel(names[0])
-        axis.set_ylabel(names[joint])
+        axis.set(xlabel=names[0], ylabel=names[joint])
     for joint, axis in enumerate(axes[n - 1 :]):
         axis.hist(w[:, joint], 60, color=GREY)
-        axis.set_yscale("log")
-        axis.set_xlabel(names[joint])
-        axis.set_ylabel("samples shown" if joint == 0 else "")
+        label = "samples shown" if joint == 0 else ""
+        axis.set(yscale="log", xlabel=names[joint], ylabel=label)
     return picture
 
 
@@ -175,16 +172,15 @@ def predicted_figure(table: pd.DataFrame, joints: Sequence[str], units: Sequence
 
     table : of `predicted_motion`, of one recording
     """
-    picture = figure(0.55 + 1.5 * len(joints))
-    axes = picture.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
-    for j, axis in enumerate(axes):
+
+    def draw(axis: Any, joint: int, _column: int) -> None:
         for _, start in table.groupby("start_s", sort=False):
-            measured = start[f"measured_q{j + 1}"]
+            measured = start[f"measured_q{joint + 1}"]
             axis.plot(start["time_s"], measured, color=MEASURED, linewidth=4, zorder=1)
-            axis.plot(start["time_s"], start[f"q{j + 1}"], color=COLOURS[0], linewidth=1.1)
-        axis.set_ylabel(f"{plain(joints[j])} [{units[j]}]")
+            axis.plot(start["time_s"], start[f"q{joint + 1}"], color=COLOURS[0], linewidth=1.1)
         axis.margins(x=0)
-    axes[-1].set_xlabel(f"time [s], {plain(str(table['recording'].iloc[0]))}")
-    keys = {"measured": line(MEASURED, linewidth=4), "predicted": line(COLOURS[0])}
-    key_above(picture, keys)
-    return picture
+
+    labels = [f"{plain(name)} [{unit}]" for name, unit in zip(joints, units, strict=True)]
+    key = {"measured": line(MEASURED, linewidth=4), "predicted": line(COLOURS[0])}
+    below = f"time [s], {plain(str(table['recording'].iloc[0]))}"
+    return panels(draw, labels, [""], key, below, 1.5, sharex=True)

@@ -12,7 +12,6 @@ from frictionid.arrays import Array
 from frictionid.report.figures.style import (
     DARK,
     DASHED,
-    GRID,
     Style,
     figure,
     key_above,
@@ -43,8 +42,7 @@ def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
         scheme, statistic = name.split()
         unit = section.description.angle_unit
         axis.set_xlabel(f"one-step loss, {scheme} ({statistic}) [{unit}/s]")
-        axis.grid(axis="x", **GRID)
-        axis.set_axisbelow(True)
+        axis.grid(axis="x")
         axis.tick_params(axis="y", length=0)
     axes[0].set_yticks(list(heights.values()), [plain(model.name) for model in heights])
     axes[0].set_ylim(lowest + 0.7, -0.7)
@@ -126,11 +124,11 @@ def rollout_errors(section: Section, styles: Mapping[str, Style]) -> Any:
         words = [plain(data.dataset), data.novelty]
         words += [f"{plain(recipe)} recipe"] if len(section.recipes) > 1 else []
         axis.set_title(", ".join(words), fontsize=7.5)
-        axis.grid(**GRID)
+        axis.grid()
     for axis in axes[:, 0]:
         axis.set_ylabel(f"{description.coordinate} error [{description.angle_unit}]")
     _scales(axes[0, 0], horizons)
-    picture.supxlabel("horizon [s]", fontsize=8)
+    picture.supxlabel("horizon [s]")
     labels = dict.fromkeys(model.label for model in section.models)
     median = line("black")
     median.set(marker="o", markersize=2.8)
@@ -195,9 +193,8 @@ def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
             size = max(10 - 1.5 * names.index(model.label), 4.0)
             height = heights.get(model, float("nan"))
             _point(axis, section, model, (height, size), styles[model.label].colour)
-        axis.set_xlabel(f"one-step loss, euler [{unit}/s]")
-        axis.set_ylabel(label)
-        axis.grid(**GRID)
+        axis.set(xlabel=f"one-step loss, euler [{unit}/s]", ylabel=label)
+        axis.grid()
         plain_logarithm(axis)
     roles = {model.label: MARKERS.get(model.role, "o") for model in section.models}
     key = {name: marker(styles[name].colour, kind, 5) for name, kind in roles.items()}

@@ -46,8 +46,8 @@ def progress(studies: Sequence[Study], objective: Objective) -> Any:
         axis.set_title(plain(tuned[0].task.title), fontsize=7, loc="left")
         axis.locator_params(axis="x", integer=True, nbins=6)
     unit = "rad" if objective.horizon is not None else "rad/s"
-    picture.supxlabel("trials", fontsize=8)
-    picture.supylabel(f"{objective.words} [{unit}]", fontsize=7)
+    picture.supxlabel("trials")
+    picture.supylabel(f"{objective.words} [{unit}]")
     key_above(picture, {name: line(colour) for name, colour in colours.items()})
     return picture
 
@@ -84,8 +84,8 @@ def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
         plain_logarithm(axis)
         axis.xaxis.get_major_locator().set_params(integer=True)
         axis.set_title(plain(model.name), fontsize=7, loc="left", color=colours["held_out"])
-    picture.supxlabel("epoch", fontsize=8)
-    picture.supylabel("loss without friction = 1", fontsize=8)
+    picture.supxlabel("epoch")
+    picture.supylabel("loss without friction = 1")
     key = {
         "training, each fold": line(GREY),
         "held out in the fold": line(styles[shown[0][0].label].colour),
@@ -216,7 +216,7 @@ def over_amounts(frame: pd.DataFrame) -> Any:
             axis.plot(*zip(*points, strict=True), "o-", color=colour, markersize=2.5)
         axis.set_title(f"{plain(name)}: {_AXES[cause]}", fontsize=7, loc="left")
         axis.set_ylim(0.0, 1.1 * largest)
-    picture.supylabel(label, fontsize=8)
+    picture.supylabel(label)
     key_above(picture, {recipe: line(colour) for recipe, colour in recipes.items()})
     return picture
 

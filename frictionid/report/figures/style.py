@@ -27,7 +27,6 @@ LONGEST = 36  # letters of a name
 PALE = "#D9D9D9"
 DARK = "#222222"
 DASHED = (0, (4, 1.5))  # the truth
-GRID = {"color": "#EEEEEE", "linewidth": 0.6}
 COLUMNS = 3  # fits side by side at most; more go to another picture
 ZERO = {"color": "#BBBBBB", "linewidth": 0.5, "zorder": 1}
 SHADE, HATCH = "#F0F0F0", "#D4D4D4"
@@ -191,6 +190,35 @@ def panel_grid(count: int, most: int, height: float, margin: float) -> tuple[Any
     return picture, list(axes[:count])
 
 
+def panels(
+    draw: Callable[[Any, int, int], None],
+    labels: Sequence[str],
+    titles: Sequence[str],
+    key: Mapping[str, Any],
+    below: str,
+    height: float,
+    width: float = WIDTH,
+    **shared: Any,
+) -> Any:
+    """A figure with a row of panels for each label and a column for each title.
+
+    draw : draws on the axes of a row and a column; key : of `key_above`; below : what the
+        horizontal axes are; height : of a row [inch]; shared : axes, as Matplotlib has them
+    """
+    picture = figure(0.6 + height * len(labels), width)
+    axes = picture.subplots(len(labels), len(titles), squeeze=False, **shared)
+    for (row, column), axis in np.ndenumerate(axes):
+        draw(axis, row, column)
+    for axis, label in zip(axes[:, 0], labels, strict=True):
+        axis.set_ylabel(label)
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=7, loc="left")
+    picture.align_ylabels(axes[:, 0])
+    picture.supxlabel(below)
+    key_above(picture, key)
+    return picture
+
+
 def paired_panels(columns: int, data: DataDescription, ratio: float) -> tuple[Any, Any]:
     """A figure and its axes (2 n, columns); each lower panel is so many times as tall."""
     joints = len(data.joints)
@@ -214,9 +242,14 @@ def label_panels(
     for joint, name in enumerate(data.joints):
         axes[2 * joint, 0].set_ylabel(f"{plain(name)}\n[{data.torque_units[joint]}]")
     for axis, model in zip(axes[0], models, strict=True):
-        axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
+        model_title(axis, model, styles)
     picture.align_ylabels(axes[:, 0])
-    picture.supxlabel(f"velocity [{data.velocity_unit}]", fontsize=8)
+    picture.supxlabel(f"velocity [{data.velocity_unit}]")
+
+
+def model_title(axis: Any, model: Model, styles: Mapping[str, Style]) -> None:
+    """The model's name in its colour above a panel."""
+    axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
 
 
 def draw_truth(axis: Any, data: DataDescription, joint: int) -> None:
@@ -302,12 +335,13 @@ def prefixed(size: float) -> tuple[float, str]:
     return 1e6, "µ"
 
 
-def plain_logarithm(axis: Any) -> None:
-    """A logarithmic axis of heights with plain numbers."""
+def plain_logarithm(axes: Any, name: str = "y") -> None:
+    """A logarithmic axis, of heights or "x", with plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-    axis.set_yscale("log")
-    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.yaxis.set_minor_locator(NullLocator())
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.yaxis.set_minor_formatter(NullFormatter())
+    axes.set(**{f"{name}scale": "log"})
+    axis = getattr(axes, f"{name}axis")
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
