@@ -208,10 +208,10 @@ def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[f
 
 def motion_chart(example: Example, data: DataDescription, style: Style) -> Chart:
     """The joints' positions over time, one above the other."""
-    time, *motions = (np.asarray(example[part], dtype=float) for part in ("time", *PARTS))
+    time, *motions = (example[part] for part in ("time", *PARTS))
     n = motions[0].shape[1]  # coupled parts have no angle
     widths = example.get("band")
-    half = np.zeros_like(motions[0]) if widths is None else np.asarray(widths, dtype=float)
+    half = np.zeros_like(motions[0]) if widths is None else widths
     banded = bool(half.any())  # not of fixed numbers, the same in every fold
     few, traces = thinned(len(time), MOST_SAMPLES), []
     axes: dict[str, Any] = {}
@@ -245,7 +245,7 @@ def animation(example: Example, style: Style) -> Chart | None:
     drawing = example.get("drawing")
     if not drawing:
         return None
-    time, *motions = (np.asarray(drawing[part], dtype=float) for part in ("time", *PARTS))
+    time, *motions = (drawing[part] for part in ("time", *PARTS))
     lines = side_view(motions)
     drawn = [
         {"line": {"color": MEASURED, "width": 9}, "marker": {"size": 11, "color": MEASURED}},

@@ -204,7 +204,7 @@ def _motion(verdict: Verdict) -> Any:
         time = torque.time if row == 2 else states.time
         held = "steps-post" if row == 2 and torque.hold == "previous" else "default"
         for values, colour in zip(
-            (states.q, states.w, torque.value)[row].T, colours.values(), strict=True
+            (states.q, states.w, torque.value)[row].T, colours.values(), strict=False
         ):
             axis.plot(time - start, values, color=colour, linewidth=0.8, drawstyle=held)
         axis.set_xlim(0.0, states.time[-1] - start)

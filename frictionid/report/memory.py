@@ -40,14 +40,7 @@ ROUNDING = 1e-9
 
 def loops_of(model: Model, joint: int, kind: str) -> list[HysteresisLoop]:
     """Loops of a model's joint on one kind of motion, from slow to fast."""
-    arrays = ("velocity", "torque", "width", "lag")
-    loops = [
-        HysteresisLoop(
-            joint, kind, float(d["frequency"]), *(np.asarray(d[a], dtype=float) for a in arrays)
-        )
-        for d in model.loops
-        if d["joint"] == joint and d["kind"] == kind
-    ]
+    loops = [loop for loop in model.loops if (loop.joint, loop.kind) == (joint, kind)]
     return sorted(loops, key=lambda loop: loop.frequency)
 
 
@@ -58,11 +51,9 @@ def middle(loops: Sequence[HysteresisLoop]) -> HysteresisLoop:
 
 def has_memory(model: Model) -> bool:
     """Whether any of a model's loops is open at all: friction of the velocity alone has none."""
-    pairs = [
-        (np.asarray(d["width"], dtype=float), np.asarray(d["torque"], dtype=float))
-        for d in model.loops
-    ]
-    return any(bool((np.abs(w) > ROUNDING * np.abs(torque).max()).any()) for w, torque in pairs)
+    return any(
+        (np.abs(loop.width) > ROUNDING * np.abs(loop.torque).max()).any() for loop in model.loops
+    )
 
 
 def with_loops(section: Section) -> list[Model]:

@@ -140,25 +140,19 @@ def _dissipation(where: str, velocity: Array, curves: Array, joints: _Joints) ->
 
 def _extrapolation(model: Model, joints: _Joints) -> _Answer:
     """The same half as fast again as the curves reach, where most laws have seen nothing."""
-    if not model.beyond:
+    if model.beyond is None:
         return NOT_EVALUATED, "the folder has no extrapolated curves"
-    velocity, curves = (
-        np.asarray(model.beyond[key], dtype=float) for key in ("velocity", "curves")
-    )
-    if not np.isfinite(curves).all():
+    if not np.isfinite(model.beyond.curves).all():
         return FAILED, "is not finite at 1.5 times the measured speeds"
-    return _dissipation(" at 1.5 times the speeds", velocity, curves, joints)
+    return _dissipation(" at 1.5 times the speeds", *model.beyond[:2], joints)
 
 
 def _cycles(model: Model) -> _Answer:
     """Over closed cycles of the velocity friction that remembers must not give energy either."""
     if not model.loops:
         return NOT_EVALUATED, "no cycles were computed: it has no memory"
-    pairs = [
-        (np.asarray(d["velocity"], float), np.asarray(d["torque"], float)) for d in model.loops
-    ]
-    work = np.stack([cycle_work(*pair) for pair in pairs], axis=-1)
-    value, low, high, _ = _worst(work, len(pairs) * ("",), np.argmin)
+    work = np.stack([cycle_work(loop.velocity, loop.torque) for loop in model.loops], axis=-1)
+    value, low, high, _ = _worst(work, len(model.loops) * ("",), np.argmin)
     verb = "gives energy" if value < DRIVES else "takes energy"
     outcome = _outcome(value < DRIVES, not high >= 0, FAILED)
     return outcome, f"{verb} over closed cycles", value, low, high
@@ -190,9 +184,9 @@ def _hysteresis(model: Model, joints: _Joints, control: Control | None) -> _Answ
 
 def _break_away(model: Model, joints: _Joints) -> _Answer:
     """What holds a joint at rest opposes the impending motion, and is no less than sliding."""
-    if not model.beyond:
+    if model.beyond is None:
         return NOT_EVALUATED, "the folder has no break-away levels"
-    levels = np.asarray(model.beyond["break_away"], dtype=float).min(axis=1)
+    levels = model.beyond.break_away.min(axis=1)
     size = np.sqrt(np.mean(np.square(model.curves), axis=1))
     worst = _worst(levels / np.where(size > 0, size, np.inf), joints, np.argmin)
     if worst.value < DRIVES:

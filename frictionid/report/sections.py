@@ -11,7 +11,9 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results, task_provenance
-from frictionid.evaluation.predicted_motion import read_errors
+from frictionid.evaluation.hysteresis import HysteresisLoop
+from frictionid.evaluation.plausibility import Beyond
+from frictionid.evaluation.predicted_motion import HorizonErrors, read_errors
 from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
@@ -124,11 +126,10 @@ class Model:
     members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
-    beyond : friction where no motion was recorded, see `frictionid.evaluation.plausibility.Beyond`;
-        empty of black boxes
+    beyond : friction where no motion was recorded, None of black boxes
     motions, examples : predictions from the same starts as others', and from its own best, median
         and worst start
-    errors : of held-out predictions, see `frictionid.evaluation.HorizonErrors`
+    errors : of held-out predictions
     torque : over time, measured and modelled, see `frictionid.evaluation.torque_left.torque_parts`
     """
 
@@ -146,11 +147,11 @@ class Model:
     base: Mapping[str, float] = field(default_factory=dict)
     provenance: Provenance = Provenance()
     members: Array | None = None
-    loops: Sequence[Mapping[str, Any]] = ()
+    loops: Sequence[HysteresisLoop] = ()
     method: Mapping[str, Any] = field(default_factory=dict)
-    beyond: Mapping[str, Any] = field(default_factory=dict)
+    beyond: Beyond | None = None
     examples: Sequence[Mapping[str, Any]] = ()
-    errors: Mapping[str, Any] = field(default_factory=dict)
+    errors: HorizonErrors | None = None
     torque: Mapping[str, Any] = field(default_factory=dict)
 
     def start_errors(self, horizon: float) -> StartErrors:
@@ -158,9 +159,9 @@ class Model:
 
         None where they are not on record.
         """
-        if not self.errors:
+        if self.errors is None:
             return StartErrors(np.empty((0, 1)), np.empty(0, dtype=int))
-        return read_errors(self.errors).after(horizon)
+        return self.errors.after(horizon)
 
     @property
     def refined(self) -> Estimates | None:
@@ -328,6 +329,7 @@ def _model(
     differ = any(t["folds"]["theta"] != task["folds"]["theta"] for t in twins)
     label = f"{identifier}, seed {task['seed']}" if differ else identifier
     recipe = str(task["fit"]) if role == "fitted" else ANY
+    motions = arrays_of(task["motions"])
     return Model(
         task=number,
         identifier=identifier,
@@ -336,20 +338,33 @@ def _model(
         label=label,
         name=f"{label} ({recipe})" if several and recipe else label,
         curves=np.asarray(task["curves"], dtype=float),
-        motions=[motion for motion in task["motions"] if "place" not in motion],
-        examples=[motion for motion in task["motions"] if "place" in motion],
-        errors=task["errors"] or {},
-        torque=task["torque"] or {},
+        motions=[motion for motion in motions if "place" not in motion],
+        examples=[motion for motion in motions if "place" in motion],
+        errors=read_errors(task["errors"]) if task["errors"] else None,
+        torque=arrays_of(task["torque"] or {}),
         theta=theta,
         document=task["model"],
         settings=task["settings"],
         base=task["base"] or {},
         provenance=source,
         members=np.asarray(task["members"], dtype=float) if task["members"] else None,
-        loops=task["loops"],
+        loops=[HysteresisLoop(**loop) for loop in arrays_of(task["loops"])],
         method=task["method"],
-        beyond=task["beyond"] or {},
+        beyond=Beyond(**arrays_of(task["beyond"])) if task["beyond"] else None,
     )
+
+
+def arrays_of(document: Any) -> Any:
+    """A document whose lists of numbers are arrays.
+
+    >>> arrays_of([{"name": "a", "values": [1, 2]}])
+    [{'name': 'a', 'values': array([1., 2.])}]
+    """
+    if isinstance(document, Mapping):
+        return {key: arrays_of(value) for key, value in document.items()}
+    if isinstance(document, list) and document and isinstance(document[0], Mapping):
+        return list(map(arrays_of, document))
+    return np.asarray(document, dtype=float) if isinstance(document, list) else document
 
 
 def _role(source: Provenance, theta: Array, overall: Array) -> str:

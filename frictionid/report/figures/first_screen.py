@@ -178,7 +178,7 @@ def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
     chosen, data = chosen_of(section, verdict_of(section)), section.description
     if chosen is None or not chosen.torque:
         return None
-    time, *parts = (np.asarray(chosen.torque[k]) for k in ("time", "measured", "model", "rigid"))
+    time, *parts = (chosen.torque[key] for key in ("time", "measured", "model", "rigid"))
     colour = styles[chosen.label].colour
     looks: dict[str, dict[str, Any]] = {
         "measured": {"color": MEASURED, "linewidth": 3.5},

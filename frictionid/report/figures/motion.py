@@ -53,7 +53,7 @@ def example_motions(model: Model, data: SummaryData, style: Style) -> Any:
     """Motion over time, a column for each start and a row for each joint; None without any."""
     shown = examples_of(model, data)
     key = {model.name: line(style.colour)}
-    if any(example.get("band") for example in shown):
+    if any(example.get("band") is not None for example in shown):
         key["95 % interval"] = patch(style.colour, 0.25)
     solid = Style(style.colour, "-")
     columns = {f"{e['place']}: {title_of(e)}": [(e, solid)] for e in shown}
@@ -93,24 +93,18 @@ def title_of(motion: Motion) -> str:
 
 def _panel(axis: Any, shown: Sequence[tuple[Motion, Style]], joint: int) -> None:
     last = shown[-1][0]
-    measured = _series(last["measured"])[:, joint]
-    axis.plot(_series(last["time"]), measured, color=MEASURED, linewidth=4, zorder=1)
-    lines = [_series(motion["predicted"])[:, joint] for motion, _ in shown]
-    for (motion, style), predicted in zip(shown, lines, strict=True):
-        time = _series(motion["time"])
-        if motion.get("band"):
-            half = _series(motion["band"])[:, joint]
+    measured = last["measured"][:, joint]
+    axis.plot(last["time"], measured, color=MEASURED, linewidth=4, zorder=1)
+    for motion, style in shown:
+        time, predicted = motion["time"], motion["predicted"][:, joint]
+        if motion.get("band") is not None:
+            half = motion["band"][:, joint]
             edges = predicted - half, predicted + half
             axis.fill_between(time, *edges, color=style.colour, alpha=0.25, linewidth=0)
         axis.plot(time, predicted, color=style.colour, linestyle=style.line, linewidth=1.1)
-    axis.set_ylim(limits_of(measured, np.concatenate(lines)))
+    every = np.concatenate([motion["predicted"][:, joint] for motion, _ in shown])
+    axis.set_ylim(limits_of(measured, every))
     axis.margins(x=0)
-
-
-def _series(values: Any) -> Array:
-    """Numbers of a JSON list; what is not finite leaves a gap."""
-    array = np.asarray(values, dtype=float)
-    return np.where(np.isfinite(array), array, np.nan)
 
 
 def limits_of(measured: Array, predicted: Array) -> tuple[float, float]:
