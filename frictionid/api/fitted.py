@@ -29,10 +29,11 @@ from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed, say
+from frictionid.report.estimates import estimate_frame
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
-from frictionid.report.fit_table import estimate_frame, estimate_table, interval_note
+from frictionid.report.fit_table import estimate_table, interval_note
 from frictionid.report.tables import html, terminal_text
 from frictionid.report.torque_left import torque_sentence
 
@@ -107,11 +108,12 @@ class Fit:
     def frame(self) -> pd.DataFrame:
         """Parameters with 95 % intervals, a line for each.
 
-        Columns: block, joint, parameter, value, low_95, high_95, unit, identified, at_bound,
-        nominal. `identified` is whether the data determine it: the interval is no wider, to either
-        side, than the value.
+        Columns: block, joint, parameter, unit, value, error, low_90, high_90, low_95, high_95,
+        identified, at_bound, nominal. `identified` is whether the data determine it: the interval
+        is no wider, to either side, than the value.
         """
-        return estimate_frame(self._estimates, self.joints, bounded=self._has_intervals)
+        frame = estimate_frame(self._estimates, self.joints)
+        return frame if self._has_intervals else frame.assign(identified=None)
 
     @cached_property
     def torque_left(self) -> pd.DataFrame:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
 
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.numbers import MINUS, NOTHING
@@ -34,6 +36,28 @@ def true_value(e: Estimate, data: DataDescription | None) -> float | None:
         value = value.get(e.parameter)
         value = value[e.joint] if isinstance(value, list) and e.joint is not None else value
     return None if value is None else float(value)
+
+
+COLUMNS = (
+    *("block", "joint", "parameter", "unit", "value", "error", "low_90", "high_90"),
+    *("low_95", "high_95", "identified", "at_bound", "nominal"),
+)
+
+
+def estimate_frame(read: Iterable[Estimate], joints: Sequence[str]) -> pd.DataFrame:
+    """One line for each estimate; joint is "" for parameters of the machine as a whole.
+
+    The ends of unknown intervals are infinite.
+    """
+    lines = [
+        (
+            *(e.block, "" if e.joint is None else joints[e.joint], e.parameter, e.unit),
+            *(e.value, e.error, *e.interval_90, e.low, e.high),
+            *(e.identified, e.at_bound, e.nominal),
+        )
+        for e in read
+    ]
+    return pd.DataFrame(lines, columns=list(COLUMNS)).astype({"nominal": float})
 
 
 def names_of(read: Iterable[Estimate]) -> tuple[str, ...]:

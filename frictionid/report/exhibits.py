@@ -35,7 +35,7 @@ from frictionid.report.shooting_results import (
     window_table,
 )
 from frictionid.report.summary_table import caption_of, summary_of, summary_table
-from frictionid.report.tables import Table
+from frictionid.report.tables import Table, latex, markdown
 from frictionid.report.torque_left import torque_frames, torque_numbers, torque_table
 from frictionid.report.verdict import Verdict, verdict_of
 from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
@@ -62,6 +62,14 @@ class NamedTable(NamedTuple):
     numbers: pd.DataFrame | None = None
     heading: str = ""
     linked: bool = False
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The table as Markdown and LaTeX, and its numbers as CSV, by path."""
+        texts = {"md": markdown(self.table), "tex": latex(self.table)}
+        if self.numbers is not None:
+            texts["csv"] = self.numbers.to_csv(index=False, float_format="%.9g")
+        return {f"tables/{self.stem}.{kind}": text.encode() for kind, text in texts.items()}
 
 
 class Exhibits(NamedTuple):
@@ -94,10 +102,9 @@ def names_of(sections: tuple[Section, ...]) -> Names:
     stems = {pair: unique[word] for pair, word in words.items()}
     fits: dict[Model, str] = {}
     for section in sections:
-        shot = [model for model in section.models if model.refined is not None]
-        several = len({model.recipe for model in shot}) > 1
+        several = len({model.recipe for model in section.shot}) > 1
         name = stems[section.dataset, section.dataset]
-        labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in shot}
+        labels = {m: f"{name}--{m.label}" + f"--{m.recipe}" * several for m in section.shot}
         unique = file_names(labels.values())
         fits |= {model: unique[label] for model, label in labels.items()}
     return Names(stems, fits, styles(model for section in sections for model in section.models))
@@ -105,10 +112,9 @@ def names_of(sections: tuple[Section, ...]) -> Names:
 
 def shooting_fits(section: Section) -> list[Model]:
     """The fits with intervals, the one that predicts best first."""
-    fits = [model for model in section.models if model.refined is not None]
     data = section.fitted
-    first = data.best(fits, rollout(data.reported[-1])) if data.reported else None
-    return sorted(fits, key=lambda model: model is not first)
+    first = data.best(section.shot, rollout(data.reported[-1])) if data.reported else None
+    return sorted(section.shot, key=lambda model: model is not first)
 
 
 def exhibits_of(section: Section, data: SummaryData, names: Names, verdict: Verdict) -> Exhibits:
@@ -250,7 +256,6 @@ def kind_pictures(section: Section, names: Names, kind: str) -> Iterator[Picture
 
 def _words(section: Section, recipe: str | None) -> dict[str, Any]:
     """What captions name."""
-    shot = [model.scheme for model in section.models if model.refined is not None]
     verdict = verdict_of(section)
     chosen = chosen_of(section, verdict)
     return {
@@ -259,7 +264,7 @@ def _words(section: Section, recipe: str | None) -> dict[str, Any]:
         "beside": _beside(section, recipe),
         "error": verdict.measure.of_what[:1].upper() + verdict.measure.of_what[1:],
         "members": spread_caption(section),
-        "schemes": " and ".join(dict.fromkeys(shot)),
+        "schemes": " and ".join(dict.fromkeys(model.scheme for model in section.shot)),
     }
 
 

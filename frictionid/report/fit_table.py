@@ -1,4 +1,4 @@
-"""Parameters of one fit: estimates with intervals, as a frame and as a table."""
+"""Tables of parameters: estimates of one fit with intervals, and all models of a comparison."""
 
 from __future__ import annotations
 
@@ -13,11 +13,6 @@ from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import NOTHING, fixed
 from frictionid.report.sections import ANY, Model, Section
 from frictionid.report.tables import Cell, Column, Table, line, table_of, text_columns
-
-COLUMNS = (
-    *("block", "joint", "parameter", "value", "low_95", "high_95"),
-    *("unit", "identified", "at_bound", "nominal"),
-)
 
 
 def interval_note(source: Provenance) -> str:
@@ -47,29 +42,6 @@ def estimate_table(
         said = "NO" if bounded and not e.identified and not e.at_bound else said
         rows.append((e.name, value, interval(e.low, e.high, e.error), e.unit, said))
     return table_of(heads, rows)
-
-
-def estimate_frame(
-    read: Sequence[Estimate], joints: Sequence[str], *, bounded: bool = True
-) -> pd.DataFrame:
-    """One line for each estimate; joint is "" for parameters of the machine as a whole.
-
-    Columns: block, joint, parameter, value, low_95, high_95, unit, identified, at_bound, nominal.
-    The ends of unknown intervals are infinite.
-
-    bounded : whether intervals are bounded; without them `identified` is None
-    """
-    lines = [
-        (
-            e.block,
-            "" if e.joint is None else joints[e.joint],
-            e.parameter,
-            *(e.value, e.low, e.high, e.unit, e.identified if bounded else None, e.at_bound),
-            np.nan if e.nominal is None else e.nominal,
-        )
-        for e in read
-    ]
-    return pd.DataFrame(lines, columns=list(COLUMNS)).astype({"nominal": float})
 
 
 DIGITS = 4  # significant, of the largest of a line

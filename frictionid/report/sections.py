@@ -282,6 +282,11 @@ class Section(NamedTuple):
         """Models of some roles, in their order."""
         return [model for model in self.models if model.role in roles]
 
+    @property
+    def shot(self) -> list[Model]:
+        """Models of fits with intervals: by shooting or inverse dynamics."""
+        return [model for model in self.models if model.refined is not None]
+
     def under(self, recipe: str) -> list[Model]:
         """Models that belong beside a recipe: its own, and those that no recipe changes."""
         return [model for model in self.models if model.recipe in (ANY, recipe)]

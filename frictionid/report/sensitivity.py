@@ -23,7 +23,7 @@ from frictionid.comparison.tuning.studies import (
 from frictionid.errors import InputError
 from frictionid.files import file_names, json_text, read_json
 from frictionid.outputs import replace_files
-from frictionid.report.exhibits import Names, Picture
+from frictionid.report.exhibits import NamedTable, Names, Picture
 from frictionid.report.figures.studies import (
     CHANGE,
     ERROR,
@@ -45,9 +45,7 @@ from frictionid.report.tables import (
     Part,
     Table,
     by_columns,
-    latex,
     line,
-    markdown,
     render,
     table_of,
     text_columns,
@@ -79,15 +77,13 @@ def write_sensitivity(
     shown = []
     with drawing():
         for key, part in parts.items():
-            stem, table = stems["--".join(key)], sensitivity_table(part)
-            figures = {f"tornado--{stem}": tornado(part), f"amounts--{stem}": over_amounts(part)}
-            figures = {name: figure for name, figure in figures.items() if figure is not None}
-            for name, figure in figures.items():
-                files = rendered(figure).items()
-                contents |= {f"figures/{name}.{kind}": content for kind, content in files}
-            contents[f"tables/sensitivity--{stem}.md"] = markdown(table).encode()
-            contents[f"tables/sensitivity--{stem}.tex"] = latex(table).encode()
-            shown.append((key, table, list(figures)))
+            stem = stems["--".join(key)]
+            table, figures = sensitivity_table(part), list(_pictures(part, stem))
+            contents |= NamedTable(f"sensitivity--{stem}", table).files
+            for picture in figures:
+                files = rendered(picture.figure).items()
+                contents |= {f"figures/{picture.stem}.{kind}": drawn for kind, drawn in files}
+            shown.append((key, table, [picture.stem for picture in figures]))
     context = {"studies": shown, "provenance": provenance}
     contents[PAGE] = render("sensitivity.md.j2", context).encode()
     replace_files(folder, contents, replace=replace)
@@ -133,12 +129,16 @@ def beside(results: Results, section: Section, names: Names) -> Iterator[Picture
     parts = {name: part for (dataset, name), part in studies(frame) if dataset == section.dataset}
     files = file_names(parts)
     for identifier, part in parts.items():
-        ending = f"{stem}--{files[identifier]}"
         words = f"{identifier} on {section.dataset} with one thing wrong at a time"
-        yield Picture(f"tornado--{ending}", tornado(part), f"{words}: what it changes.")
-        lines = over_amounts(part)
-        if lines is not None:
-            yield Picture(f"amounts--{ending}", lines, f"{words}, over the amounts.")
+        yield from _pictures(part, f"{stem}--{files[identifier]}", words)
+
+
+def _pictures(frame: pd.DataFrame, stem: str, words: str = "") -> Iterator[Picture]:
+    """What each cause changes, and how it depends on the amount where there are several."""
+    yield Picture(f"tornado--{stem}", tornado(frame), f"{words}: what it changes.")
+    lines = over_amounts(frame)
+    if lines is not None:
+        yield Picture(f"amounts--{stem}", lines, f"{words}, over the amounts.")
 
 
 def write_outcome(

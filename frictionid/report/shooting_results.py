@@ -15,6 +15,7 @@ from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.estimates import (
     change,
     digits,
+    estimate_frame,
     interval,
     mark_of,
     names_of,
@@ -162,26 +163,15 @@ def groups(read: Sequence[Estimate], joints: Sequence[str]) -> Iterator[tuple[st
 
 
 def interval_numbers(model: Model, data: DataDescription) -> pd.DataFrame:
-    """Every parameter in numbers, one line each.
+    """Every parameter in numbers, one line each: identifier, recipe, and all of `estimate_frame`.
 
-    Columns: identifier, recipe, block, joint, parameter, unit, value, error, low_90, high_90,
-    low_95, high_95, identified, at_bound, nominal, true.
+    Beside the values stand the true ones, as far as they are known.
     """
-    lines = [
-        {
-            "identifier": model.label,
-            "recipe": model.recipe,
-            "block": e.block,
-            "joint": "" if e.joint is None else data.joints[e.joint],
-            **{key: getattr(e, key) for key in ("parameter", "unit", "value", "error")},
-            **dict(zip(("low_90", "high_90"), e.interval_90, strict=True)),
-            **{"low_95": e.low, "high_95": e.high},
-            **{"identified": e.identified, "at_bound": e.at_bound},
-            **{"nominal": e.nominal, "true": true_value(e, data)},
-        }
-        for e in model.estimates
-    ]
-    return pd.DataFrame(lines).astype({"nominal": float, "true": float})
+    frame = estimate_frame(model.estimates, data.joints)
+    frame["true"] = np.array([true_value(e, data) for e in model.estimates], dtype=float)
+    frame.insert(0, "identifier", model.label)
+    frame.insert(1, "recipe", model.recipe)
+    return frame
 
 
 def interval_table(

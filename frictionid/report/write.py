@@ -42,9 +42,7 @@ from frictionid.report.tables import (
     Cell,
     Column,
     Table,
-    latex,
     lines_of,
-    markdown,
     render,
     render_page,
 )
@@ -86,7 +84,7 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
                 exhibits[section.dataset, data.dataset] = shown
     contents = reduction(results)
     for table in (table for shown in exhibits.values() for table in shown.tables):
-        contents |= _table_files(table)
+        contents |= table.files
     figures = figure_files([p for shown in exhibits.values() for p in shown.pictures], jobs)
     for stem, files in figures.items():
         contents |= {f"figures/{stem}.{kind}": content for kind, content in files.items()}
@@ -114,14 +112,6 @@ def figure_files(pictures: Sequence[Picture], jobs: int) -> dict[str, Mapping[st
 def _drawn(figure: Any) -> dict[str, bytes]:
     with drawing():
         return rendered(figure, ("svg", "pdf"))
-
-
-def _table_files(named: NamedTable) -> dict[str, bytes]:
-    """A table as Markdown and LaTeX, and its numbers as CSV where there are any, by path."""
-    texts = {"md": markdown(named.table), "tex": latex(named.table)}
-    if named.numbers is not None:
-        texts["csv"] = named.numbers.to_csv(index=False, float_format="%.9g")
-    return {f"tables/{named.stem}.{kind}": text.encode() for kind, text in texts.items()}
 
 
 # --- What summary and page show -------------------------------------------------------------------

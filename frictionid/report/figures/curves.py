@@ -30,6 +30,7 @@ from frictionid.report.figures.style import (
     patch,
     prefixed,
     side_by_side,
+    unmeasured_key,
     unmeasured_patch,
     velocity_axis,
 )
@@ -202,8 +203,7 @@ MEMBERS = _Kind("mean", 1.3, True, _members_of)
 
 def curve_bands(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     """Pictures of fits with intervals: a column for each, its bands about it below."""
-    fits = [model for model in section.models if model.refined is not None]
-    data = section.description
+    fits, data = section.shot, section.description
     key = {
         "fit to all data": line(GREY),
         "95 % at each velocity": patch(GREY, STRONG + WEAK / 2),
@@ -234,13 +234,12 @@ def spread_caption(section: Section) -> str:
 def spreads(section: Section, styles: Mapping[str, Style]) -> list[Any]:
     """Pictures of ensembles: a column for each, its members about it below."""
     models, data, pictures = ensembles(section), section.description, []
-    everywhere = all(measured(w, data, joint).all() for joint, w in enumerate(data.velocity.T))
     for part in side_by_side(models):
         colour = styles[part[0].label].colour if len(part) == 1 else GREY
         key = {
             "mean, fit to all data": line(colour),
             "each member": line(colour, linewidth=0.6, alpha=0.7),
-            **({} if everywhere else {"not measured": unmeasured_patch()}),
+            **unmeasured_key(data),
         }
         pictures.append(_about_picture(part, models, data, styles, MEMBERS, key))
     return pictures

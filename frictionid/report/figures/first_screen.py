@@ -28,7 +28,7 @@ from frictionid.report.figures.style import (
     patch,
     plain,
     plain_logarithm,
-    unmeasured_patch,
+    unmeasured_key,
 )
 from frictionid.report.numbers import short
 from frictionid.report.recommended import chosen_of
@@ -67,7 +67,6 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
             axis.set_ylabel(f"friction [{data.torque_units[joint]}]")
     for spare in axes[joints:]:
         spare.set_axis_off()
-    everywhere = all(measured(w, data, j).all() for j, w in enumerate(data.velocity.T))
     key = {chosen.name: line(colour, linewidth=1.8)}
     if np.isfinite(curve_and_band(chosen, data, 0)[2]).any():
         key["its 95 % band"] = patch(colour, BAND)
@@ -75,9 +74,7 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
         key["other models"] = line(**RIVAL)
     if data.truth is not None:
         key["truth"] = line(DARK, DASHED, 1)
-    if not everywhere:
-        key["not measured"] = unmeasured_patch()
-    key_above(picture, key)
+    key_above(picture, key | unmeasured_key(data))
     picture.supxlabel(f"velocity [{data.velocity_unit}]")
     return picture
 

@@ -293,6 +293,12 @@ def unmeasured_patch() -> Any:
     return Patch(facecolor=SHADE, edgecolor=HATCH, hatch="//////", linewidth=0)
 
 
+def unmeasured_key(data: DataDescription) -> dict[str, Any]:
+    """Entry of a legend for velocities that were not measured, where there are some."""
+    everywhere = all(measured(w, data, j).all() for j, w in enumerate(data.velocity.T))
+    return {} if everywhere else {"not measured": unmeasured_patch()}
+
+
 def measured(velocity: Array, data: DataDescription, joint: int) -> Array:
     """Whether each velocity (V,) was reached by the motion."""
     inside = np.ones(len(velocity), dtype=bool)
