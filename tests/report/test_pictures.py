@@ -46,7 +46,7 @@ def steps(picture):
 def test_no_line_joins_samples_across_a_reversal(tmp_path, law):
     theta = np.full((made.FOLDS + 1, 1, len(law.names)), 0.05)
     loops = hysteresis_loops(Friction(law, theta), PLANT, HysteresisSettings(), GRID, 1 / 60)
-    own = section(tmp_path, ("one", "integral"), loops=[loop.document() for loop in loops])
+    own = section(tmp_path, ("one", "integral"), loops=[loop._asdict() for loop in loops])
     ((picture,),) = loop_pictures(own, styles(own.models)).values()
     drawn = [pair for pair in steps(picture)]
     assert drawn
