@@ -118,3 +118,39 @@ def _quantile(values: Array, level: float) -> float:
     if part == 0.0:
         return float(ordered[low])
     return float((1.0 - part) * ordered[low] + part * ordered[low + 1])
+
+
+def score_tables(scores: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Scores of each (task, fold), and of each task: means over folds one step ahead, else pooled.
+
+    Columns are named by score, statistic, horizon and joint; `scores` has the column `task`, too.
+    """
+    scores = scores.assign(column=_columns(scores))
+    pooled = scores["fold"] == "all"
+    level = scores[pooled].pivot(index="task", columns="column", values="value")
+    folds = scores[~pooled].astype({"fold": int})
+    folds = folds.pivot(index=["task", "fold"], columns="column", values="value")
+    means = over_folds(folds, "mean")
+    steps = means.filter(like="one_step")
+    return folds, steps.combine_first(level)  # a single fold leaves what is pooled
+
+
+def over_folds(folds: pd.DataFrame, statistic: str) -> pd.DataFrame:
+    """The "mean" or "std" over the folds of each task's scores; NaN with a single fold."""
+
+    def reduced(values: pd.Series) -> float:
+        scores = values.to_numpy()
+        if len(scores) < 2 or (statistic == "std" and not np.isfinite(scores).all()):
+            return float("nan")
+        return float(scores.mean() if statistic == "mean" else scores.std(ddof=1))
+
+    return folds.groupby("task").agg(reduced)
+
+
+def _columns(scores: pd.DataFrame) -> pd.Series:
+    """Name of the column of each score: score, statistic, horizon and joint."""
+    names: pd.Series[str] = scores["score"] + "_" + scores["statistic"]
+    names = names.replace({"curve_error_rms": "curve_error", "n_parameters_count": "n_parameters"})
+    horizon = scores["horizon_s"].map(lambda h: "" if np.isnan(h) else f"_{h:g}s")
+    joint = scores["joint"].astype(str)
+    return names + horizon + joint.where(joint == "all", "_joint" + joint).replace("all", "")

@@ -15,6 +15,7 @@ from frictionid.evaluation.hysteresis import HysteresisLoop
 from frictionid.evaluation.plausibility import Beyond
 from frictionid.evaluation.predicted_motion import HorizonErrors, read_errors
 from frictionid.evaluation.reference_model import StartErrors
+from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
 from frictionid.report.numbers import either, norm_unit
@@ -385,36 +386,3 @@ def _same(model: Model, other: Model) -> bool:
     """Whether two models are one: seeds that changed nothing, fixed numbers under two recipes."""
     names = model.identifier == other.identifier and model.recipe == other.recipe
     return names and np.array_equal(model.theta, other.theta)
-
-
-def score_tables(scores: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Frames `folds` and `level` of `SummaryData`; `scores` has the column `task` besides."""
-    scores = scores.assign(column=_columns(scores))
-    pooled = scores["fold"] == "all"
-    level = scores[pooled].pivot(index="task", columns="column", values="value")
-    folds = scores[~pooled].astype({"fold": int})
-    folds = folds.pivot(index=["task", "fold"], columns="column", values="value")
-    means = over_folds(folds, "mean")
-    steps = means.filter(like="one_step")
-    return folds, steps.combine_first(level)  # a single fold leaves what is pooled
-
-
-def over_folds(folds: pd.DataFrame, statistic: str) -> pd.DataFrame:
-    """The "mean" or "std" over the folds of each task's scores; NaN with a single fold."""
-
-    def reduced(values: pd.Series[float]) -> float:
-        scores = values.to_numpy()
-        if len(scores) < 2 or (statistic == "std" and not np.isfinite(scores).all()):
-            return float("nan")
-        return float(scores.mean() if statistic == "mean" else scores.std(ddof=1))
-
-    return folds.groupby("task").agg(reduced)
-
-
-def _columns(scores: pd.DataFrame) -> pd.Series[str]:
-    """Name of the column of each score: score, statistic, horizon and joint."""
-    names: pd.Series[str] = scores["score"] + "_" + scores["statistic"]
-    names = names.replace({"curve_error_rms": "curve_error", "n_parameters_count": "n_parameters"})
-    horizon = scores["horizon_s"].map(lambda h: "" if np.isnan(h) else f"_{h:g}s")
-    joint = scores["joint"].astype(str)
-    return names + horizon + joint.where(joint == "all", "_joint" + joint).replace("all", "")

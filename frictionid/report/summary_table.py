@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from frictionid.evaluation.score_frame import over_folds
 from frictionid.report.numbers import (
     NOTHING,
     decimals,
@@ -23,7 +24,6 @@ from frictionid.report.sections import (
     RIVALS,
     Model,
     SummaryData,
-    over_folds,
     rollout,
 )
 from frictionid.report.tables import Cell, Column, Part, Table, by_columns

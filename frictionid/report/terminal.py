@@ -10,12 +10,13 @@ import pandas as pd
 
 from frictionid.comparison.results import Results
 from frictionid.evaluation import torque_frame
+from frictionid.evaluation.score_frame import score_tables
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.report.console import console, say
 from frictionid.report.estimates import interval, value_text
-from frictionid.report.sections import Section, score_tables, sections_of
+from frictionid.report.sections import Section, sections_of
 from frictionid.report.shooting_results import shooting_results
 from frictionid.report.side_by_side import (
     SideBySide,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.evaluation.curves import slow_speed
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.report.figures.style import (
     DARK,
@@ -17,7 +18,6 @@ from frictionid.report.figures.style import (
     PALE,
     Style,
     draw_truth,
-    error_to_truth,
     frame,
     key_above,
     label_panels,
@@ -28,7 +28,6 @@ from frictionid.report.figures.style import (
     paired_panels,
     panels,
     patch,
-    prefixed,
     side_by_side,
     unmeasured_key,
     unmeasured_patch,
@@ -310,3 +309,24 @@ def _fill(axis: Any, band: Band, colour: str) -> None:
     for half, alpha in ((band.simultaneous, WEAK), (band.pointwise, STRONG)):
         edges = band.curve - half, band.curve + half
         axis.fill_between(band.velocity, *edges, color=colour, alpha=alpha, linewidth=0)
+
+
+def error_to_truth(model: Model, data: DataDescription, joint: int) -> tuple[Array, Array] | None:
+    """Velocities (V,) and the true curve less the fitted one, where the truth is known."""
+    if data.truth is None:
+        return None
+    w = data.velocity[:, joint]
+    off = data.truth[:, joint] - model.curves[-1][:, joint]
+    return w, np.where(np.abs(w) < slow_speed(np.abs(w).max()), np.nan, off)
+
+
+def prefixed(size: float) -> tuple[float, str]:
+    """Factor and prefix of the unit in which numbers up to a size are read best.
+
+    >>> prefixed(5.0), prefixed(0.02), prefixed(1e-4)
+    ((1.0, ''), (1000.0, 'm'), (1000000.0, 'µ'))
+    """
+    for scale, prefix in ((1.0, ""), (1e3, "m")):
+        if scale * size >= 0.5:
+            return scale, prefix
+    return 1e6, "µ"

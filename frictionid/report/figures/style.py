@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.curves import slow_speed
 from frictionid.pictures import COLOURS as COLOURS
 from frictionid.pictures import WIDTH as WIDTH
 from frictionid.pictures import drawing as drawing
@@ -198,15 +197,16 @@ def panels(
     below: str,
     height: float,
     width: float = WIDTH,
-    **shared: Any,
+    sharex: bool | str = False,
+    sharey: bool | str = False,
 ) -> Any:
     """A figure with a row of panels for each label and a column for each title.
 
     draw : draws on the axes of a row and a column; key : of `key_above`; below : what the
-        horizontal axes are; height : of a row [inch]; shared : axes, as Matplotlib has them
+        horizontal axes are; height : of a row [inch]
     """
     picture = figure(0.6 + height * len(labels), width)
-    axes = picture.subplots(len(labels), len(titles), squeeze=False, **shared)
+    axes = picture.subplots(len(labels), len(titles), squeeze=False, sharex=sharex, sharey=sharey)
     for (row, column), axis in np.ndenumerate(axes):
         draw(axis, row, column)
     for axis, label in zip(axes[:, 0], labels, strict=True):
@@ -257,15 +257,6 @@ def draw_truth(axis: Any, data: DataDescription, joint: int) -> None:
     if data.truth is not None:
         true = data.truth[:, joint]
         axis.plot(data.velocity[:, joint], true, color=DARK, linewidth=1, linestyle=DASHED)
-
-
-def error_to_truth(model: Model, data: DataDescription, joint: int) -> tuple[Array, Array] | None:
-    """Velocities (V,) and the true curve less the fitted one, where the truth is known."""
-    if data.truth is None:
-        return None
-    w = data.velocity[:, joint]
-    off = data.truth[:, joint] - model.curves[-1][:, joint]
-    return w, np.where(np.abs(w) < slow_speed(np.abs(w).max()), np.nan, off)
 
 
 def frame(axis: Any, w: Array, data: DataDescription, joint: int, end: float) -> None:
@@ -327,18 +318,6 @@ def most(values: Sequence[Array]) -> float:
     joined = np.concatenate(values) if values else np.zeros(1)
     joined = joined[np.isfinite(joined)]
     return float(np.quantile(joined, 0.995)) if joined.size and joined.max() > 0 else 1.0
-
-
-def prefixed(size: float) -> tuple[float, str]:
-    """Factor and prefix of the unit in which numbers up to a size are read best.
-
-    >>> prefixed(5.0), prefixed(0.02), prefixed(1e-4)
-    ((1.0, ''), (1000.0, 'm'), (1000000.0, 'µ'))
-    """
-    for scale, prefix in ((1.0, ""), (1e3, "m")):
-        if scale * size >= 0.5:
-            return scale, prefix
-    return 1e6, "µ"
 
 
 def plain_logarithm(axes: Any, name: str = "y") -> None:
