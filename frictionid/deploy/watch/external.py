@@ -349,7 +349,7 @@ def external_torque(
     --------
     >>> import frictionid as fid
     >>> fit = fid.fit("acrobot_clean", "stribeck")
-    >>> torque = external_torque(fit, "acrobot_clean")
+    >>> torque = external_torque(fit, "acrobot_clean", quiet="acrobot_clean")
     >>> torque.joints, len(torque.contacts) < 3
     (('joint 1', 'joint 2'), True)
     """
