@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -240,24 +240,24 @@ def test_other_machines_and_formats_are_refused(known, healthy, tmp_path):
         save_baseline(known, path, LAWS, {})
 
 
-KILLED = """
-import os, sys
-import frictionid as fid
-seen = []
-def done(name):
-    seen.append(name)
-    if len(seen) == 2:
-        os.kill(os.getpid(), 9)
-fid.monitor(sys.argv[1], sys.argv[2], state=sys.argv[3], done=done)
-"""
-
-
 def test_a_killed_monitor_goes_on_where_it_was(known, worn, tmp_path):
     write_dataset(worn[0], tmp_path / "new")
     base, state = tmp_path / "baseline.json", tmp_path / "state.json"
     save_baseline(known, base, LAWS, {})
-    words = [sys.executable, "-c", KILLED, base, tmp_path / "new", state]
-    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
+    seen = []
+
+    def done(name):
+        seen.append(name)
+        if len(seen) == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    child = os.fork()
+    if not child:
+        try:
+            fid.monitor(base, tmp_path / "new", state=state, done=done)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
     assert len(load_state(state, known)) == 2
     resumed = fid.monitor(base, tmp_path / "new", state=state)
     at_once = fid.monitor(base, tmp_path / "new", state=tmp_path / "other.json")
