@@ -334,15 +334,13 @@ def test_fit_never_writes_over_its_data(place, call, out):
 
 
 def test_a_numerical_width_is_said_to_change_nothing(place, call):
-    words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--replace", "--out")
-    texts = [call(*words, "w.json", "--set", f"width={w}")[1] for w in (0.01, 0.3)]
-    assert ["width = 0.01 rad/s changes nothing" in text for text in texts] == [True, False]
-    assert "changes nothing" not in call(*words, "w.json")[1]
-    thetas = []
-    for width in (0.01, 0.02):
-        call(*words, "w.json", "--set", f"width={width}")
+    words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--replace", "--out", "w.json")
+    texts, thetas = [], []
+    for width in (("--set", "width=0.3"), (), ("--set", "width=0.01")):
+        texts.append(call(*words, *width)[1])
         thetas.append(read_json(place / "w.json")["theta"])
-    assert thetas[0] == thetas[1]
+    assert ["changes nothing" in text for text in texts] == [False, False, True]
+    assert "width = 0.01 rad/s changes nothing" in texts[2] and thetas[1] == thetas[2]
 
 
 def test_a_model_is_written_over_with_replace_only(place, call):
