@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 546_685, 403, 600, 73
-TEST_TOKENS, WORDS = 437_026, 35_280
+TEST_TOKENS, WORDS = 437_026, 35_290
 
 
 def tokens(path):
