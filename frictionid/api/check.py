@@ -10,8 +10,6 @@ from typing import Any
 import pandas as pd
 
 import frictionid.check.verdict as checks
-from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.api.notebook import as_html, counted
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
@@ -19,6 +17,9 @@ from frictionid.quickstart.quick_report import quick_figure, show_quick
 from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.figures.style import drawn
+
+from .models import DatasetLike, dataset_of, friction_of
+from .notebook import as_html, counted
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,19 +9,6 @@ from typing import Any
 
 from joblib import cpu_count
 
-from frictionid.api.comparison import Comparison
-from frictionid.api.fit import method_of
-from frictionid.api.models import (
-    DatasetLike,
-    count,
-    dataset_of,
-    identifier_of,
-    name_of,
-    numbers,
-    optional_number,
-)
-from frictionid.api.notebook import counted
-from frictionid.api.suites import About, run_in_folder
 from frictionid.comparison.cross_validate import (
     Benchmark,
     PreparedBenchmark,
@@ -42,6 +29,20 @@ from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_f
 from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.outputs import check_writable
+
+from .comparison import Comparison
+from .fit import method_of
+from .models import (
+    DatasetLike,
+    count,
+    dataset_of,
+    identifier_of,
+    name_of,
+    numbers,
+    optional_number,
+)
+from .notebook import counted
+from .suites import About, run_in_folder
 
 
 def compare(

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.api.fitted import Fit
-from frictionid.api.notebook import as_html
 from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import (
     Result,
@@ -49,6 +47,9 @@ from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, sum
 from frictionid.report.tables import html
 from frictionid.report.terminal import verdict
 from frictionid.report.verdict import Verdict, verdict_of
+
+from .fitted import Fit
+from .notebook import as_html
 
 PLOTS = (*FITTED, "motion", "correlation")
 

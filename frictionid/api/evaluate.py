@@ -9,14 +9,6 @@ from typing import Any
 
 import pandas as pd
 
-from frictionid.api.models import (
-    DatasetLike,
-    dataset_of,
-    friction_of,
-    number,
-    numbers,
-    optional_number,
-)
 from frictionid.comparison.results import model_scores
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, located
@@ -31,6 +23,15 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
+
+from .models import (
+    DatasetLike,
+    dataset_of,
+    friction_of,
+    number,
+    numbers,
+    optional_number,
+)
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)
 

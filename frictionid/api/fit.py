@@ -8,18 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.api.fitted import Fit
-from frictionid.api.models import (
-    DatasetLike,
-    LawLike,
-    count,
-    dataset_of,
-    friction_of,
-    identifier_of,
-    numbers,
-    optional_number,
-)
-from frictionid.api.notebook import counted
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fit_model, with_smoothing_bias
 from frictionid.comparison.registry import RECIPES
@@ -34,6 +22,19 @@ from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibrati
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Law
 from frictionid.quickstart.quick import time_between_samples
+
+from .fitted import Fit
+from .models import (
+    DatasetLike,
+    LawLike,
+    count,
+    dataset_of,
+    friction_of,
+    identifier_of,
+    numbers,
+    optional_number,
+)
+from .notebook import counted
 
 ONE_STEP = (*RECIPES, CALIBRATED.name)
 METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.api.evaluate import evaluate, predict
-from frictionid.api.models import dataset_of, numbers
 from frictionid.arrays import Array
 from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS
@@ -36,6 +34,9 @@ from frictionid.report.figures.style import drawn
 from frictionid.report.fit_table import estimate_table, interval_note
 from frictionid.report.tables import html, terminal_text
 from frictionid.report.torque_left import torque_sentence
+
+from .evaluate import evaluate, predict
+from .models import dataset_of, numbers
 
 PLOTS = ("friction", "motion", "correlation")
 ASSUMED = (

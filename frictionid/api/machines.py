@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from frictionid.api.fitted import Fit
-from frictionid.api.models import friction_of
 from frictionid.arrays import Array
 from frictionid.data.position_control import PositionControl
 from frictionid.files import model_path, read_json, shipped, shipped_names
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, mechanism_of
+
+from .fitted import Fit
+from .models import friction_of
 
 
 class HeldOut(NamedTuple):

@@ -12,9 +12,6 @@ from typing import Any
 import pandas as pd
 from pydantic import ValidationError
 
-from frictionid.api.fit import method_of
-from frictionid.api.models import DatasetLike, LawLike, dataset_of, identifier_of
-from frictionid.api.suites import open_suite
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
@@ -30,6 +27,10 @@ from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
 from frictionid.report.tables import html, markdown
+
+from .fit import method_of
+from .models import DatasetLike, LawLike, dataset_of, identifier_of
+from .suites import open_suite
 
 CASES = "fits"  # folder of the results of single fits
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import pandas as pd
 from joblib import cpu_count
 
-from frictionid.api.comparison import Comparison
 from frictionid.comparison import suite as suites
 from frictionid.comparison.cross_validate import PreparedBenchmark
 from frictionid.comparison.registry import LAWS
@@ -32,6 +31,8 @@ from frictionid.report.figures.studies import progress as progress_picture
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import score_table, settings_tables, trials_of, write_outcome
 from frictionid.report.terminal import show_table
+
+from .comparison import Comparison
 
 
 class About(NamedTuple):

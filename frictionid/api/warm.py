@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from frictionid.api.check import check
-from frictionid.api.fit import fit
 from frictionid.data.recordings import Dataset
 from frictionid.mechanics import pendulum, urdf
+
+from .check import check
+from .fit import fit
 
 _ARM = """<robot name="arm"><link name="base"/>
 <link name="a"><inertial><origin xyz="0 0 .2"/><mass value="2"/>

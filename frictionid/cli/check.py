@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from frictionid.cli.options import DatasetPath, PresentOrNone
+from .options import DatasetPath, PresentOrNone
 
 
 def check(
@@ -74,12 +74,13 @@ def quick(
     figure : Picture to write (PNG) [quick-<name>.png].
     """
     from frictionid.api.check import quick as first_verdict
-    from frictionid.cli.progress import running
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
     from frictionid.quickstart.quick_report import quick_json, quick_picture, show_quick
+
+    from .progress import running
 
     loaded = load_dataset(dataset, data, trust=trust)
     figure = figure or Path(f"quick-{file_names([loaded.name])[loaded.name]}.png")

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from frictionid.cli.options import add_command
+from .options import add_command
 
 data = typer.Typer(help="List and get public recordings.", no_args_is_help=True)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from frictionid.cli.options import (
+from .options import (
     DatasetPath,
     ModelsAndDataset,
     PresentOrNone,
@@ -37,7 +37,6 @@ def evaluate(
     initial_states : Estimator of the states that rollouts start from: filter, or model.
     """
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
-    from frictionid.cli.progress import counted
     from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
@@ -47,6 +46,8 @@ def evaluate(
     from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
     from frictionid.report.torque_left import score_torque_frames
+
+    from .progress import counted
 
     if len(files) < 2:
         raise InputError("evaluate needs at least one model file and, last, a data set")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frictionid.cli.options import (
+from .options import (
     DatasetPath,
     numbers,
     settings,
@@ -69,13 +69,14 @@ def fit(
     """
     from frictionid.api.fit import fit as fit_data
     from frictionid.api.models import identifier_of
-    from frictionid.cli.progress import heard
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import write_bytes
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report.figures.fits import check_drawable, fit_figure
     from frictionid.report.figures.style import png
+
+    from .progress import heard
 
     read = [*dataset_files(dataset, data), *(model_paths(calibration) if calibration else ())]
     check_outputs([*model_paths(out), figure], read, replace=replace)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from frictionid.cli.options import ModelPaths, numbers
+from .options import ModelPaths, numbers
 
 if TYPE_CHECKING:
     from frictionid.quickstart.describe_tables import Described, Known, Tables
@@ -44,9 +44,10 @@ def init(
     torque : Columns of torques or currents, with commas, one per joint; guessed where none is
         given.
     """
-    from frictionid.cli.options import setting
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+
+    from .options import setting
 
     source = tables_at(tables)
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
@@ -117,9 +118,10 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
 
 def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     """The [mechanism] table of the options, the rest asked for."""
-    from frictionid.cli.options import setting
     from frictionid.comparison.kind_descriptions import described, mechanisms
     from frictionid.errors import InputError
+
+    from .options import setting
 
     kinds = mechanisms()
     if not kind:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from frictionid.cli.options import OtherFolder, ResultFolder
 from frictionid.errors import InputError
+
+from .options import OtherFolder, ResultFolder
 
 if TYPE_CHECKING:
     from frictionid.comparison.results import Results

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from frictionid.cli.options import PresentPath
+from .options import PresentPath
 
 
 def simulate(
@@ -26,9 +26,10 @@ def simulate(
     noise_free : Exact angles.
     """
     from frictionid.api.simulate import simulate as simulated
-    from frictionid.cli.progress import show
     from frictionid.files import read_bytes
     from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
+
+    from .progress import show
 
     check_dataset_folder(out, replace=replace)
     settings = load_rig(rig)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from frictionid.cli.options import PresentPath, numbers
+from .options import PresentPath, numbers
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"
@@ -57,9 +57,10 @@ def suggest(
     """
     from frictionid.api.suggest import stages
     from frictionid.api.suggest import suggest as suggested
-    from frictionid.cli.progress import counted
     from frictionid.excitation import load_mechanism
     from frictionid.outputs import check_outputs
+
+    from .progress import counted
 
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
@@ -91,7 +92,6 @@ def suggest(
 
 
 def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
-    from frictionid.cli.progress import show
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
         command_frame,
@@ -101,6 +101,8 @@ def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> 
         design_figure,
     )
     from frictionid.report.figures.style import png
+
+    from .progress import show
 
     for number, path in enumerate(places):
         write_text(path, csv_of(command_frame(design, number)))
@@ -120,7 +122,6 @@ def _suggest_trajectories(
 ) -> None:
     """Write trajectories for limits and prior friction, of a number, length, effort and seed."""
     from frictionid.api.suggest import suggest_trajectories
-    from frictionid.cli.progress import counted, show
     from frictionid.files import write_bytes, write_text
     from frictionid.report.experiment_design import (
         FINE,
@@ -131,6 +132,8 @@ def _suggest_trajectories(
         trajectory_text,
     )
     from frictionid.report.figures.style import png
+
+    from .progress import counted, show
 
     recordings, length, effort, seed = size
     with counted(recordings, "searching") as done:

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from frictionid.cli.options import SuitePath
 from frictionid.errors import InputError
+
+from .options import SuitePath
 
 
 def compare(
@@ -41,9 +42,10 @@ def compare(
     from joblib import cpu_count
 
     from frictionid.api.suites import open_suite, run_suite
-    from frictionid.cli.progress import interruptible, running
-    from frictionid.cli.report import check_requirements, exit_unless_met
     from frictionid.report import results_json, show
+
+    from .progress import interruptible, running
+    from .report import check_requirements, exit_unless_met
 
     check_requirements(require)
     if dask and jobs:
@@ -106,11 +108,12 @@ def sensitivity(
     jobs : Number of parallel fits; 0: one per core.
     """
     from frictionid.api.sensitivity import sensitivity_of_suite
-    from frictionid.cli.progress import counted, interruptible
     from frictionid.files import json_text
     from frictionid.report.figures.studies import summarised
     from frictionid.report.sensitivity import sensitivity_table, studies
     from frictionid.report.terminal import show_table
+
+    from .progress import counted, interruptible
 
     with interruptible("finished fits are kept: run the same command again"):
         frame, page = sensitivity_of_suite(
@@ -157,8 +160,9 @@ def tune(
     """
     from frictionid.api.suites import open_suite
     from frictionid.api.suites import tune as tune_suite
-    from frictionid.cli.progress import counted, interruptible
     from frictionid.report.sensitivity import outcome_json
+
+    from .progress import counted, interruptible
 
     opened = open_suite(suite, data, out, "-tune")
     with interruptible(f"what is done stays in {opened.folder}: finish it with --resume"):

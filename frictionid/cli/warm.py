@@ -6,7 +6,8 @@ from __future__ import annotations
 def warm() -> None:
     """Compile what commands run as machine code, once on a machine; the first run does it else."""
     from frictionid.api.warm import STEPS, warm_up
-    from frictionid.cli.progress import running
+
+    from .progress import running
 
     with running([name for name, _ in STEPS], "compiling") as done:
         warm_up(done)

@@ -11,14 +11,6 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
-from frictionid.comparison.equal_joints import (
-    check_units,
-    differences,
-    equal_groups,
-    sentences,
-    with_equal,
-)
-from frictionid.comparison.training_set import TrainingSet, training_set
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
@@ -41,6 +33,15 @@ from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction
+
+from .equal_joints import (
+    check_units,
+    differences,
+    equal_groups,
+    sentences,
+    with_equal,
+)
+from .training_set import TrainingSet, training_set
 
 
 def with_notes(fit: Fit, *, intervals: bool = True) -> Friction:

@@ -24,17 +24,6 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.check import check
-from frictionid.comparison.cross_validate import PreparedBenchmark, Result
-from frictionid.comparison.processes import versions
-from frictionid.comparison.result_folder import (
-    DATASETS,
-    PROVENANCE,
-    described,
-    read_sealed,
-    task_file,
-    write_sealed,
-)
-from frictionid.comparison.tasks import Task, content_of, file_name
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import (
@@ -51,6 +40,18 @@ from frictionid.files import json_text
 from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
+
+from .cross_validate import PreparedBenchmark, Result
+from .processes import versions
+from .result_folder import (
+    DATASETS,
+    PROVENANCE,
+    described,
+    read_sealed,
+    task_file,
+    write_sealed,
+)
+from .tasks import Task, content_of, file_name
 
 COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv
 _LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)

@@ -7,17 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.suite import (
-    DatasetEntry,
-    NamedIdentifier,
-    Suite,
-    check_recipes,
-    identifier_of,
-    on_device,
-)
-from frictionid.comparison.suite_recipes import recipes_of
-from frictionid.comparison.tasks import Task
 from frictionid.config import distinct, imported_for_suite
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -27,6 +16,18 @@ from frictionid.evaluation import make_folds, protocol_for, true_calibration, tr
 from frictionid.fitting.identifiers import Published
 from frictionid.fitting.method import Method, check_method
 from frictionid.mechanics import Mechanism, mechanism_of
+
+from .cross_validate import Benchmark
+from .suite import (
+    DatasetEntry,
+    NamedIdentifier,
+    Suite,
+    check_recipes,
+    identifier_of,
+    on_device,
+)
+from .suite_recipes import recipes_of
+from .tasks import Task
 
 
 def tasks_of(

@@ -18,15 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import cpu_count
 
-from frictionid.comparison.cross_validate import (
-    Benchmark,
-    PreparedBenchmark,
-    Result,
-    prepare_benchmark,
-    run,
-)
-from frictionid.comparison.processes import package_digest, side_by_side
-from frictionid.comparison.result_folder import finished, write_sealed
 from frictionid.errors import InputError, located
 from frictionid.evaluation import HorizonErrors
 from frictionid.fitting.fit import own_base
@@ -35,6 +26,16 @@ from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.friction.model_files import model_document
 from frictionid.mechanics import Mechanism
+
+from .cross_validate import (
+    Benchmark,
+    PreparedBenchmark,
+    Result,
+    prepare_benchmark,
+    run,
+)
+from .processes import package_digest, side_by_side
+from .result_folder import finished, write_sealed
 
 FORMAT = 1  # of the result files
 _DIGITS = 7
@@ -193,7 +194,7 @@ def _on_cluster(
 ) -> Iterator[tuple[int, Result]]:
     """What `_run` gives; tasks of one benchmark share its data."""
     try:
-        from frictionid.comparison.cluster import on_cluster
+        from .cluster import on_cluster
     except ModuleNotFoundError as error:
         raise InputError(
             f"a cluster needs the package {error.name}: pip install 'frictionid[dask]'"

@@ -1,6 +1,6 @@
 """Evaluation of friction models: folds, one-step and rollout scores, curves, statistics."""
 
-from frictionid.evaluation.curves import (
+from .curves import (
     curve_error,
     curve_scores,
     curves,
@@ -11,21 +11,21 @@ from frictionid.evaluation.curves import (
     velocity_grid,
     with_speeds,
 )
-from frictionid.evaluation.folds import Folds, Split, make_folds
-from frictionid.evaluation.free_run import (
+from .folds import Folds, Split, make_folds
+from .free_run import (
     free_run,
     free_run_scores,
     make_trajectory,
     trajectory_folds,
     with_motor_torque,
 )
-from frictionid.evaluation.initial_states import (
+from .initial_states import (
     InitialStates,
     initial_state_folds,
     make_initial_states,
 )
-from frictionid.evaluation.predicted_motion import HorizonErrors, predict, rollout_scores
-from frictionid.evaluation.prepared import (
+from .predicted_motion import HorizonErrors, predict, rollout_scores
+from .prepared import (
     CalibratedView,
     EstimatedStates,
     Prepared,
@@ -41,15 +41,15 @@ from frictionid.evaluation.prepared import (
     with_parameters,
     without_physics,
 )
-from frictionid.evaluation.score_frame import SCORE_COLUMNS, score_frame, score_value
-from frictionid.evaluation.scoring import (
+from .score_frame import SCORE_COLUMNS, score_frame, score_value
+from .scoring import (
     Evaluation,
     held_out_residual,
     one_step_scores,
     score_folds,
     score_model,
 )
-from frictionid.evaluation.torque_left import (
+from .torque_left import (
     nominal_torque_scores,
     torque_example,
     torque_frame,

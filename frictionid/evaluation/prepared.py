@@ -26,16 +26,6 @@ from frictionid.data.state_estimators import (
     without_outliers,
 )
 from frictionid.errors import InputError
-from frictionid.evaluation.curves import steady_state, velocity_grid
-from frictionid.evaluation.folds import Folds
-from frictionid.evaluation.free_run import Trajectory, make_trajectory, with_motor_torque
-from frictionid.evaluation.hysteresis import HysteresisSettings
-from frictionid.evaluation.initial_states import (
-    InitialStates,
-    make_initial_states,
-    preceding_samples,
-    true_states,
-)
 from frictionid.fitting.one_step.formulation import (
     INTEGRAL,
     STUDY,
@@ -50,6 +40,17 @@ from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.mechanics import Plant
+
+from .curves import steady_state, velocity_grid
+from .folds import Folds
+from .free_run import Trajectory, make_trajectory, with_motor_torque
+from .hysteresis import HysteresisSettings
+from .initial_states import (
+    InitialStates,
+    make_initial_states,
+    preceding_samples,
+    true_states,
+)
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,11 @@ from frictionid.mechanics import Mechanism, mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
-from frictionid.quickstart.column_guesses import ColumnGuesses, guess_columns, words
-from frictionid.quickstart.describe_tables import Described, Known, Tables, described_draft
-from frictionid.quickstart.draft_text import Draft
-from frictionid.quickstart.robot_columns import RobotColumns, RobotFile, robot_columns
+
+from .column_guesses import ColumnGuesses, guess_columns, words
+from .describe_tables import Described, Known, Tables, described_draft
+from .draft_text import Draft
+from .robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
 _QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own

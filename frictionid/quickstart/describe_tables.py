@@ -20,8 +20,9 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
-from frictionid.quickstart.column_guesses import ColumnGuesses, guess_columns
-from frictionid.quickstart.draft_text import Draft, dataset_text, suite_text
+
+from .column_guesses import ColumnGuesses, guess_columns
+from .draft_text import Draft, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint
 _HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from frictionid.mechanics import Mechanism
-from frictionid.quickstart.column_guesses import ColumnGuesses
 from frictionid.report.tables import render
+
+from .column_guesses import ColumnGuesses
 
 _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment

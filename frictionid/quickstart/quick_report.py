@@ -12,7 +12,6 @@ from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.mechanics import Mechanism
-from frictionid.quickstart.quick import Candidate, Quick
 from frictionid.report.console import console, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.estimates import added
@@ -32,6 +31,8 @@ from frictionid.report.numbers import NOTHING, factor, norm_unit, short
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table
 from frictionid.report.verdict import times
+
+from .quick import Candidate, Quick
 
 
 def show_quick(result: Quick) -> None:

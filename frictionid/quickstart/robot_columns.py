@@ -16,7 +16,8 @@ from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
-from frictionid.quickstart.column_guesses import (
+
+from .column_guesses import (
     UNMEASURED,
     WORDS,
     check_named,

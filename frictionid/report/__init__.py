@@ -14,7 +14,7 @@ diagnostics    a verdict of `check`; experiment_design: a designed motion, both 
 sensitivity    outcomes of `sensitivity` and of `tune`
 """
 
-from frictionid.report.terminal import (
+from .terminal import (
     results_json,
     show,
     show_fit,
@@ -25,4 +25,4 @@ from frictionid.report.terminal import (
     show_torque_left,
     side_by_side_json,
 )
-from frictionid.report.write import build
+from .write import build

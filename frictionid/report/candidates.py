@@ -20,11 +20,12 @@ from frictionid.evaluation.reference_model import (
     preferring,
 )
 from frictionid.evaluation.statistics import FEWEST
-from frictionid.report.memory import has_memory
-from frictionid.report.numbers import decimals, fixed, seconds, short
-from frictionid.report.plausibility import FAILED, Check, checks_of
-from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
-from frictionid.report.tables import Cell, Column, Table, line, table_of, text_columns
+
+from .memory import has_memory
+from .numbers import decimals, fixed, seconds, short
+from .plausibility import FAILED, Check, checks_of
+from .sections import ANY, Model, Section, SummaryData, rollout
+from .tables import Cell, Column, Table, line, table_of, text_columns
 
 EFFECTIVE = "effective_parameters_count"  # column
 CANDIDATES = ("none", "fitted", "given")  # roles of models that can be recommended

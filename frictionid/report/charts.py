@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.curves import curve_and_band, density_heights
-from frictionid.report.figures.motion import limits_of
-from frictionid.report.figures.style import DARK, DENSITY, PALE, Style, measured, most
-from frictionid.report.sections import DataDescription, Model, Section
+
+from .figures.curves import curve_and_band, density_heights
+from .figures.motion import limits_of
+from .figures.style import DARK, DENSITY, PALE, Style, measured, most
+from .sections import DataDescription, Model, Section
 
 DIGITS = 5  # significant, of numbers in a chart
 MEASURED = "#8C8C8C"

@@ -16,10 +16,11 @@ from frictionid.check.questions import answer_of
 from frictionid.check.regression import one_way
 from frictionid.files import plain, write_bytes
 from frictionid.mechanics import Mechanism
-from frictionid.report.console import console, say
-from frictionid.report.figures import style
-from frictionid.report.numbers import NOTHING, either
-from frictionid.report.tables import Column, Table, table_of, text_columns
+
+from .console import console, say
+from .figures import style
+from .numbers import NOTHING, either
+from .tables import Column, Table, table_of, text_columns
 
 COLOURS = {"good": "green", "doubtful": "yellow", "unusable": "red"}
 ANSWERS = {True: "green", False: "red", None: "yellow"}

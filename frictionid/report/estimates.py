@@ -8,8 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import pandas as pd
 
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.numbers import MINUS, NOTHING
-from frictionid.report.sections import DataDescription
+
+from .numbers import MINUS, NOTHING
+from .sections import DataDescription
 
 
 def change(e: Estimate) -> tuple[str, str, str]:

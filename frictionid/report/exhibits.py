@@ -9,36 +9,37 @@ import pandas as pd
 
 from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
-from frictionid.report.figures.curves import curve_bands, friction_curves, spread_caption, spreads
-from frictionid.report.figures.first_screen import (
+
+from .figures.curves import curve_bands, friction_curves, spread_caption, spreads
+from .figures.first_screen import (
     errors_of_models,
     friction_of_the_choice,
     torque_over_time,
 )
-from frictionid.report.figures.fits import correlation, correlation_caption
-from frictionid.report.figures.motion import example_motions, motions, speed_table, velocity_scatter
-from frictionid.report.figures.scores import (
+from .figures.fits import correlation, correlation_caption
+from .figures.motion import example_motions, motions, speed_table, velocity_scatter
+from .figures.scores import (
     loss_against,
     one_step_boxes,
     rollout_errors,
 )
-from frictionid.report.figures.studies import learning_curves
-from frictionid.report.figures.style import Style, styles
-from frictionid.report.fit_table import parameter_numbers, parameter_table
-from frictionid.report.memory import loop_pictures, loop_table
-from frictionid.report.recommended import chosen_of
-from frictionid.report.sections import Model, Section, SummaryData, rollout
-from frictionid.report.shooting_results import (
+from .figures.studies import learning_curves
+from .figures.style import Style, styles
+from .fit_table import parameter_numbers, parameter_table
+from .memory import loop_pictures, loop_table
+from .recommended import chosen_of
+from .sections import Model, Section, SummaryData, rollout
+from .shooting_results import (
     interval_numbers,
     interval_table,
     window_numbers,
     window_table,
 )
-from frictionid.report.summary_table import caption_of, summary_of, summary_table
-from frictionid.report.tables import Table, latex, markdown
-from frictionid.report.torque_left import torque_frames, torque_numbers, torque_table
-from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import marked, verdict_numbers, verdict_table
+from .summary_table import caption_of, summary_of, summary_table
+from .tables import Table, latex, markdown
+from .torque_left import torque_frames, torque_numbers, torque_table
+from .verdict import Verdict, verdict_of
+from .verdict_table import marked, verdict_numbers, verdict_table
 
 
 class Picture(NamedTuple):

@@ -15,9 +15,10 @@ from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
 from frictionid.excitation.signals import DECIMALS, MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
-from frictionid.report.figures import style
-from frictionid.report.numbers import NOTHING, either
-from frictionid.report.tables import Column, Table, render, table_of, terminal_text, text_columns
+
+from .figures import style
+from .numbers import NOTHING, either
+from .tables import Column, Table, render, table_of, terminal_text, text_columns
 
 GROUPS = {"friction_alone": False, "inertia_free": True}  # whether the inertia is free
 BINDING = 0.9  # of what the search allows

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from frictionid.friction.provenance import Estimate, Provenance
-from frictionid.report.estimates import digits, interval
-from frictionid.report.numbers import NOTHING, fixed
-from frictionid.report.sections import ANY, Model, Section
-from frictionid.report.tables import Cell, Column, Table, line, table_of, text_columns
+
+from .estimates import digits, interval
+from .numbers import NOTHING, fixed
+from .sections import ANY, Model, Section
+from .tables import Cell, Column, Table, line, table_of, text_columns
 
 
 def interval_note(source: Provenance) -> str:

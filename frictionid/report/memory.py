@@ -17,7 +17,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.evaluation.hysteresis import HysteresisLoop
 from frictionid.evaluation.statistics import Pair
-from frictionid.report.figures.style import (
+
+from .figures.style import (
     DARK,
     DASHED,
     GREY,
@@ -29,10 +30,10 @@ from frictionid.report.figures.style import (
     plain,
     side_by_side,
 )
-from frictionid.report.figures.style import line as drawn_line
-from frictionid.report.numbers import either, mean_sd, percent
-from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
-from frictionid.report.tables import Table, line, table_of, text_columns
+from .figures.style import line as drawn_line
+from .numbers import either, mean_sd, percent
+from .sections import EULER, Model, Section, SummaryData, rollout
+from .tables import Table, line, table_of, text_columns
 
 KINDS = {"reversing": "reversing", "offset": "never reversing"}
 ROUNDING = 1e-9

@@ -17,9 +17,10 @@ from frictionid.evaluation.plausibility import (
 )
 from frictionid.evaluation.reference_model import Factor
 from frictionid.evaluation.statistics import FEWEST, correlated_test
-from frictionid.report.memory import KINDS, loops_of, middle
-from frictionid.report.numbers import MINUS
-from frictionid.report.sections import Model, SummaryData
+
+from .memory import KINDS, loops_of, middle
+from .numbers import MINUS
+from .sections import Model, SummaryData
 
 PASSED, FAILED, NOTED, NOT_EVALUATED = OUTCOMES = ("passed", "failed", "noted", "not_evaluated")
 DRIVES = -0.02  # of the torque's size: what lies above counts as zero

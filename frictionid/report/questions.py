@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictionid.report.candidates import Candidate, Measure, contrast, family
-from frictionid.report.memory import has_memory
-from frictionid.report.numbers import MINUS, factor, percent
-from frictionid.report.sections import ANY, EULER, Model, Section
+from .candidates import Candidate, Measure, contrast, family
+from .memory import has_memory
+from .numbers import MINUS, factor, percent
+from .sections import ANY, EULER, Model, Section
 
 NOT_EVALUATED = "not_evaluated"
 NEAR = 0.1  # curve error up to which a friction curve is trusted

@@ -14,11 +14,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
-from frictionid.report.estimates import digits, interval, mark_of, rounded
-from frictionid.report.numbers import MINUS, either, short
-from frictionid.report.sections import Model, Section, SummaryData, rollout
-from frictionid.report.tables import Cell
-from frictionid.report.verdict import Verdict
+
+from .estimates import digits, interval, mark_of, rounded
+from .numbers import MINUS, either, short
+from .sections import Model, Section, SummaryData, rollout
+from .tables import Cell
+from .verdict import Verdict
 
 NEAR = 1e-6  # of a bound, in units of its size
 

@@ -11,8 +11,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results
 from frictionid.evaluation import Split
-from frictionid.report.sections import Model, Section, SummaryData, rollout
-from frictionid.report.tables import lines_of, render
+
+from .sections import Model, Section, SummaryData, rollout
+from .tables import lines_of, render
 
 KINDS = {
     "recordings": "whole recordings",

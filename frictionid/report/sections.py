@@ -18,7 +18,8 @@ from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
-from frictionid.report.numbers import either, norm_unit
+
+from .numbers import either, norm_unit
 
 ROLES = ("none", "fitted", "given", "truth")
 RIVALS = ("fitted", "given")  # models that are ranked

@@ -23,8 +23,9 @@ from frictionid.comparison.tuning.studies import (
 from frictionid.errors import InputError
 from frictionid.files import file_names, json_text, read_json
 from frictionid.outputs import replace_files
-from frictionid.report.exhibits import NamedTable, Names, Picture
-from frictionid.report.figures.studies import (
+
+from .exhibits import NamedTable, Names, Picture
+from .figures.studies import (
     CHANGE,
     ERROR,
     LOSS,
@@ -35,10 +36,10 @@ from frictionid.report.figures.studies import (
     summarised,
     tornado,
 )
-from frictionid.report.figures.style import drawing, rendered
-from frictionid.report.numbers import NOTHING, decimals, fixed, mean_sd, short
-from frictionid.report.sections import Section
-from frictionid.report.tables import (
+from .figures.style import drawing, rendered
+from .numbers import NOTHING, decimals, fixed, mean_sd, short
+from .sections import Section
+from .tables import (
     Cell,
     Column,
     Line,

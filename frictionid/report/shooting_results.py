@@ -12,7 +12,8 @@ from scipy.special import stdtrit
 
 from frictionid.fitting.parameters.parameter_block import IDEAL
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.estimates import (
+
+from .estimates import (
     change,
     digits,
     estimate_frame,
@@ -23,9 +24,9 @@ from frictionid.report.estimates import (
     true_value,
     value_text,
 )
-from frictionid.report.numbers import MINUS, NOTHING
-from frictionid.report.sections import DataDescription, Model
-from frictionid.report.tables import Cell, Line, Table, line, table_of, text_columns
+from .numbers import MINUS, NOTHING
+from .sections import DataDescription, Model
+from .tables import Cell, Line, Table, line, table_of, text_columns
 
 LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like

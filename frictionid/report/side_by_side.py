@@ -10,9 +10,10 @@ import numpy as np
 from frictionid.comparison.results import Results
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import StartErrors, loss
-from frictionid.report.numbers import NOTHING, decimals, fixed, seconds, signed
-from frictionid.report.sections import Model, Section, rollout, sections_of
-from frictionid.report.tables import Table, table_of, text_columns
+
+from .numbers import NOTHING, decimals, fixed, seconds, signed
+from .sections import Model, Section, rollout, sections_of
+from .tables import Table, table_of, text_columns
 
 SAME = 1e-9  # relative difference of equal numbers
 

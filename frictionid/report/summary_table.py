@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from frictionid.evaluation.score_frame import over_folds
-from frictionid.report.numbers import (
+
+from .numbers import (
     NOTHING,
     decimals,
     divergence_limit,
@@ -18,7 +19,7 @@ from frictionid.report.numbers import (
     seconds,
     short,
 )
-from frictionid.report.sections import (
+from .sections import (
     EULER,
     INTEGRAL,
     RIVALS,
@@ -26,7 +27,7 @@ from frictionid.report.sections import (
     SummaryData,
     rollout,
 )
-from frictionid.report.tables import Cell, Column, Part, Table, by_columns
+from .tables import Cell, Column, Part, Table, by_columns
 
 ONE_STEP = {EULER: "euler mean", INTEGRAL: "integral rms"}
 DETAILS = FULL, MEDIANS, LAST, BRIEF = "full", "medians", "last", "brief"  # ever narrower

@@ -8,7 +8,8 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 from frictionid.errors import printable
-from frictionid.report.numbers import (
+
+from .numbers import (
     INFINITE,
     NOTHING,
     divergence_limit,

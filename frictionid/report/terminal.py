@@ -14,26 +14,27 @@ from frictionid.evaluation.score_frame import score_tables
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.console import console, say
-from frictionid.report.estimates import interval, value_text
-from frictionid.report.sections import Section, sections_of
-from frictionid.report.shooting_results import shooting_results
-from frictionid.report.side_by_side import (
+
+from .console import console, say
+from .estimates import interval, value_text
+from .sections import Section, sections_of
+from .shooting_results import shooting_results
+from .side_by_side import (
     SideBySide,
     change_table,
     comparable_lines,
     score_table,
 )
-from frictionid.report.summary_table import (
+from .summary_table import (
     DETAILS,
     Summary,
     summary_numbers,
     summary_of,
     summary_table,
 )
-from frictionid.report.tables import Table, for_terminal, render, table_of, text_columns
-from frictionid.report.torque_left import torque_frames, torque_sentence, torque_table
-from frictionid.report.verdict import verdict_of
+from .tables import Table, for_terminal, render, table_of, text_columns
+from .torque_left import torque_frames, torque_sentence, torque_table
+from .verdict import verdict_of
 
 
 def show(results: Results) -> None:

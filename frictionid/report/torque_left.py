@@ -10,9 +10,10 @@ import pandas as pd
 
 from frictionid.evaluation.score_frame import SCORE_COLUMNS
 from frictionid.evaluation.torque_left import torque_frame
-from frictionid.report.numbers import NOTHING, fixed, short
-from frictionid.report.sections import Model, SummaryData
-from frictionid.report.tables import Column, Part, Table, by_columns
+
+from .numbers import NOTHING, fixed, short
+from .sections import Model, SummaryData
+from .tables import Column, Part, Table, by_columns
 
 _WORDS = (
     "what a model leaves of the measured torque, over windows of 0.05 s in which the joint slides: "

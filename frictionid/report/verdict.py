@@ -15,19 +15,20 @@ import numpy as np
 
 from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
 from frictionid.evaluation.statistics import FEWEST, REGION
-from frictionid.report.candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
-from frictionid.report.estimates import added
-from frictionid.report.numbers import factor
-from frictionid.report.plausibility import FAILED
-from frictionid.report.questions import (
+
+from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
+from .estimates import added
+from .numbers import factor
+from .plausibility import FAILED
+from .questions import (
     NOT_EVALUATED,
     Asked,
     Question,
     questions_to,
     unanswered,
 )
-from frictionid.report.sections import ANY, Model, Section, SummaryData, rollout
-from frictionid.report.tables import lines_of, render
+from .sections import ANY, Model, Section, SummaryData, rollout
+from .tables import lines_of, render
 
 HORIZON = 0.5  # [s]
 RECOMMENDED, SIMPLE, UNDECIDED = "recommended", "simple_enough", "undecided"

@@ -15,8 +15,9 @@ from frictionid.evaluation.complexity import Criteria, information_criteria
 from frictionid.evaluation.reference_model import CERTAIN
 from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
-from frictionid.report.candidates import Candidate
-from frictionid.report.numbers import (
+
+from .candidates import Candidate
+from .numbers import (
     NOTHING,
     decimals,
     factor,
@@ -25,10 +26,10 @@ from frictionid.report.numbers import (
     seconds,
     signed,
 )
-from frictionid.report.questions import QUESTIONS
-from frictionid.report.sections import Model
-from frictionid.report.tables import Cell, Column, Table, by_columns
-from frictionid.report.verdict import KINDS, Verdict
+from .questions import QUESTIONS
+from .sections import Model
+from .tables import Cell, Column, Table, by_columns
+from .verdict import KINDS, Verdict
 
 DAGGER = "†"
 _SAME = 1e-3  # of the number of residuals

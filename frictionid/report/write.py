@@ -18,9 +18,10 @@ from frictionid.comparison.processes import side_by_side
 from frictionid.comparison.results import Results, reduction
 from frictionid.files import plain
 from frictionid.outputs import replace_files
-from frictionid.report.candidates import family_table
-from frictionid.report.charts import Chart, animation, friction_charts, motion_chart, plotly_script
-from frictionid.report.exhibits import (
+
+from .candidates import family_table
+from .charts import Chart, animation, friction_charts, motion_chart, plotly_script
+from .exhibits import (
     Exhibits,
     NamedTable,
     Names,
@@ -29,16 +30,16 @@ from frictionid.report.exhibits import (
     names_of,
     shooting_fits,
 )
-from frictionid.report.figures.motion import examples_of
-from frictionid.report.figures.style import Style, drawing, rendered
-from frictionid.report.memory import memory_analysis
-from frictionid.report.recommended import chosen_of, equation_of, horizons_of, parameter_rows
-from frictionid.report.reliability import folds_of, warning_lines
-from frictionid.report.sections import Model, Section, SummaryData, sections_of
-from frictionid.report.sensitivity import beside
-from frictionid.report.shooting_results import shooting_results
-from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
-from frictionid.report.tables import (
+from .figures.motion import examples_of
+from .figures.style import Style, drawing, rendered
+from .memory import memory_analysis
+from .recommended import chosen_of, equation_of, horizons_of, parameter_rows
+from .reliability import folds_of, warning_lines
+from .sections import Model, Section, SummaryData, sections_of
+from .sensitivity import beside
+from .shooting_results import shooting_results
+from .summary_table import MEDIANS, caption_of, summary_of, summary_table
+from .tables import (
     Cell,
     Column,
     Table,
@@ -46,8 +47,8 @@ from frictionid.report.tables import (
     render,
     render_page,
 )
-from frictionid.report.verdict import Verdict, verdict_of
-from frictionid.report.verdict_table import marked, verdict_json
+from .verdict import Verdict, verdict_of
+from .verdict_table import marked, verdict_json
 
 ROOM = 3_200_000  # bytes of figures inside the page
 FEW = 10  # figures, which take as long as a process takes to begin drawing

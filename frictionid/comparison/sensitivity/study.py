@@ -16,19 +16,6 @@ import pandas as pd
 from joblib import cpu_count
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.result_folder import finished, write_sealed
-from frictionid.comparison.sensitivity.variations import (
-    SensitivitySettings,
-    Variation,
-    variations_of,
-    varied,
-)
-from frictionid.comparison.suite import Suite
-from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tasks import Task, digest_of, file_name
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, taken
@@ -39,6 +26,20 @@ from frictionid.fitting.identifiers import Frictionless
 from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
 from frictionid.fitting.shooting import Shooting
+
+from ..cross_validate import Benchmark
+from ..fit_model import fit_model
+from ..processes import side_by_side
+from ..result_folder import finished, write_sealed
+from ..suite import Suite
+from ..suite_tasks import tasks_of
+from ..tasks import Task, digest_of, file_name
+from .variations import (
+    SensitivitySettings,
+    Variation,
+    variations_of,
+    varied,
+)
 
 EVERY = 3  # the last of three recordings is held out
 TRAINING = 0.7  # share of a recording's time, where there are fewer than three

@@ -5,5 +5,5 @@ journal        Optuna's studies in a journal on disk, which an interrupted searc
 studies        the searches, and the suite with the settings that were chosen
 """
 
-from frictionid.comparison.tuning.studies import Study, study_specs, tune
-from frictionid.comparison.tuning.tuning_task import TuningTask, tuning_tasks
+from .studies import Study, study_specs, tune
+from .tuning_task import TuningTask, tuning_tasks

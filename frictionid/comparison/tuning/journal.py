@@ -14,9 +14,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.comparison.search_space import Space, text_of
 from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes, write_bytes
+
+from ..search_space import Space, text_of
 
 JOURNAL = "journal.log"
 LARGEST = 1e20  # of a score

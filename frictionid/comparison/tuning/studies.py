@@ -12,11 +12,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
-from frictionid.comparison.processes import side_by_side
-from frictionid.comparison.search_space import Objective, Tuning, text_of
-from frictionid.comparison.tasks import Task
-from frictionid.comparison.tuning.journal import (
+from frictionid.config import read_toml
+from frictionid.errors import InputError
+from frictionid.evaluation import Split
+from frictionid.files import read_bytes
+
+from ..cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
+from ..processes import side_by_side
+from ..search_space import Objective, Tuning, text_of
+from ..tasks import Task
+from .journal import (
     LARGEST,
     Trial,
     distribution_of,
@@ -25,16 +30,12 @@ from frictionid.comparison.tuning.journal import (
     readable_journal,
     sampler_of,
 )
-from frictionid.comparison.tuning.tuning_task import (
+from .tuning_task import (
     TuningTask,
     protocol_for,
     score_trial,
     training_benchmark,
 )
-from frictionid.config import read_toml
-from frictionid.errors import InputError
-from frictionid.evaluation import Split
-from frictionid.files import read_bytes
 
 Spec = tuple[TuningTask, str, int | None]  # what is tuned, sampler, outer fold, None for all data
 

@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.cross_validate import Benchmark, PreparedBenchmark, run
-from frictionid.comparison.registry import IDENTIFIERS
-from frictionid.comparison.search_space import Objective, Space
-from frictionid.comparison.suite import IdentifierEntry, Suite, identifier_of
-from frictionid.comparison.suite_recipes import recipes_of
-from frictionid.comparison.suite_tasks import benchmarks_of, used_recipes
-from frictionid.comparison.tasks import Task
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import taken
 from frictionid.errors import InputError, located
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.fitting.method import Method
+
+from ..cross_validate import Benchmark, PreparedBenchmark, run
+from ..registry import IDENTIFIERS
+from ..search_space import Objective, Space
+from ..suite import IdentifierEntry, Suite, identifier_of
+from ..suite_recipes import recipes_of
+from ..suite_tasks import benchmarks_of, used_recipes
+from ..tasks import Task
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 

@@ -10,7 +10,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.evaluation.curves import slow_speed
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
-from frictionid.report.figures.style import (
+
+from ..sections import DataDescription, Model, Section
+from .style import (
     DARK,
     DASHED,
     DENSITY,
@@ -33,7 +35,6 @@ from frictionid.report.figures.style import (
     unmeasured_patch,
     velocity_axis,
 )
-from frictionid.report.sections import DataDescription, Model, Section
 
 COLUMNS = 4  # models side by side; more go to another picture
 DOTTED = (0, (1, 1.6))

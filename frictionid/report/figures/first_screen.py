@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.report.figures.curves import curve_and_band
-from frictionid.report.figures.motion import MEASURED
-from frictionid.report.figures.style import (
+from ..numbers import short
+from ..recommended import chosen_of
+from ..sections import DataDescription, Model, Section
+from ..verdict import Candidate, Verdict, verdict_of
+from .curves import curve_and_band
+from .motion import MEASURED
+from .style import (
     DARK,
     DASHED,
     GREY,
@@ -30,10 +34,6 @@ from frictionid.report.figures.style import (
     plain_logarithm,
     unmeasured_key,
 )
-from frictionid.report.numbers import short
-from frictionid.report.recommended import chosen_of
-from frictionid.report.sections import DataDescription, Model, Section
-from frictionid.report.verdict import Candidate, Verdict, verdict_of
 
 WIDTH = 5.6  # [inch], half a page of the screen
 ABREAST = 4  # joints at most

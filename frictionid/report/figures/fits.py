@@ -16,8 +16,12 @@ from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
-from frictionid.report.figures.curves import cut_heights, draw_density
-from frictionid.report.figures.style import (
+
+from ..numbers import MINUS, short
+from ..sections import DataDescription, Model
+from ..shooting_results import OWN, groups
+from .curves import cut_heights, draw_density
+from .style import (
     COLOURS,
     DARK,
     DASHED,
@@ -32,9 +36,6 @@ from frictionid.report.figures.style import (
     plain,
     velocity_axis,
 )
-from frictionid.report.numbers import MINUS, short
-from frictionid.report.sections import DataDescription, Model
-from frictionid.report.shooting_results import OWN, groups
 
 STRONG = 0.9
 PAIRS = 4  # strongly correlated pairs in the caption

@@ -9,7 +9,12 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.report.figures.style import (
+
+from ..memory import with_loops
+from ..numbers import percent, short
+from ..sections import DataDescription, Model, Section, SummaryData
+from ..tables import Column, Table, table_of, text_columns
+from .style import (
     COLOURS,
     GREY,
     Style,
@@ -19,10 +24,6 @@ from frictionid.report.figures.style import (
     patch,
     plain,
 )
-from frictionid.report.memory import with_loops
-from frictionid.report.numbers import percent, short
-from frictionid.report.sections import DataDescription, Model, Section, SummaryData
-from frictionid.report.tables import Column, Table, table_of, text_columns
 
 MEASURED = "#BDBDBD"
 Motion = Mapping[str, Any]

@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.report.figures.style import (
+
+from ..numbers import INFINITE, short
+from ..sections import EULER, Model, Section, SummaryData, rollout
+from ..summary_table import ONE_STEP
+from .style import (
     DARK,
     DASHED,
     Style,
@@ -21,9 +25,6 @@ from frictionid.report.figures.style import (
     plain,
     plain_logarithm,
 )
-from frictionid.report.numbers import INFINITE, short
-from frictionid.report.sections import EULER, Model, Section, SummaryData, rollout
-from frictionid.report.summary_table import ONE_STEP
 
 TRUTH = {"color": DARK, "linewidth": 1, "linestyle": DASHED, "zorder": 1}
 

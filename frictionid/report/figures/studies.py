@@ -12,7 +12,9 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
 from frictionid.comparison.tuning.studies import Study
-from frictionid.report.figures.style import (
+
+from ..sections import Model, Section
+from .style import (
     COLOURS,
     DARK,
     DASHED,
@@ -27,7 +29,6 @@ from frictionid.report.figures.style import (
     plain,
     plain_logarithm,
 )
-from frictionid.report.sections import Model, Section
 
 
 def progress(studies: Sequence[Study], objective: Objective) -> Any:

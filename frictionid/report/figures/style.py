@@ -17,7 +17,8 @@ from frictionid.pictures import WIDTH as WIDTH
 from frictionid.pictures import drawing as drawing
 from frictionid.pictures import drawn as drawn
 from frictionid.pictures import figure as figure
-from frictionid.report.sections import DataDescription, Model
+
+from ..sections import DataDescription, Model
 
 FORMATS = ("png", "pdf", "svg")
 DASHES = ("-", (0, (5, 1.2)), (0, (3, 1, 1, 1)))  # after the last colour, the next kind of line
