@@ -46,7 +46,7 @@ from frictionid.mechanics import Mechanism, Plant
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
 _WHOLE = np.array([0.0, 1.0])  # an interval in one piece
-ROWS = 10000  # at a time, for the cache's sake; few near rest cost as much as many
+NUMBERS = 1_000_000  # derivatives at a time, for the cache's sake; few rows cost as much as many
 
 
 class Linearisation(NamedTuple):
@@ -106,7 +106,8 @@ class ShootingProblem:
         pieces = self._pieces(estimate, replace(plant, feedback=feedback))
         for count in np.unique(pieces[rows]):
             alike = rows[pieces[rows] == count]
-            for part in np.array_split(alike, max(1, -(-len(alike) // ROWS))):
+            size = len(alike) * nodes.shape[1] * (nodes.shape[1] + self.count)
+            for part in np.array_split(alike, max(1, -(-size // NUMBERS))):
                 start = State(nodes[part, :n], nodes[part, n : 2 * n], self._memory(nodes[part]))
                 here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))

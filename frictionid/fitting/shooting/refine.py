@@ -170,7 +170,7 @@ def fit_blocks(
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
     blocks = that_may_be_free(blocks, friction, intervals, use)
-    stage = begun(Stage(friction, blocks), intervals, settings, use)
+    stage, settings = begun(Stage(friction, blocks), intervals, settings, use)
     while True:
         stage = with_neutral(stage, intervals, settings, use)
         result = refined_by(stage.problem, stage.solution, friction, stage.dropped, stage.held)

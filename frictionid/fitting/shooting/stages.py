@@ -45,7 +45,7 @@ from frictionid.fitting.shooting.problem import ShootingProblem, shooting_proble
 from frictionid.fitting.shooting.sample_intervals import Intervals
 from frictionid.fitting.shooting.sandwich import excess_of, groups_of
 from frictionid.fitting.shooting.servo import with_servo
-from frictionid.fitting.shooting.settings import Settings
+from frictionid.fitting.shooting.settings import WINDOWS, Settings
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
@@ -53,6 +53,8 @@ from frictionid.friction.provenance import Dropped
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
 _KEPT = 0.8  # of the windows that count
+# Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
+_MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
 _FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
@@ -131,17 +133,32 @@ def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: A
     return stage
 
 
-def begun(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
-    """The fitted stage, without what a rough fit of all of it shows to be idle."""
+def begun(
+    stage: Stage, intervals: Intervals, settings: Settings, use: Array
+) -> tuple[Stage, Settings]:
+    """The fitted stage, without what a rough fit of all of it shows to be idle; its settings.
+
+    Where the rough fit loses many windows, these are made longer, unless their length was given.
+    """
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
+    if law.is_network:
+        return solved(stage, intervals, settings, use), settings
     none_held = not offered and not any(np.isfinite(p.size) for p in law.parameters)
-    if law.is_network or none_held:
-        return solved(stage, intervals, settings, use)
-    rough = replace(settings, iterations=(settings.iterations + 1) // 2, tolerance=_ROUGH)
+    half = (settings.iterations + 1) // 2
+    rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
     stage = solved(stage, intervals, rough, use)
+    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
+        longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
+        try:
+            stage = solved(stage, intervals, replace(rough, windows=longer), use)
+            settings = replace(settings, windows=longer)
+        except InputError:  # the recordings are too short for these
+            pass
+    if none_held:
+        return stage, settings
     idle = _local_cost(stage).idle((), settings.significance)
     without = _without(stage, idle, intervals, settings, use)
-    return without or solved(stage, intervals, settings, use)
+    return without or solved(stage, intervals, settings, use), settings
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
