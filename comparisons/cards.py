@@ -10,6 +10,8 @@ Every card is made by the defaults, from public recordings:
   the first 70 % of the motion and judged by the torque that is left on the rest;
 - a servo that follows targets: laws by shooting with its controller, fitted to every second log and
   judged on the others;
+- a quadruped in the air: laws by shooting with its controller, fitted to the first two thirds and
+  judged by a free run of the last one (see `go2.py`), then fitted to all;
 - published models: as they stand, judged on our recordings. These may have been fitted to them.
 
 Without names all cards are made that are not there, and all are run in MuJoCo. Prints the tables of
@@ -26,6 +28,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import arms
+import go2
 import numpy as np
 
 import frictionid as fid
@@ -49,6 +52,7 @@ DATA = Path(__file__).parent.parent / "data"
 PICTURE = DATA.parent / "docs" / "pictures" / "machine_cards.png"
 AHEAD = 0.5  # [s]
 SERVO_LAWS = ("coulomb_viscous", "stribeck", "motor_load")
+LEG_LAWS = ("coulomb_viscous", "ripple")
 
 
 class Card(NamedTuple):
@@ -74,6 +78,7 @@ CARDS = {
     "emps": Card("electro-mechanical positioning system, a motor on a carriage", "emps"),
     "simple_pendulum": Card("torque-limited pendulum of DFKI, direct drive", "simple_pendulum"),
     "tx40": Card("Staubli TX40, an arm of six joints", "tx40", "arm"),
+    "go2": Card("Unitree Go2, twelve joints of a quadruped in the air", "go2", "legs"),
     "tiago": Card("PAL Robotics TIAGo, four joints of the arm", "tiago", "arm"),
     "xl330_m1": Card("Dynamixel XL330-M288, BAM's M1", "bam_xl330_whole", "published", "m1"),
     "xl330_m6": Card("Dynamixel XL330-M288, BAM's M6", "bam_xl330_whole", "published", "m6"),
@@ -133,6 +138,22 @@ def servo(dataset: Dataset) -> tuple[Friction, Held, str]:
     return shot(dataset, best), held, f"{best} predicts best: {said}."
 
 
+def legs(dataset: Dataset) -> tuple[Friction, Held, str]:
+    """The law whose free run of the last third is best, fitted to all."""
+    train, test = go2.part(0, 2 / 3), go2.part(2 / 3, 1)
+    fits = {law: go2.fitted(law, train) for law in LEG_LAWS}
+    fits["none"] = fid.Fit(without_friction(fits[LEG_LAWS[0]].friction))
+    errors = {
+        law: 1e-3 * float(np.sqrt(np.square(go2.errors(fit, test)).mean()))
+        for law, fit in fits.items()
+    }
+    best = min(LEG_LAWS, key=lambda law: errors[law])
+    what = "root mean square of a free run of the last third, by joint"
+    held = Held(errors[best], errors["none"], "rad", what)
+    said = ", ".join(f"{law} {errors[law]:.2g} rad" for law in LEG_LAWS if law != best)
+    return go2.fitted(best, dataset).friction, held, f"{best} predicts best: {said}."
+
+
 def shot(dataset: Dataset, law: str) -> Friction:
     """A law by shooting, with its controller; masses and lengths are known."""
     free = ["friction", "target_delay"]
@@ -168,7 +189,8 @@ def made(name: str) -> dict[str, Any]:
         file = DATA / "bam_xl330" / f"{card.file}.json"
         friction, held, sentence = published(dataset, file)
     else:
-        friction, held, sentence = {"quick": quick, "arm": arm, "servo": servo}[card.how](dataset)
+        makers = {"quick": quick, "arm": arm, "servo": servo, "legs": legs}
+        friction, held, sentence = makers[card.how](dataset)
     mechanism, calibration = dataset.mechanism, friction.calibration
     described = mechanism.kind in ("urdf", "mjcf")
     values = {k: v for k, v in friction.parameters.items() if k in mechanism.nominal()}
