@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 545_940, 403, 600, 73
-TEST_TOKENS, WORDS = 437_026, 35_290
+TOKENS, FILES, CLASSES, NAMES = 546_067, 403, 600, 73
+TEST_TOKENS, WORDS = 437_754, 35_931
 
 
 def tokens(path):
