@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from fixtures.steps import step
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step import step
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 from frictionid.mechanics import Plant, double_pendulum
