@@ -29,7 +29,7 @@ from .zero_crossing import (
 )
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
-_BEND = 0.01  # of a slow speed
+_BEND = 0.0  # of a slow speed
 
 
 def adaptive_step(

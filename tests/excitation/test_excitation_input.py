@@ -105,7 +105,7 @@ def test_the_command_writes_one_table_for_each_recording(tmp_path, monkeypatch, 
         (("--frequencies", "1"), "must be two numbers"),
         (("--start", "a,b"), "must be numbers"),
         (("--length", "nan"), "length: it should be a finite number, not nan"),
-        (("--seed", "-1"), "equal to 0, not -1"),
+        (("--seed", "-1"), "greater than or equal to 0"),
     ],
 )
 def test_the_command_says_in_one_line_what_is_wrong(options, rule, tmp_path, monkeypatch, capsys):
