@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 546_067, 403, 600, 73
-TEST_TOKENS, WORDS = 437_761, 35_921
+TEST_TOKENS, WORDS = 437_770, 35_926
 
 
 def tokens(path):
