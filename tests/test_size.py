@@ -10,7 +10,7 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 546_067, 403, 600, 73
+TOKENS, FILES, CLASSES, NAMES = 546_196, 403, 600, 73
 TEST_TOKENS, WORDS = 437_770, 35_926
 
 

@@ -17,7 +17,7 @@ from frictionid.friction import Friction, Memory
 from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
 from frictionid.mechanics import Plant
 
-from .state import Instant, State, driven, inputs, rows_of
+from .state import Instant, State, driven, inputs, rows_of, velocities
 from .step_size import StepSize
 from .torque_balance import Stiction, constrained, friction_torque
 from .zero_crossing import (
@@ -29,7 +29,7 @@ from .zero_crossing import (
 )
 
 _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
-_BEND = 0.0  # of a slow speed
+_BEND = 0.01  # of a slow speed
 
 
 def adaptive_step(
@@ -142,9 +142,10 @@ def substep(
         part = part._replace(end=part.end._replace(state=crossed[0]))
     after = after_break_away(part, None if crossed is None else crossed[1])
     turns = turns_of(plant.mechanism, after.w)
-    bend = of_parts(bend, turns)
-    slid: Any = (after.w != w).any(-1)
-    uneven = slid | bends(bend, plant.slow_like(bend))
+    bend, ends = of_parts(bend, turns), resting_parts(after.w, turns)
+    begins, slow = velocities(plant, state), plant.slow_like(bend)
+    firm = namespace(w).ones_like(ends) if held.firm is None else held.firm
+    uneven = is_uneven(bend, begins, ends, firm, slow)
     if crossed is not None:
         uneven = uneven | crossed[1]
     if turns is not None and held.sticking is not None:  # joints that other parts hold, too
@@ -152,10 +153,14 @@ def substep(
     return Substepped(after, held, None if crossed is None else crossed[1:], uneven)
 
 
-def bends(bend: Array, slow: Array) -> Array:
-    """Rows (...) whose parts' accelerations bend too much in a substep, see `rk4`."""
-    even: Any = (namespace(bend).abs(bend) <= _BEND * slow).all(-1)
-    return ~even
+def is_uneven(bend: Array, begins: Array, ends: Array, firm: Array, slow: Array) -> Array:
+    """Rows (...) in which accelerations bend much, see `rk4`, or a part leaves rest, or may.
+
+    begins, ends : velocities (..., m) of the parts; firm : (..., m), whether what rests stays there
+    """
+    rests: Any = (ends == 0.0) & (firm != 0.0)
+    even: Any = (namespace(bend).abs(bend) <= _BEND * slow) & ((begins != 0.0) | rests)
+    return ~even.all(-1)
 
 
 def rk4(

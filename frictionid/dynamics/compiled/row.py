@@ -20,7 +20,7 @@ from frictionid.programs.program import Program
 from frictionid.programs.trace import traced
 
 from ..state import State
-from ..step import bends, parts_near_rest, rk4
+from ..step import is_uneven, parts_near_rest, rk4
 from ..torque_balance import (
     SETTLED,
     Balance,
@@ -231,7 +231,10 @@ class Row:
         accelerations = [x.a1, x.a2, x.a3, self.acceleration(x)]
         q, w, bend = self._points(x, x.q0, x.w0, accelerations)[1]
         after = {"q": q, "w": w, "w_end": w, "at_q": q, "at_w": w}
-        return after | {"uneven": bends(of_parts(bend, self.turns), x.slow)} | self._events(x, w)
+        begins, ends = (resting_parts(v, self.turns) for v in (x.w0, w))
+        firm = x.firm if self.breaks else 1.0 + 0.0 * x.firm
+        uneven = is_uneven(of_parts(bend, self.turns), begins, ends, firm, x.slow)
+        return after | {"uneven": uneven} | self._events(x, w)
 
     def _points(
         self, x: Any, q: Array, w: Array, accelerations: list[Array]

@@ -308,8 +308,9 @@ def _next_step(
         residual = prediction.error - (prediction.slope @ moves[:, None, :, None])[..., 0]
         sigma = _noise(residual, prediction.share, normal.leverage, sigma)
         weight = np.minimum(1.0, huber / np.maximum(np.abs(residual) / sigma, 1e-12))
-    wanted = values_of(point.estimate, problem.blocks) + move
     low, high, _, precision = problem.limits
+    # by rounding a step to a bound may end beyond it: levels of -1e-17 push
+    wanted = np.clip(values_of(point.estimate, problem.blocks) + move, low, high)
     free = (wanted > low + 1e-12) & (wanted < high - 1e-12)
     solution = Solution(
         estimate=with_values(point.estimate, problem.blocks, wanted),
