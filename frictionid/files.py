@@ -240,22 +240,27 @@ def is_shipped(path: Path, kind: Kind) -> bool:
 
 
 def suite_path(path: Path) -> Path:
-    """The path of a suite: a file, or else the suite of that name that comes with the package.
+    """The path of a suite: a file, a folder's suite.toml, or a suite's name in the package.
 
     Raises
     ------
     InputError
-        Where there is neither, with the nearest one.
+        Where there is none, with the nearest one.
 
     Examples
     --------
     >>> suite_path(Path("acrobot")).name
     'acrobot.toml'
     """
-    if path.is_file() or (path.exists() and not is_shipped(path, "comparisons")):
-        return path
-    if is_shipped(path, "comparisons"):
+    inside = path / "suite.toml"
+    if inside.is_file():
+        return inside
+    if is_shipped(path, "comparisons") and not path.is_file():
         return shipped("comparisons") / f"{path}.toml"
+    if path.is_dir():
+        raise InputError(f"{path} is a folder without suite.toml; name a suite")
+    if path.exists():
+        return path
     others = sorted(str(p) for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
     near = get_close_matches(str(path), [*others, *shipped_names("comparisons")], n=1)
     raise InputError(f"{path}: no such suite{f'; did you mean {near[0]}?' if near else ''}")

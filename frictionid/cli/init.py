@@ -44,6 +44,7 @@ def init(
     torque : Columns of torques or currents, with commas, one per joint; guessed where none is
         given.
     """
+    from frictionid.errors import InputError
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 
@@ -60,6 +61,8 @@ def init(
     constants = _constants("--kt", kt), _constants("--gear", gear)
     facts = Known(columns, *constants, (two[0], two[1]) if two else None)
     robot = Path(mechanism)
+    if robot.suffix and not robot.exists():
+        raise InputError(f"--mechanism {mechanism}: no such file")
     if mechanism and robot.exists():
         from frictionid.quickstart.describe_robot import describe_robot
         from frictionid.quickstart.robot_columns import robot_file
@@ -119,6 +122,7 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
 def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     """The [mechanism] table of the options, the rest asked for."""
     from frictionid.comparison.kind_descriptions import described, mechanisms
+    from frictionid.config import nearest
     from frictionid.errors import InputError
 
     from .options import setting
@@ -133,6 +137,10 @@ def _mechanism(kind: str, settings: Sequence[str]) -> dict[str, Any]:
     values = dict(map(setting, settings))
     table = {"kind": kind, **{k: v for k, v in values.items() if k in options}}
     parameters = {k: v for k, v in values.items() if k not in options}
+    names = [p.name for p in machine.parameters]
+    for name in parameters:
+        if name not in names:
+            raise InputError(f"--set {name}: {kind} has no such parameter; {nearest(name, names)}")
     missing = [p for p in machine.parameters if not p.default and p.name not in parameters]
     if missing and not _is_asked():
         words = " ".join(f"--set {p.name}=..." for p in missing)

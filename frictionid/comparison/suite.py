@@ -138,7 +138,13 @@ def load_suite(path: Path) -> Suite:
         With the file, the key and the nearest known one.
     """
     try:
-        return Suite.model_validate(read_toml(suite_path(path)))
+        tables = read_toml(suite_path(path))
+        if "mechanism" in tables:
+            raise InputError(
+                f"{path} describes a data set; name a suite, such as the suite.toml that "
+                "frictionid init writes beside it"
+            )
+        return Suite.model_validate(tables)
     except ValidationError as error:
         raise InputError(f"{path}: {mistake(error)}") from None
 

@@ -218,12 +218,7 @@ def predicted_motion(
     >>> float((table.q1 - table.measured_q1).abs().max().round(2))
     0.0
     """
-    joints = len(dataset.mechanism.friction_names)
-    if friction.theta.ndim != 2 or friction.n != joints:
-        raise InputError(
-            f"data set {dataset.name!r} has {joints} joints, the model has {friction.n}: give a "
-            "model of the same mechanism"
-        )
+    check_joints(friction, dataset)
     if start is not None and (whole or every is not None):
         raise InputError("start does not go with whole or every: it is that of one prediction")
     if start is not None:
@@ -236,6 +231,22 @@ def predicted_motion(
     data = calibrated_views(prepared, batch.calibration, 1)[0].data
     parts = _whole(data, batch) if whole else _pieces(data, batch)
     return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+
+
+def check_joints(friction: Friction, dataset: Dataset) -> None:
+    """Refuse a friction that is not of as many joints as the data.
+
+    Raises
+    ------
+    InputError
+        With both numbers.
+    """
+    joints = len(dataset.mechanism.friction_names)
+    if friction.theta.ndim != 2 or friction.n != joints:
+        raise InputError(
+            f"data set {dataset.name!r} has {joints} joints, the model has {friction.n}: give a "
+            "model of the same mechanism"
+        )
 
 
 def _check_start(dataset: Dataset, start: float, horizon: float) -> None:

@@ -188,11 +188,14 @@ def check_named(table: Table, named: Mapping[str, Sequence[str]]) -> None:
             if name not in table.columns:
                 raise InputError(
                     f"--{quantity}: {table.file} has no column of numbers {name!r}; "
-                    f"{nearest(name, table.columns)}"
+                    f"{table.faults.get(name) or nearest(name, table.columns)}"
                 )
 
 
 def _unknown(table: Table, quantity: str, fault: str) -> InputError:
+    for name, text in table.faults.items():
+        if quantity_of(name) == quantity:
+            return InputError(text)
     columns = ", ".join(
         f"{name!r} ({np.nanmin(c):.4g} to {np.nanmax(c):.4g})" for name, c in table.columns.items()
     )
@@ -210,6 +213,8 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
+    if not _runs(table.columns[name]):
+        raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
     step = float(np.nanmedian(np.diff(table.columns[name])))
     unit = unit_of(name, "time") or _time_unit(step)
     rate = 1.0 / (step * UNITS["time"][unit])
@@ -256,13 +261,27 @@ def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str]
     if len(columns) < n and not named:
         clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
         slopes = _with_slopes(table, free, clock)
+        turning = [name for name in _nameless(free) if unit_of(name, "angle")]
         if len(slopes) >= n:
             columns, evidence = slopes, "another column follows its slope"
-    if len(columns) < n or (named and len(columns) != n):
+        elif len(turning) == n:
+            columns, evidence = turning, "by its unit"
+    if named and len(columns) != n:
+        raise InputError(f"--angle names {len(columns)} columns; the mechanism's joints are {n}")
+    if len(columns) < n:
         raise _unknown(table, "angle", f"{len(columns)} columns look like angles, for {n} joints")
     chosen = tuple(columns[:n])
     unit, reason = _by_kind(kinds, chosen, lambda names, kind: _angle_unit(table, names, kind))
     return Guess(chosen, unit, f"{evidence}; {reason}")
+
+
+def _nameless(free: Sequence[str]) -> list[str]:
+    """Columns whose names say no quantity.
+
+    >>> _nameless(["M [Nm]", "P", "q", "P_ref"])
+    ['M [Nm]', 'P']
+    """
+    return [name for name in free if not quantity_of(name) and is_measured(name)]
 
 
 def _by_kind(
@@ -333,17 +352,21 @@ def _torque(
         units = tuple(_TORQUE[kind] for kind in kinds)
         return Guess(("",) * len(driven), units[0] if len(set(units)) == 1 else units, "no motor")
     quantity, columns = _torque_columns(free, motors, named)
+    rest = _nameless(free)
+    rest, why = [n for n in rest if unit_of(n, "torque")] or rest, ""
+    if not columns and not named and len(rest) == motors:
+        columns, why = rest, "a guess, as no other column is left; "
     if named and len(named) == len(driven):
         columns = [name for name, motor in zip(named, driven, strict=True) if motor]
     if len(columns) < motors:
         fault = f"{len(columns)} columns look like torques or currents, for {motors} motors"
         raise _unknown(table, "torque", fault)
-    left = iter(columns)
-    chosen = tuple(next(left) if motor else "" for motor in driven)
+    each = iter(columns)
+    chosen = tuple(next(each) if motor else "" for motor in driven)
     unit, reason = _by_kind(
         kinds, chosen, lambda names, kind: _torque_unit(table, names, quantity, kind)
     )
-    return Guess(chosen, unit, reason)
+    return Guess(chosen, unit, why + reason)
 
 
 def _torque_columns(

@@ -74,7 +74,8 @@ def tables_at(paths: Sequence[Path]) -> Tables:
     InputError
         Where there are none, they lie in several folders, or have other columns than the first.
     """
-    files = [f for path in paths for f in (_tables_in(path) if path.is_dir() else [path])]
+    each = [f for path in paths for f in (_tables_in(path) if path.is_dir() else [path])]
+    files = list(dict.fromkeys(each))
     for file in files:
         if not is_table(file):
             end = ", ".join(TABLES)

@@ -117,7 +117,8 @@ def complaint(place, monkeypatch, capsys):
 SUITES = {
     "no suite": (("nowhere.toml",), r"nowhere\.toml: no such suite"),
     "nearly": (("suit.toml",), r"suit\.toml: no such suite; did you mean suite\.toml\?"),
-    "a folder": (("tiny",), "tiny cannot be read"),
+    "a folder": (("tiny",), r"tiny is a folder without suite\.toml; name a suite"),
+    "a data set": (("tiny/dataset.toml",), "describes a data set; name a suite"),
     "a model": (("good.json",), r"good\.json is no TOML"),
     "unknown kind": (("unknown.toml",), r"unknown\.toml: identifier 'nonn': .*mean 'none'\?"),
     "long horizons": (("long.toml",), r"no recording holds 9\.15 s .*: choose other horizons"),

@@ -28,6 +28,12 @@ def lab(tmp_path_factory):
     write_lab_tables(folder / "arm")
     write_lab_tables(folder / "turned", sign=-1.0, separator=";", comma=True)
     write_lab_tables(folder / "single", only=1)
+    for name, text in (
+        ("words", "t_ms,pos_deg,u\n0,1,2\n10,lost,2\n"),
+        ("nameless", "0,1,2\n10,1,2\n"),
+    ):
+        (folder / name).mkdir()
+        (folder / name / "run1.csv").write_text(text)
     return folder
 
 
@@ -105,6 +111,12 @@ MISSING = {
     "no constant": (("arm", *INIT), r"I_motor holds currents \[A\]: .*--kt .*--gear"),
     "unknown column": (("arm", *INIT, "--angle", "pos"), "no column of numbers 'pos'; did you"),
     "a column of words": (("arm", *INIT, "--angle", "state"), "no column of numbers 'state'"),
+    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "--time: 'pos_deg' does not increase"),
+    "two angles": (("arm", *INIT, "--angle", "t_ms,pos_deg"), "--angle names 2 columns"),
+    "a word": (("words", *INIT), "run1.csv, row 3: column 'pos_deg' holds 'lost', which is no"),
+    "no names": (("nameless", *INIT), "run1.csv: the first line holds numbers; write a line above"),
+    "no robot": (("arm", "--mechanism", "no.xml"), "--mechanism no.xml: no such file"),
+    "no parameter": (("arm", *INIT, "--set", "mas=1"), "--set mas: pendulum .* mean 'mass'"),
     "no table": (("arm/run9.csv", *INIT), "arm/run9.csv: no such file"),
     "no tables": ((".", *INIT), r"\. has no table that ends with \.csv"),
     "two folders": (("arm/run1.csv", "single/run1.csv", *INIT), "lie in 2 folders"),
@@ -172,6 +184,11 @@ NAMED = {
         {"t": TIME, "q": Q, "i": U, "torque": U},
         ("t", "s", "q", "rad", "torque", "N m"),
     ),
+    "what is left": ({"t": TIME, "q": Q, "M": U}, ("t", "s", "q", "rad", "M", "N m")),
+    "by units": (
+        {"t": TIME, "P": W, "rod [deg]": Q, "M [mNm]": U},
+        ("t", "s", "rod [deg]", "deg", "M [mNm]", "mN m"),
+    ),
     "by slope": ({"a": TIME, "b": Q, "c": W, "u": U}, ("a", "s", "b", "rad", "u", "N m")),
 }
 
@@ -230,6 +247,7 @@ UNTOLD = {
     "no time": ({"q": Q, "u": U}, "no column increases.*name it with --time; there are 'q' \\(-"),
     "no angle": ({"t": TIME, "a": U, "u": U}, "0 columns look like angles.*--angle"),
     "too few angles": ({"t": TIME, "q": Q, "u": U}, "1 columns look like angles, for 2 joints"),
+    "one of two": ({"t": TIME, "q": Q, "M": U, "P": W}, "0 columns look like torques"),
     "no torque": ({"t": TIME, "q": Q}, "0 columns look like torques or currents, for 1 motors"),
 }
 

@@ -24,32 +24,39 @@ _ODD = (b'"', b"_", b"\r", b"\n\n")
 
 def csv_columns(
     content: bytes, file: str, columns: Sequence[str] | None
-) -> tuple[NDArray[np.int64], dict[str, Array]]:
+) -> tuple[NDArray[np.int64], dict[str, Array], dict[str, str]]:
     """Numbers (R,) of the rows of a CSV text, and columns (R,): some, or all that hold numbers.
 
-    It is read row by row: a wrong row is refused before the next is read. Long texts of nothing but
+    Of columns that are left out, the third part says what they hold in place of a number. It is
+    read row by row: a wrong row is refused before the next is read. Long texts of nothing but
     numbers are read at once, in a fifth of the time.
     """
     lines = _csv_lines(content, file)
     _, header = next(lines)
     names = header if columns is None else columns
     check_header(file, header, names)
+    if columns is None and all(map(_is_number, header)):
+        raise InputError(
+            f"{file}: the first line holds numbers; write a line above it with the columns' names"
+        )
     places = {name: header.index(name) for name in names}
     if (numbers := _numbers_alone(content, len(header))) is not None:
         whole = {name: numbers[:, at].copy() for name, at in places.items()}
-        return np.arange(2, len(numbers) + 2, dtype=np.int64), whole
+        return np.arange(2, len(numbers) + 2, dtype=np.int64), whole, {}
     rows, cells = array("q"), {name: array("d") for name in places}
+    faults = {}
     for row, line in lines:
         rows.append(row)
         for name in list(cells):
             try:
                 cells[name].append(_number(line[places[name]], row, name, file))
-            except InputError:
+            except InputError as error:
                 if columns is not None:
                     raise
+                faults[name] = str(error)
                 del cells[name]
     picked = {name: np.array(column) for name, column in cells.items()}
-    return np.array(rows, dtype=np.int64), picked
+    return np.array(rows, dtype=np.int64), picked, faults
 
 
 def _numbers_alone(content: bytes, cells: int) -> Array | None:
@@ -114,6 +121,14 @@ def number(text: str) -> float:
     if "_" in text or not text.isascii():  # Python's own, and digits of other scripts
         raise ValueError(text)
     return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        number(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[int, int]) -> None:

@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictionid.config import Strict, checked
+from frictionid.errors import InputError
 
 from .actuator_toml import Actuator
 from .column_toml import (
@@ -346,6 +347,8 @@ def check_dataset_toml(document: dict[str, Any], file: str) -> DatasetToml:
         ...
     frictionid.errors.InputError: dataset.toml: unknown key 'nane'; did you mean 'name'?
     """
+    if "identifiers" in document:
+        raise InputError(f"{file} is a suite; name a data set: a folder with a dataset.toml")
     return checked(DatasetToml, _without_torque(_with_defaults(document)), file)
 
 

@@ -4,7 +4,7 @@ import csv
 import io
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,11 +33,14 @@ class Table(NamedTuple):
         Row of the file for each entry; the header is row 1.
     columns : dict of str to array, shape (R,)
         In the unit of the file; nan where the cell is empty.
+    faults : dict of str to str
+        Of columns that are left out, where they hold no number, in words.
     """
 
     file: str
     rows: NDArray[np.int64]
     columns: dict[str, Array]
+    faults: Mapping[str, str] = {}
 
     def taken(self, keep: Any) -> "Table":
         """The rows of a mask (R,)."""
@@ -248,6 +251,8 @@ def signal_of(
         way = "repair or delete it"
         if at and time[at] < time[at - 1]:
             way += f"; where another run begins there, say split = {clock!r}"
+        if "empty" in reason:
+            way += '; rows without angles are gaps with missing = "drop" in [columns]'
         raise InputError(f"{table.file}, row {rows[at]}: {reason}; {way}")
     # A number too large for its unit becomes infinite, which the recording refuses.
     with np.errstate(over="ignore"):

@@ -22,6 +22,7 @@ from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, holds
 from frictionid.errors import InputError
+from frictionid.evaluation.predicted_motion import check_joints
 from frictionid.fitting.gauss_newton import MAD
 from frictionid.friction import Friction
 
@@ -151,6 +152,7 @@ def momentum_observer_of(
     """
     if friction.mechanism or friction.theta.ndim != 2:
         raise InputError("external torque: the model must hold one friction with physics")
+    check_joints(friction, dataset)
     if friction.law.uses_load and dataset.mechanism.loads_of_gears:
         raise InputError(
             "external torque: friction that follows a gear's load follows contacts, too: fit a law "

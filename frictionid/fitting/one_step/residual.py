@@ -286,7 +286,7 @@ def _assemble(
     if not len(r):
         raise InputError(
             f"no recording is longer than the {max(before)} samples of history before its first "
-            "row: shorten the history, or use more of the samples"
+            "row: record longer, shorten the history, or use more of the samples"
         )
     inputs = joined([part.inputs for part in parts])
     nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
