@@ -31,7 +31,7 @@ from frictionid.friction import Law
 from frictionid.outputs import check_writable
 
 from .comparison import Comparison
-from .fit import method_of
+from .fit import ONE_STEP, method_of, usual_recipe, usual_sample_time
 from .models import (
     DatasetLike,
     count,
@@ -49,7 +49,7 @@ def compare(
     data: DatasetLike,
     models: Mapping[str, Any] | Sequence[Any],
     folds: int | Split | Folds | None = None,
-    recipes: str | Method | Sequence[str | Method] = "integral",
+    recipes: str | Method | Sequence[str | Method] | None = None,
     protocol: Protocol | None = None,
     seed: int = 0,
     *,
@@ -75,8 +75,11 @@ def compare(
     folds : int, Split or Folds, optional
         How many: whole recordings where there are so many, else stretches of time. None: ten, or
         one for each recording where there are fewer.
-    recipes : str, Method, or list of these
-        "integral", "study", "calibrated", "shooting", or a method; each fits every model.
+    recipes : str, Method, or list of these, optional
+        "integral", "study", "calibrated", "shooting", "inverse_dynamics", or a method; each fits
+        every model. None: as `frictionid.fit` fits, once for each fold; where it would not fit all
+        models alike, "calibrated", see `usual_recipe`. "integral" takes a second, and masses and
+        clocks as given.
     protocol : Protocol, optional
         Everything that is scored, in place of the arguments below.
     seed : int
@@ -117,9 +120,13 @@ def compare(
         bench["stribeck"].friction
     """
     dataset, jobs = dataset_of(data), count("jobs", jobs)
+    named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
+    if recipes is None:
+        recipes = usual_recipe(dataset, [model.identifier for model in named])
+        if sample_time is None and recipes not in ONE_STEP:
+            sample_time = usual_sample_time(dataset)
     methods = [method_of(recipe) for recipe in _listed(recipes)]
     distinct([method.name for method in methods], "recipes")
-    named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
     asked: tuple[float, ...] | None = None
     split = _folds(dataset, folds)
     if protocol is None:

@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Law
@@ -137,6 +138,30 @@ def usual_method(dataset: Dataset, identifier: Identifier) -> str:
     return "one_step" if network else "inverse_dynamics"
 
 
+def usual_recipe(dataset: Dataset, identifiers: Sequence[Identifier]) -> str:
+    """Recipe of a comparison that names none: how `frictionid.fit` fits, where it fits all alike.
+
+    Else "calibrated", one step on data whose inertia and clock shooting has corrected, the same for
+    all; of arms, and with what uses no physics, "integral".
+
+    Examples
+    --------
+    >>> from frictionid.fitting.identifiers import Frictionless
+    >>> usual_recipe(dataset_of("acrobot_clean"), [Frictionless()])
+    'shooting'
+    """
+    methods = {usual_method(dataset, identifier) for identifier in identifiers}
+    if len(methods) == 1 and methods != {"one_step"}:
+        return methods.pop()
+    physics = all(identifier.uses_mechanism for identifier in identifiers)
+    return CALIBRATED.name if physics and dataset.mechanism.n < _ARM else INTEGRAL.name
+
+
+def usual_sample_time(dataset: Dataset) -> float | None:
+    """Time [s] between the samples of long data that a fit takes by default; None: all of them."""
+    return time_between_samples(dataset, _MOST)
+
+
 def fit(
     data: DatasetLike,
     law: LawLike,
@@ -218,7 +243,7 @@ def fit(
         asked["inverse_dynamics"] = consistent
         method = next((m for m, yes in asked.items() if yes), usual_method(dataset, identifier))
         if method != "one_step" and apart is None:
-            apart = time_between_samples(dataset, _MOST)
+            apart = usual_sample_time(dataset)
     protocol = Protocol(sample_time=apart)
     if equal:
         groups = groups_of(equal, dataset.mechanism.friction_names)

@@ -5,8 +5,9 @@ Over windows of 0.05 s, of the momentum balance along the smoothed motion,
     left = mean of G^-1 e = mean of (u - Tf - what the rigid bodies need)    [N m]
 
 with the one-step residual e = r - G Tf [Gautier1991]. Windows in which a joint rests or reverses do
-not count for it: there friction is whatever holds the joint. Shares are of the root mean square of
-the measured torque in the windows that count.
+not count for it: there friction is whatever holds the joint. None counts within 0.1 s of one that
+lacks three times the largest torque that was measured: no friction is so large, an angle jumped.
+Shares are of the root mean square of the measured torque in the windows that count.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,6 +30,7 @@ from .score_frame import Score
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
 _WINDOW = 0.05  # [s]
 _NOTHING = 1e-300
+_JUMP, _NEAR = 3.0, 2  # times the largest measured torque; windows beside
 _SHOWN, _SPANS = 8.0, 240  # [s] about the middle of a recording, and spans in it
 _COMPLETE = 0.5  # of the usual length: shorter windows, at gaps and ends of folds, do not count
 
@@ -82,14 +84,34 @@ def torque_windows(
     windows, place = np.unique(keys, axis=0, return_inverse=True)
     place, dt = place.reshape(-1), problem.dt[rows]
     length = np.bincount(place, dt, len(windows))
-    sums = np.zeros((2, len(windows), torque.shape[-1]))
-    for total, each in zip(sums, torque[:, rows] * dt[:, None], strict=True):
-        np.add.at(total, place, each)
+    n = torque.shape[-1]
+    lacking = solve(problem.G[rows][:, :n, :n], problem.r[rows, :n])  # without any friction
+    sums = np.zeros((3, len(windows), n))
+    for total, each in zip(sums, [*torque[:, rows], lacking], strict=True):
+        np.add.at(total, place, each * dt[:, None])
     counts = np.ones((len(windows), torque.shape[-1]), dtype=bool)
     np.logical_and.at(counts, place, ~rests[rows])
     counts &= (length >= _COMPLETE * np.median(length))[:, None]
-    left, measured = np.where(counts, sums / length[:, None], 0.0)
+    left, measured, lacking = sums / length[:, None]
+    most = np.abs(torque[1, rows]).max(axis=0)
+    jumped = ((np.abs(lacking) > _JUMP * most) & (most > 0.0)).any(axis=1)
+    counts &= ~_beside(jumped, windows[:, 1])[:, None]
+    left, measured = np.where(counts, [left, measured], 0.0)
     return TorqueWindows(left, measured, counts, windows[:, 1], windows[:, 0])
+
+
+def _beside(windows: Array, recording: Array) -> Array:
+    """The windows of a mask (W,), and those beside them in the same recording.
+
+    >>> _beside(np.arange(6) == 0, np.array([0, 0, 0, 0, 1, 1])).astype(int)
+    array([1, 1, 1, 0, 0, 0])
+    """
+    out = windows.copy()
+    for k in range(1, _NEAR + 1):
+        same = recording[k:] == recording[:-k]
+        out[k:] |= windows[:-k] & same
+        out[:-k] |= windows[k:] & same
+    return out
 
 
 def torque_scores(

@@ -63,6 +63,15 @@ def test_what_is_missing_in_one_joint_is_left_there(data):
     assert frame["left"]["all"] ** 2 == pytest.approx(squares, rel=0.1)  # joints slide at all times
 
 
+def test_an_angle_that_jumps_is_no_torque(data, arm):
+    frame = wrist.frame(arm, 8.0)
+    joint = frame.columns.get_loc("q2")
+    frame.iloc[700:750, joint] = frame.iloc[700, joint]
+    stuck = left(wrist.dataset(arm, frame), TRUTH)
+    assert (stuck["left"] < 0.1).all()  # else .3
+    np.testing.assert_allclose(stuck["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)
+
+
 def test_the_shown_torque_is_measured_and_friction_fills_the_rest(data):
     """With the true friction the model is the measured torque, with that friction in it."""
     prepared = Prepared(data, Protocol(), EstimatedStates(data), plant_of(data))
