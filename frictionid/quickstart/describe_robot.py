@@ -13,23 +13,24 @@ from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 
 from .column_guesses import ColumnGuesses, guess_columns, words
-from .describe_tables import Described, Known, Tables, described_draft
+from .describe_tables import Described, Known, Tables, described_draft, loaded
 from .draft_text import Draft
+from .gains_by_gravity import Gain, gains_by_gravity
 from .robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
 _QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own
 _HORIZONS = (0.05, 0.1, 0.2)  # [s]: an arm drifts off without its controller
-_MISSING = "MISSING, see below; taken as 1"
+_MISSING = "MISSING, see above"
 _GEAR = (
     "gear ratios (--gear, turns of each motor for one of its joint, negative where these turn "
     "against each other): without them nothing below holds"
 )
-_KT = (
+_CONSTANTS = (
     "torque constants and gears (--kt [N m/A], --gear; their product counts, negative where a "
-    "current counts the other way round): without them friction is in A; frictionid fit --by "
-    "inverse_dynamics --free friction,gain finds them where gravity shows"
+    "current counts the other way round): "
 )
+_KT = f"{_CONSTANTS}without them friction is in A"
 _ROTOR = (
     "rotor inertias (rotor_... in [mechanism.parameters], gear^2 times those of the motors): "
     "without them check finds inertia missing; fits find it, as inertia is free there"
@@ -42,12 +43,17 @@ _GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without 
 
 
 def describe_robot(
-    tables: Tables, file: RobotFile, options: Mapping[str, Any], facts: Known
+    tables: Tables,
+    file: RobotFile,
+    options: Mapping[str, Any],
+    facts: Known,
+    mute: Sequence[str] = (),
 ) -> Described:
     """A dataset.toml and a first suite for tables of a robot.
 
     options : of the [mechanism] table, such as joints, and parameters, such as rotors
     facts : what is known of columns and motors
+    mute : joints whose currents say nothing of torques, which are locked
 
     Raises
     ------
@@ -55,7 +61,9 @@ def describe_robot(
         Where no column fits the joints, or the tables are damaged.
     """
     gear = None if facts.gear is None else np.atleast_1d(np.asarray(facts.gear, dtype=float))
-    columns = robot_columns(file.robot, tables.first, gear, facts.columns, options.get("joints"))
+    columns = robot_columns(
+        file.robot, tables.first, gear, facts.columns, options.get("joints"), mute
+    )
     names = mechanism_options(FORMATS[file.format])
     values = {k: v for k, v in options.items() if k not in names}
     settings = {k: v for k, v in options.items() if k in names}
@@ -85,8 +93,32 @@ def describe_robot(
         *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
         *(comments, actuator, columns.velocity),
     )
+    if _KT in missing and _GEAR not in missing:
+        dataset = loaded(draft, tables.folder)
+        gains = dict(zip(dataset.mechanism.joints, gains_by_gravity(dataset), strict=True))
+        mute = tuple(joint for joint, gain in gains.items() if gain is None)
+        if mute and len(mute) < len(gains) and "joints" not in options:
+            return describe_robot(tables, file, options, facts, mute)
+        if not mute:
+            said = _CONSTANTS + _taken(gains)
+            missing = tuple(said if text == _KT else text for text in missing)
+            motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
+            draft = replace(draft, motor=motor, evidence=missing_lines(missing))
     blind = not {_GEAR, _KT, _GAINS}.isdisjoint(missing)
     return described_draft(draft, tables, _HORIZONS, missing, blind=blind)
+
+
+def _taken(gains: Mapping[str, Gain | None]) -> str:
+    each = (f"{j} {gain.value:.3g} +- {gain.error:.1g}" for j, gain in gains.items() if gain)
+    return f"taken as the masses of the file ask for, {', '.join(each)}"
+
+
+def _with_gains(
+    motor: Mapping[str, Any], gains: Mapping[str, Gain | None], key: str
+) -> dict[str, Any]:
+    """The [motor] table with these gains in place of the constant of a key."""
+    values = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]
+    return {**motor, key: values}
 
 
 def _stand_in(machine: Mechanism, joints: Sequence[Joint]) -> dict[str, float]:

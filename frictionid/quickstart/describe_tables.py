@@ -158,19 +158,22 @@ def described_draft(
     """Texts of a draft, its signs and units corrected where the motion contradicts them.
 
     horizons : of the suite, of which those stay that the recordings hold
-    missing : what is not known; blind : whether that is so much that nothing can be corrected
+    missing : what is not known; blind : whether that is so much that no sign can be corrected
     """
-    dataset = _loaded(draft, tables.folder)
-    corrected = draft if blind else _corrected(draft, dataset)
-    if corrected is not draft:
-        draft, dataset = corrected, _loaded(corrected, tables.folder)
+    dataset = loaded(draft, tables.folder)
+    for _ in dataset.mechanism.joints:
+        corrected = _corrected(draft, dataset, blind=blind)
+        if corrected is draft:
+            break
+        draft, dataset = corrected, loaded(corrected, tables.folder)
     longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
     fitting = [h for h in horizons if h + _BEFORE <= longest] or [horizons[0]]
-    suite = suite_text(draft, fitting, len(dataset.recordings))
+    suite = suite_text(draft, fitting, dataset)
     return Described(dataset_text(draft), suite, dataset, draft, missing)
 
 
-def _loaded(draft: Draft, folder: Path) -> Dataset:
+def loaded(draft: Draft, folder: Path) -> Dataset:
+    """The data set that a draft describes, of tables in a folder."""
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "dataset.toml"
         file.write_text(dataset_text(draft), encoding="utf-8")
@@ -180,7 +183,7 @@ def _loaded(draft: Draft, folder: Path) -> Dataset:
             raise InputError(str(error).replace(f"{file}: ", "")) from None
 
 
-def _corrected(draft: Draft, dataset: Dataset) -> Draft:
+def _corrected(draft: Draft, dataset: Dataset, *, blind: bool) -> Draft:
     """The draft with the convention that the motion asks for, where it contradicts the guesses."""
     verdict = check(dataset)
     kinds = {finding.kind: finding for finding in verdict.findings}
@@ -189,13 +192,15 @@ def _corrected(draft: Draft, dataset: Dataset) -> Draft:
         said = tuple(f"velocities are left out: {text}" for text in late)
         draft = replace(draft, velocity=(), evidence=(*draft.evidence, *said))
     fitting = [s for s in verdict.conventions if s.convention.kind in kinds]
-    if not fitting:
+    if not fitting or blind:
         return draft
     best = min(fitting, key=lambda s: s.score).convention
     guesses, motor = _with_convention(draft.guesses, best), _with_gears(draft, best)
     text = kinds[best.kind].text
     if guesses is None and motor is None:
-        return replace(draft, evidence=(*draft.evidence, f"frictionid check: {text}"))
+        said = f"frictionid check: {text}"
+        told = said in draft.evidence
+        return draft if told else replace(draft, evidence=(*draft.evidence, said))
     evidence = (*draft.evidence, f"corrected: {text}")
     return replace(
         draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
@@ -224,5 +229,7 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
     if best.kind not in ("flipped_angle", "flipped_torque", "flipped_joint"):
         return None
     diagonals = {"angle": best.angle, "torque": best.torque}
-    signs = {key: tuple(int(s) for s in np.diag(d)) for key, d in diagonals.items()}
+    before = {key: guesses.signs.get(key, 1) for key in diagonals}
+    turned = {key: np.diag(d) * before[key] for key, d in diagonals.items()}
+    signs = {key: tuple(int(s) for s in each) for key, each in turned.items()}
     return replace(guesses, signs=signs)

@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from frictionid.data.recordings import Dataset
 from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 
 from .column_guesses import ColumnGuesses
+from .quick import laws_for
 
 _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment
@@ -54,13 +56,16 @@ def dataset_text(draft: Draft) -> str:
     return _rendered("dataset.toml.j2", draft, context)
 
 
-def suite_text(draft: Draft, horizons: Sequence[float], recordings: int) -> str:
-    """Text of a first suite: no friction, Coulomb and viscous, Stribeck, by two recipes.
+def suite_text(draft: Draft, horizons: Sequence[float], dataset: Dataset) -> str:
+    """Text of a first suite: the laws of `frictionid quick`, by shooting.
 
-    For arms by torques where these are measured, else by one step.
+    Laws of arms by torques where these are measured, else by one step.
     """
-    robot = draft.machine.kind in ("urdf", "mjcf")
-    context = {"horizons": horizons, "single": recordings == 1, "robot": robot}
+    robot, single = draft.machine.kind in ("urdf", "mjcf"), len(dataset.recordings) == 1
+    laws = laws_for(dataset)[2:]  # beside none, and Coulomb and viscous friction
+    if robot:
+        laws = ("stribeck",) if draft.actuator else ("stribeck", "load_dependent")
+    context = {"horizons": horizons, "single": single, "robot": robot, "laws": laws}
     return _rendered("suite.toml.j2", draft, context)
 
 

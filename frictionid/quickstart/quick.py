@@ -172,6 +172,12 @@ def time_between_samples(dataset: Dataset, most: int) -> float | None:
     return apart if apart > 1.5 * usual else None
 
 
+def laws_for(dataset: Dataset) -> tuple[str, ...]:
+    """Names of the laws that are compared on a data set, from simple to rich."""
+    sampled = torque_is_sampled(dataset)
+    return tuple(name for name in LAWS if sampled or name != "motor_load")
+
+
 def _compared(
     dataset: Dataset,
     sample_time: float | None,
@@ -190,8 +196,7 @@ def _compared(
             if horizon == _HORIZONS[-1]:
                 raise
     results = {}
-    driven = torque_is_sampled(dataset)
-    for name in (name for name in LAWS if driven or name != "motor_load"):
+    for name in laws_for(dataset):
         with suppress(TooSteepError):  # a law that no step can follow is no candidate
             results[name] = run(benchmark, identifier_named(name, {}), recipe, 0, shared)
         done(name)

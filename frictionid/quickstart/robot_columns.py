@@ -96,11 +96,13 @@ def robot_columns(
     gear: Sequence[float] | Array | None = None,
     named: Mapping[str, Sequence[str]] | None = None,
     only: Sequence[str] | None = None,
+    mute: Sequence[str] = (),
 ) -> RobotColumns:
     """Joints and columns of a table.
 
     gear : turns of the motors for one of the joints, where these are known
     named : columns of "angle" or "torque" that are known; only : names of the joints that move
+    mute : joints whose columns say nothing of torques
 
     Raises
     ------
@@ -126,7 +128,7 @@ def robot_columns(
     joints = [j for j in movable if j.name in by["angle"]]
     driven = [j for j in joints if j.name in pushes] if pushes else joints
     silent = _silent(table, [j for j in driven if pushes], pushes)
-    kept = tuple(j for j in driven if j.name not in silent)
+    kept = tuple(j for j in driven if j.name not in (*silent, *mute))
     still = [j for j in joints if j not in kept]
     angle = tuple(by["angle"][j.name] for j in kept)
     side, unit, evidence = _side(table, kept, angle, gear)
@@ -138,7 +140,7 @@ def robot_columns(
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
         {j.name: round(float(np.nanmean(table.columns[by["angle"][j.name]])), 4) for j in still},
-        _words_of(silent, pushes),
+        "; ".join(filter(None, (_words_of(silent, pushes), _words_of_mute(mute, pushes)))),
         side,
         unit,
         evidence,
@@ -205,6 +207,13 @@ def _words_of(silent: Sequence[str], pushes: Mapping[str, str]) -> str:
         return ""
     columns = ", ".join(pushes[name] for name in silent)
     return f"{columns} stay near zero: nothing drives these joints, which are locked at their mean"
+
+
+def _words_of_mute(mute: Sequence[str], pushes: Mapping[str, str]) -> str:
+    if not mute:
+        return ""
+    columns = ", ".join(pushes[name] for name in mute)
+    return f"in {columns} no load shows: with constants (--kt, --gear) these joints move, too"
 
 
 def _side(

@@ -16,6 +16,7 @@ from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
+from frictionid.quickstart.quick import LAWS
 
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
@@ -89,7 +90,8 @@ def test_the_first_suite_can_be_compared(call, tmp_path):
         suite = tmp_path / folder / "suite.toml"
         tasks = tasks_of(load_suite(suite), suite)
         assert {task.benchmark.folds.count for task in tasks} == {count}
-        assert {task.name for task in tasks} == {"none", "coulomb_viscous", "stribeck"}
+        assert {task.name for task in tasks} == set(LAWS)
+        assert {task.recipe.name for task in tasks} == {"shooting"}
 
 
 def test_what_is_there_is_never_overwritten(call, tmp_path):

@@ -120,14 +120,34 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     same(call.folder, exact)
 
 
-def test_currents_without_constants_count_as_torques_and_say_so(call, exact):
+def test_currents_without_constants_are_taken_by_the_masses_where_these_show(call, exact):
     _, q, u = exact
-    currents = {**named("q_{}", q), **named("current_{} [A]", u / 3.0)}
+    factors = np.array([3.0, -2.0, 5.0])
+    currents = {**named("q_{}", q), **named("current_{} [A]", u / factors)}
     document, out = call(currents)
     assert document["motor"]["kt"] == 1.0 and "missing: torque constants" in out
-    assert "--free friction,gain" in out
+    np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
+    document, _ = call(currents, "--gear", "2")
+    np.testing.assert_allclose(document["motor"]["kt"], factors / 2, rtol=0.05)
+    noise = np.random.default_rng(0).normal(size=len(q))
+    document, out = call(
+        {**currents, "current_three [A]": noise}, known=(("one", 0.4), ("two", 0.3))
+    )
+    np.testing.assert_allclose(document["motor"]["gear"], factors[:2], rtol=0.1)
+    assert document["mechanism"]["joints"] == ["one", "two"]
+    assert "three" in document["mechanism"]["locked"]
+    assert "in current_three [A] no load shows" in " ".join(out.replace("#", "").split())
+    currents = {**named("q_{}", q), **named("current_{} [A]", u / 3.0)}
     document, out = call(currents, "--kt", "0.05", "--gear", "60")
     assert document["motor"] == {"kt": 0.05, "gear": 60.0} and "missing: torque" not in out
+    same(call.folder, exact)
+
+
+def test_several_signs_are_corrected_one_after_the_other(call, exact):
+    _, q, u = exact
+    turned = {**named("q_{}", q), **named("current_{} [A]", u * [1.0, -1.0, -1.0])}
+    _, out = call(turned, "--kt", "1", "--gear", "1")
+    assert "corrected: " in out
     same(call.folder, exact)
 
 
