@@ -25,10 +25,11 @@ WORDS: Mapping[str, frozenset[str]] = {
     "torque": frozenset("u tau torque tq moment effort force drehmoment".split()),
     "angle": frozenset("q angle theta phi alpha pos position encoder enc winkel x".split()),
 }
-# Not measured: commands, references and the truth of simulations.
-UNMEASURED = frozenset(
-    "cmd command commanded des desired ref reference target setpoint goal soll true truth".split()
+# Not measured: commands and references, and the truth of simulations.
+COMMANDED = frozenset(
+    "cmd command commanded des desired ref reference target setpoint goal soll".split()
 )
+UNMEASURED = COMMANDED | {"true", "truth"}
 # Said to tell runs in one table apart.
 RUNS = frozenset("run trial episode experiment test repetition rep session versuch".split())
 # Said to be a sensor's.
@@ -61,6 +62,15 @@ def is_measured(name: str) -> bool:
     (True, False)
     """
     return not UNMEASURED & set(words(name))
+
+
+def is_target(name: str) -> bool:
+    """Whether the name speaks of an angle that a controller follows.
+
+    >>> is_target("goal_deg"), is_target("q_ref"), is_target("u_cmd"), is_target("q_true")
+    (True, True, False, False)
+    """
+    return bool(COMMANDED & set(words(name))) and quantity_of(name) in ("", "angle")
 
 
 def unit_of(name: str, quantity: str) -> str:

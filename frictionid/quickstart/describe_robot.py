@@ -13,7 +13,16 @@ from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 
 from .column_guesses import ColumnGuesses, guess_columns, words
-from .describe_tables import Described, Known, Tables, described_draft, loaded
+from .describe_tables import (
+    GAINS,
+    Described,
+    Known,
+    Tables,
+    actuator_of,
+    described_draft,
+    loaded,
+    missing_lines,
+)
 from .draft_text import Draft
 from .gains_by_gravity import Gain, gains_by_gravity
 from .robot_columns import RobotColumns, RobotFile, robot_columns
@@ -39,7 +48,6 @@ _OFFSET = (
     "joint angles where the motors' are zero (offset in [motor]): without them they are zero, or "
     "the quarter turns that the motion asks for"
 )
-_GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
 
 
 def describe_robot(
@@ -73,7 +81,10 @@ def describe_robot(
     table["parameters"] = {**values, **stand_in}
     machine = machine.with_values(table["parameters"])
     guesses = _guesses(tables, machine, columns, facts)
-    motor, actuator = _motor(columns, guesses, facts), _actuator(columns, facts)
+    motor = _motor(columns, guesses, facts)
+    efforts = [joint.limits.effort for joint in columns.joints]
+    limit = efforts if np.isfinite(efforts).all() else ()
+    actuator = actuator_of(columns.target, facts.gains, limit)
     missing = tuple(_missing(machine, motor, actuator, facts))
     comments = {
         file.format: "meshes are not looked at",
@@ -104,7 +115,7 @@ def describe_robot(
             missing = tuple(said if text == _KT else text for text in missing)
             motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
-    blind = not {_GEAR, _KT, _GAINS}.isdisjoint(missing)
+    blind = not {_GEAR, _KT, GAINS}.isdisjoint(missing)
     return described_draft(draft, tables, _HORIZONS, missing, blind=blind)
 
 
@@ -132,11 +143,6 @@ def _stand_in(machine: Mechanism, joints: Sequence[Joint]) -> dict[str, float]:
             effort = joint.limits.effort if np.isfinite(joint.limits.effort) else 10.0
             out[f"rotor_{joint.name}"] = round(effort / _QUICK, 6)
     return out
-
-
-def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
-    """What is missing, as comments."""
-    return tuple(f"MISSING: {text}" for text in missing)
 
 
 def _mechanism_table(
@@ -184,16 +190,6 @@ def _motor(columns: RobotColumns, guesses: ColumnGuesses, facts: Known) -> dict[
     return {**out, **({"torque": "motor"} if shaft else {})}
 
 
-def _actuator(columns: RobotColumns, facts: Known) -> dict[str, Any]:
-    """The [actuator] table, where joints follow targets and no torque was measured."""
-    if not columns.target:
-        return {}
-    P, D = facts.gains or (1.0, 1.0)
-    efforts = [joint.limits.effort for joint in columns.joints]
-    limit = {"limit": efforts} if np.isfinite(efforts).all() else {}
-    return {"target": list(columns.target), "output": "torque", "P": P, "D": D, **limit}
-
-
 def _missing(
     machine: Mechanism, motor: Mapping[str, Any], actuator: Mapping[str, Any], facts: Known
 ) -> Iterator[str]:
@@ -205,7 +201,7 @@ def _missing(
     if "offset" in motor:
         yield _OFFSET
     if actuator and facts.gains is None:
-        yield _GAINS
+        yield GAINS
     if not any(machine.defaults[p.name] > 0 for p in machine.parameters if p.rotor):
         yield _ROTOR
 

@@ -21,11 +21,12 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
 
-from .column_guesses import ColumnGuesses, guess_columns
+from .column_guesses import ColumnGuesses, guess_columns, is_target, quantity_of
 from .draft_text import Draft, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint
 _HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]
+GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
 _BEFORE = 0.5  # [s] of a recording that predictions need beside their horizon
 
 
@@ -119,7 +120,30 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> 
         Where no column fits a quantity.
     """
     machine = mechanism_of(mechanism)
-    return guess_columns(tables.first, machine.driven, machine.position_units, facts.columns)
+    driven = [False] * machine.n if targets_in(tables.first, facts, machine.n) else machine.driven
+    return guess_columns(tables.first, driven, machine.position_units, facts.columns)
+
+
+def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
+    """Columns of the angles that a controller follows, where the table has no torques; or none."""
+    pushes = any(quantity_of(name) in ("torque", "current") for name in table.columns)
+    targets = tuple(filter(is_target, table.columns))
+    return () if pushes or "torque" in facts.columns or len(targets) != joints else targets
+
+
+def actuator_of(
+    targets: Sequence[str], gains: tuple[float, float] | None, limit: Sequence[float] = ()
+) -> dict[str, Any]:
+    """The [actuator] table of a position controller with these targets; {} without any.
+
+    gains : P and D, 1 where they are not known ; limit : largest torques
+    """
+    if not targets:
+        return {}
+    P, D = gains or (1.0, 1.0)
+    columns = targets[0] if len(targets) == 1 else list(targets)
+    bounds = {"limit": list(limit)} if limit else {}
+    return {"target": columns, "output": "torque", "P": P, "D": D, **bounds}
 
 
 def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> Described:
@@ -143,8 +167,19 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     current = guesses.is_current and facts.kt is not None
     motor = {"kt": facts.kt, "gear": 1.0 if facts.gear is None else facts.gear} if current else {}
     name, machine = tables.folder.resolve().name, mechanism_of(mechanism)
-    draft = Draft(name, tables.files, mechanism, guesses, machine, motor)
-    return described_draft(draft, tables, _HORIZONS)
+    targets = targets_in(tables.first, facts, machine.n)
+    guesses = replace(guesses, unused=tuple(n for n in guesses.unused if n not in targets))
+    missing = (GAINS,) if targets and facts.gains is None else ()
+    draft = Draft(
+        *(name, tables.files, mechanism, guesses, machine, motor, missing_lines(missing)),
+        actuator=actuator_of(targets, facts.gains),
+    )
+    return described_draft(draft, tables, _HORIZONS, missing, blind=bool(missing))
+
+
+def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
+    """What is missing, as comments."""
+    return tuple(f"MISSING: {text}" for text in missing)
 
 
 def described_draft(

@@ -22,6 +22,7 @@ from .column_guesses import (
     WORDS,
     check_named,
     is_measured,
+    is_target,
     quantity_of,
     words,
 )
@@ -164,7 +165,7 @@ def _movable(robot: Robot) -> tuple[str, list[Joint]]:
 def _is(name: str, kind: str) -> bool:
     """Whether a column's name speaks of a measured quantity, or of a target."""
     if kind == "target":
-        return not is_measured(name) and quantity_of(name) in ("", "angle")
+        return is_target(name)
     return quantity_of(name) == kind and is_measured(name)
 
 

@@ -15,7 +15,7 @@ def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
     models = {"coulomb": frictionid.LeastSquares(frictionid.CoulombViscous())}
     protocol = frictionid.Protocol(horizons=(0.5,))
     before = cross_validate.compare(data, models, folds, protocol=protocol)
-    now = frictionid.compare(data, models, folds, protocol=protocol)
+    now = frictionid.compare(data, models, folds, "integral", protocol=protocol)
     for key, result in before.items():
         score = ("rollout_angle", "median", 0.5)
         assert now[key].value(*score) == result.value(*score)
