@@ -71,8 +71,11 @@ def quick(
 
     Parameters
     ----------
-    figure : Picture to write (PNG) [quick-<name>.png].
+    figure : Picture to write (PNG) [quick-<name>.png, or the next number].
     """
+    import os
+    from itertools import chain, count
+
     from frictionid.api.check import quick as first_verdict
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes
@@ -83,7 +86,10 @@ def quick(
     from .progress import running
 
     loaded = load_dataset(dataset, data, trust=trust)
-    figure = figure or Path(f"quick-{file_names([loaded.name])[loaded.name]}.png")
+    name = f"quick-{file_names([loaded.name])[loaded.name]}"
+    ends = chain([""], (f"-{k}" for k in count(2)))
+    paths = (Path(f"{name}{end}.png") for end in ends)
+    figure = figure or next(path for path in paths if replace or not os.path.lexists(path))
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
     with running(STEPS, f"first verdict ({loaded.name})") as done:
         verdict = first_verdict(loaded, done)

@@ -6,7 +6,8 @@ Over windows of 0.05 s, of the momentum balance along the smoothed motion,
 
 with the one-step residual e = r - G Tf [Gautier1991]. Windows in which a joint rests or reverses do
 not count for it: there friction is whatever holds the joint. None counts within 0.1 s of one that
-lacks three times the largest torque that was measured: no friction is so large, an angle jumped.
+lacks three times the largest torque that was measured, or that 95 % of the windows lack: no friction
+is so large, an angle jumped.
 Shares are of the root mean square of the measured torque in the windows that count.
 """
 
@@ -93,8 +94,9 @@ def torque_windows(
     np.logical_and.at(counts, place, ~rests[rows])
     counts &= (length >= _COMPLETE * np.median(length))[:, None]
     left, measured, lacking = sums / length[:, None]
-    most = np.abs(torque[1, rows]).max(axis=0)
-    jumped = ((np.abs(lacking) > _JUMP * most) & (most > 0.0)).any(axis=1)
+    usual = np.quantile(np.abs(lacking), 0.95, axis=0)  # of motors that are off
+    most = np.maximum(np.abs(torque[1, rows]).max(axis=0), usual)
+    jumped = (np.abs(lacking) > _JUMP * most).any(axis=1)
     counts &= ~_beside(jumped, windows[:, 1])[:, None]
     left, measured = np.where(counts, [left, measured], 0.0)
     return TorqueWindows(left, measured, counts, windows[:, 1], windows[:, 0])

@@ -136,6 +136,10 @@ def test_the_command_says_what_the_page_shows(found, place, monkeypatch, capsys)
     assert_shown(out + err, text)
     assert (place / "quick-arm.png").read_bytes() == quick_picture(found[0])
     code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+    assert code == 0 and "written to quick-arm-2.png" in err
+    code, out, err = run_command(
+        monkeypatch, capsys, place, *arguments, "--figure", "quick-arm.png"
+    )
     assert (code, out) == (2, "") and "quick-arm.png exists" in err
     code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json", "--replace")
     assert code == 0 and json.loads(out) == json.loads(quick_json(found[0]))
