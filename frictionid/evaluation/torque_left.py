@@ -6,9 +6,9 @@ Over windows of 0.05 s, of the momentum balance along the smoothed motion,
 
 with the one-step residual e = r - G Tf [Gautier1991]. Windows in which a joint rests or reverses do
 not count for it: there friction is whatever holds the joint. None counts within 0.1 s of one that
-lacks three times the largest torque that was measured, or that 95 % of the windows lack: no friction
-is so large, an angle jumped.
-Shares are of the root mean square of the measured torque in the windows that count.
+lacks three times the largest torque that was measured, or that 95 % of the windows lack: no
+friction is so large, an angle jumped. Shares are of the root mean square of the measured torque in
+the windows that count.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
