@@ -31,7 +31,7 @@ from frictionid.friction import Law
 from frictionid.outputs import check_writable
 
 from .comparison import Comparison
-from .fit import ONE_STEP, method_of, usual_recipe, usual_sample_time
+from .fit import method_of, usual_recipe, usual_sample_time
 from .models import (
     DatasetLike,
     count,
@@ -121,12 +121,7 @@ def compare(
     """
     dataset, jobs = dataset_of(data), count("jobs", jobs)
     named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
-    if recipes is None:
-        recipes = usual_recipe(dataset, [model.identifier for model in named])
-        if sample_time is None and recipes not in ONE_STEP:
-            sample_time = usual_sample_time(dataset)
-    methods = [method_of(recipe) for recipe in _listed(recipes)]
-    distinct([method.name for method in methods], "recipes")
+    methods, sample_time = _methods(dataset, named, recipes, sample_time)
     asked: tuple[float, ...] | None = None
     split = _folds(dataset, folds)
     if protocol is None:
@@ -164,6 +159,22 @@ def compare(
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
     results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)
     return Comparison(results, dataset, fitted={key: r for key, (_, r) in by_model.items()})
+
+
+def _methods(
+    dataset: Dataset,
+    named: Sequence[NamedIdentifier],
+    recipes: str | Method | Sequence[str | Method] | None,
+    sample_time: float | None,
+) -> tuple[list[Method], float | None]:
+    """The methods that recipes name, or the usual one, and the time between their samples."""
+    if recipes is None:
+        recipes = usual_recipe(dataset, [model.identifier for model in named])
+        if sample_time is None:
+            sample_time = usual_sample_time(dataset, recipes)
+    methods = [method_of(recipe) for recipe in _listed(recipes)]
+    distinct([method.name for method in methods], "recipes")
+    return methods, sample_time
 
 
 def _settings(task: Task) -> dict[str, Any]:

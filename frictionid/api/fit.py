@@ -157,9 +157,10 @@ def usual_recipe(dataset: Dataset, identifiers: Sequence[Identifier]) -> str:
     return CALIBRATED.name if physics and dataset.mechanism.n < _ARM else INTEGRAL.name
 
 
-def usual_sample_time(dataset: Dataset) -> float | None:
-    """Time [s] between the samples of long data that a fit takes by default; None: all of them."""
-    return time_between_samples(dataset, _MOST)
+def usual_sample_time(dataset: Dataset, method: str) -> float | None:
+    """Time [s] between samples that a fit of long data takes where none is named; None: all."""
+    one_step = method == "one_step" or method in ONE_STEP
+    return None if one_step else time_between_samples(dataset, _MOST)
 
 
 def fit(
@@ -242,8 +243,7 @@ def fit(
         asked = {"one_step": bias or recipe is not None, "shooting": shot}
         asked["inverse_dynamics"] = consistent
         method = next((m for m, yes in asked.items() if yes), usual_method(dataset, identifier))
-        if method != "one_step" and apart is None:
-            apart = usual_sample_time(dataset)
+        apart = apart or usual_sample_time(dataset, method)
     protocol = Protocol(sample_time=apart)
     if equal:
         groups = groups_of(equal, dataset.mechanism.friction_names)

@@ -12,7 +12,8 @@ from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 
-from .column_guesses import ColumnGuesses, guess_columns, words
+from .column_guesses import ColumnGuesses, guess_columns
+from .column_names import words
 from .describe_tables import (
     GAINS,
     Described,

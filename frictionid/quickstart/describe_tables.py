@@ -21,7 +21,8 @@ from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
 
-from .column_guesses import ColumnGuesses, guess_columns, is_target, quantity_of
+from .column_guesses import ColumnGuesses, guess_columns
+from .column_names import is_target, quantity_of
 from .draft_text import Draft, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint

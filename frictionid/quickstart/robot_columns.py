@@ -17,15 +17,8 @@ from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
 
-from .column_guesses import (
-    UNMEASURED,
-    WORDS,
-    check_named,
-    is_measured,
-    is_target,
-    quantity_of,
-    words,
-)
+from .column_guesses import check_named
+from .column_names import UNMEASURED, WORDS, is_measured, is_target, quantity_of, words
 
 _READ = {"urdf": read_urdf, "mjcf": read_mjcf}
 _SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured

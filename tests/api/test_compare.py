@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import frictionid
+from frictionid.api.fit import usual_recipe
+from frictionid.api.models import identifier_of
 from frictionid.comparison import cross_validate
 
 
@@ -21,3 +23,22 @@ def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
         assert now[key].value(*score) == result.value(*score)
         np.testing.assert_array_equal(now[key].friction.theta, result.overall.theta)
         np.testing.assert_array_equal(now[key].folds.theta, result.friction.theta)
+
+
+def test_all_models_of_a_comparison_are_fitted_alike():
+    """As one fit is, where that goes for all; else in one step, calibrated by physics."""
+    data, laws = frictionid.load_dataset("acrobot_clean"), ["none", "stribeck", frictionid.SINDy()]
+    for models, recipe in (
+        (laws, "shooting"),
+        ([*laws, "lstm"], "calibrated"),
+        ([*laws, "blackbox_mlp"], "integral"),
+    ):
+        assert usual_recipe(data, [identifier_of(model) for model in models]) == recipe
+
+
+def test_one_step_of_all_data_is_the_fit():
+    data, by = frictionid.load_dataset("acrobot_clean"), "integral"
+    bench = frictionid.compare(data, ["stribeck"], folds=3, recipes=by, horizons=[0.5])
+    fit = frictionid.fit(data, "stribeck", method="one_step")
+    theta = bench["stribeck"].friction.theta  # folds and all data are iterated together
+    np.testing.assert_allclose(theta, fit.friction.theta, rtol=1e-5)

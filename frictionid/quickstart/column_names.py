@@ -1,0 +1,86 @@
+"""What the name of a column says: its quantity, its unit, and whether it was measured."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from frictionid.data.readers.column_toml import SPELLINGS, UNITS
+
+# Words of names, in lower case. The first quantity counts that has a word of the name.
+WORDS: Mapping[str, frozenset[str]] = {
+    "time": frozenset("time t timestamp stamp zeit clock seconds".split()),
+    "velocity": frozenset("w qd dq vel velocity omega speed rate qdot thetadot dtheta".split()),
+    "current": frozenset("i iq current cur amps ampere amperes strom".split()),
+    "torque": frozenset("u tau torque tq moment effort force drehmoment".split()),
+    "angle": frozenset("q angle theta phi alpha pos position encoder enc winkel x".split()),
+}
+# Not measured: commands and references, and the truth of simulations.
+COMMANDED = frozenset(
+    "cmd command commanded des desired ref reference target setpoint goal soll".split()
+)
+UNMEASURED = COMMANDED | {"true", "truth"}
+# Said to tell runs in one table apart.
+RUNS = frozenset("run trial episode experiment test repetition rep session versuch".split())
+# Said to be a sensor's.
+SENSED = frozenset("meas measured act actual sensor sensed ist".split())
+
+
+def words(name: str) -> list[str]:
+    """Words of a column's name, in lower case, without numbers.
+
+    >>> words("joint1_Position [deg]"), words("motorCurrent_A")
+    (['joint', 'position', 'deg'], ['motor', 'current', 'a'])
+    """
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-zµ°]+|[A-Z]+(?![a-z])", name)]
+
+
+def quantity_of(name: str) -> str:
+    """Quantity that the name of a column speaks of, or "".
+
+    >>> [quantity_of(name) for name in ("t_ms", "q2 [deg]", "i_motor", "temperature")]
+    ['time', 'angle', 'current', '']
+    """
+    said = set(words(name))
+    return next((quantity for quantity, usual in WORDS.items() if said & usual), "")
+
+
+def is_measured(name: str) -> bool:
+    """Whether the name speaks of no command, reference or truth.
+
+    >>> is_measured("q1"), is_measured("q1_ref")
+    (True, False)
+    """
+    return not UNMEASURED & set(words(name))
+
+
+def is_target(name: str) -> bool:
+    """Whether the name speaks of an angle that a controller follows.
+
+    >>> is_target("goal_deg"), is_target("q_ref"), is_target("u_cmd"), is_target("q_true")
+    (True, True, False, False)
+    """
+    return bool(COMMANDED & set(words(name))) and quantity_of(name) in ("", "angle")
+
+
+def unit_of(name: str, quantity: str) -> str:
+    """Unit of a quantity that stands in brackets in the name, or at its end; "" where none does.
+
+    >>> unit_of("angle [Deg]", "angle"), unit_of("t_ms", "time"), unit_of("tau_Nm", "torque")
+    ('deg', 'ms', 'N m')
+    """
+    spellings = {unit: unit for unit in UNITS[quantity]} | SPELLINGS[quantity]
+    folded = {said.replace(" ", "").lower(): unit for said, unit in spellings.items()}
+    bracket = re.search(r"[\[(]([^\])]*)[\])]", name)
+    last = bracket[1] if bracket else re.split(r"[_\s.]", name)[-1]
+    return folded.get(last.replace(" ", "").lower(), "") if last != name else ""
+
+
+def is_sensed(name: str) -> bool:
+    """Whether the name speaks of a sensor's samples: a current, or a torque said to be measured.
+
+    >>> is_sensed("i_motor"), is_sensed("tau_meas"), is_sensed("tau"), is_sensed("i_cmd")
+    (True, True, False, False)
+    """
+    sensed = SENSED & set(words(name)) or quantity_of(name) == "current"
+    return bool(sensed) and is_measured(name)
