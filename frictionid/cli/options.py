@@ -167,6 +167,10 @@ def present(path: Path | None) -> Path | None:
 
 
 def _results(folder: Path) -> Path:
+    from frictionid.errors import InputError
+
+    if folder.is_dir() and not [*folder.glob("provenance.json"), *folder.glob("unfinished")]:
+        raise InputError(f"{folder} holds no comparison; name a folder that compare wrote")
     if not (folder / "unfinished" / "provenance.json").exists():  # that was interrupted
         present(folder / "provenance.json")
     return folder

@@ -138,6 +138,11 @@ def test_compare(complaint, arguments, words):
     assert re.search(words, complaint("compare", *arguments))
 
 
+def test_a_suite_is_no_data_set_and_a_data_set_no_result(complaint):
+    assert "suite.toml is a suite; name a data set" in complaint("quick", "suite.toml")
+    assert "tiny holds no comparison" in complaint("report", "tiny")
+
+
 def test_compare_finds_nothing_where_the_collections_are(complaint, place, monkeypatch):
     monkeypatch.setenv("FRICTIONID_DATA", str(place / "nowhere"))
     assert "nowhere/pendulums, does not exist" in complaint("compare", "away.toml")

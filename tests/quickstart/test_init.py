@@ -239,6 +239,19 @@ def test_rows_without_an_angle_are_gaps(tmp_path):
     assert len(described.dataset.recordings[0].angle.time) == len(TIME) - 3
 
 
+def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
+    (tmp_path / "servo").mkdir()
+    rows = (f"{t},{q},{0.9 * q}" for t, q in zip(TIME, Q, strict=True))
+    (tmp_path / "servo" / "run.csv").write_text("\n".join(["t,goal,pos", *rows]))
+    code, out, _ = call("init", "servo", *INIT, "--gains", "4,0.05")
+    document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
+    assert code == 0 and "torque" not in document["columns"] and "not used" not in out
+    assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
+    (tmp_path / "servo" / "dataset.toml").unlink()
+    (tmp_path / "servo" / "suite.toml").unlink()
+    assert "missing: gains of the controller" in call("init", "servo", *INIT)[1]
+
+
 def test_a_sliding_joint_is_in_metres():
     g = guessed({"t": TIME, "x": 300 * Q, "force": U}, unit="m")
     assert (g.angle.unit, g.torque.unit) == ("mm", "N")
