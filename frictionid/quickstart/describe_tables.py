@@ -234,9 +234,9 @@ def _corrected(draft: Draft, dataset: Dataset, *, blind: bool) -> Draft:
     guesses, motor = _with_convention(draft.guesses, best), _with_gears(draft, best)
     text = kinds[best.kind].text
     if guesses is None and motor is None:
-        said = f"frictionid check: {text}"
-        told = said in draft.evidence
-        return draft if told else replace(draft, evidence=(*draft.evidence, said))
+        remark = f"frictionid check: {text}"
+        told = remark in draft.evidence
+        return draft if told else replace(draft, evidence=(*draft.evidence, remark))
     evidence = (*draft.evidence, f"corrected: {text}")
     return replace(
         draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence
