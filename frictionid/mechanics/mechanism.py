@@ -46,7 +46,7 @@ class Terms(NamedTuple):
 
     M (..., n, n) [kg m^2]; h (..., n) [N m], all torques but those of motors and friction;
     momentum = M w (..., n) [N m s]; dLdq (..., n) [N m]; B (n, n), one where a motor drives the
-    joint; energy (...) [J].
+    joint; energy (...) [J]. Momentum has also what a base that turns adds; energy has not.
     """
 
     M: Array
@@ -69,12 +69,27 @@ class Partials(NamedTuple):
     by_p: Array
 
 
+def with_base_motion(p: Array, motion: Array | None) -> Array:
+    """Base parameters (..., nb) with the motion (..., 9) of a base behind them, (..., nb + 9).
+
+    In the frame of the base: its angular velocity [rad/s], its angular acceleration [rad/s^2], and
+    the proper acceleration of its origin [m/s^2], which is what an accelerometer shows: that less
+    gravity. Position, orientation and velocity do not matter. Without it the base is at rest.
+    """
+    if motion is None:
+        return p
+    lead = np.broadcast_shapes(p.shape[:-1], motion.shape[:-1])
+    parts = (np.broadcast_to(x, (*lead, x.shape[-1])) for x in (p, motion))
+    return np.concatenate([*parts], axis=-1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
     """A mechanism of n joints: facts as fields, equations of motion as methods.
 
     `p` is always an array of base parameters, shape (..., nb), as `base` makes it from physical
-    ones. q, w, a and u have shape (..., n); batch axes of p broadcast against theirs.
+    ones. q, w, a and u have shape (..., n); batch axes of p broadcast against theirs. Behind the
+    base parameters of a floating mechanism stands the motion of its base, see `with_base_motion`.
 
     Attributes
     ----------
@@ -161,6 +176,15 @@ class Mechanism(ABC):
         The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
         friction laws need it. It depends on physical parameters, not on base parameters alone.
         """
+
+    @property
+    def floating(self) -> bool:
+        """Whether the base moves, as recordings say."""
+        return False
+
+    def moves(self, p: Array) -> bool:
+        """Whether the motion of the base stands behind the base parameters p."""
+        return p.shape[-1] > len(self.base_names)
 
     def points(self, q: Array) -> Array | None:
         """Lines that draw the mechanism at positions q (..., n): (..., k, 2 or 3) [m], or None.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, like, namespace
 
-from .mechanism import Mechanism, Terms
+from .mechanism import Mechanism, Terms, with_base_motion
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
 
@@ -64,6 +64,13 @@ class Plant:
         loop = None if self.feedback is None else self.feedback[index]
         return Plant(self.mechanism, physical, self.p[index], self.slow, warm, loop)
 
+    def on_base(self, motion: Array | None) -> Plant:
+        """The plant on a base that moves so (..., 9), see `with_base_motion`; None: at rest."""
+        if motion is None:
+            return self
+        still = self.p[..., : len(self.mechanism.base_names)]
+        return replace(self, p=with_base_motion(still, motion))
+
     @property
     def n(self) -> int:
         """Number of joints."""
@@ -91,7 +98,9 @@ class Plant:
 
     def load(self, q: Array, w: Array, u: Array) -> Array:
         """Bearing force in friction-free motion, shape (..., n) [N]."""
-        return self.mechanism.load(self.parameters, q, w, u)
+        mechanism, p = self.mechanism, self.p
+        motion = (p[..., len(mechanism.base_names) :],) if mechanism.moves(p) else ()
+        return mechanism.load(self.parameters, q, w, u, *motion)
 
 
 # Weights of start, midpoint and end of an interval.

@@ -106,7 +106,11 @@ def _scaled_regressor(tree: Tree) -> Array:
     q = rng.uniform(-1, 1, shape) * reach
     w = rng.uniform(-2, 2, shape) * rate * np.sqrt(10.0 / length)
     a = rng.uniform(-2, 2, shape) * rate * 10.0 / length
-    Y = regressor(tree, q, w, a, np.arange(10 * tree.n + len(tree.rotors)))
+    base = None
+    if tree.floating:
+        turning = rng.uniform(-2, 2, (2, _MOTIONS, 3)) * [[[np.sqrt(10.0 / length)]], [[10.0 / length]]]
+        base = np.concatenate([*turning, rng.uniform(-10, 10, (_MOTIONS, 3))], axis=-1)
+    Y = regressor(tree, q, w, a, np.arange(10 * tree.n + len(tree.rotors)), base)
     rows = np.where(tree.prismatic, length, 1.0)[:, None] / 10.0
     return (Y * rows).reshape(-1, Y.shape[-1]) * _scales(tree)
 
@@ -130,14 +134,18 @@ def geometry(tree: Tree, reduction: BaseParameters | None = None) -> Geometry:
     )
 
 
-def regressor(tree: Tree, q: Array, w: Array, a: Array, columns: Array) -> Array:
+def regressor(
+    tree: Tree, q: Array, w: Array, a: Array, columns: Array, base: Array | None = None
+) -> Array:
     """Torques (K, n, C) of motions (K, n) with one unit inertial parameter each.
 
     columns : array of int, shape (C,), in order, of the ten of each body and those of the rotors
+    base : array, shape (1, 9) or (K, 9), motion of the base, at rest if not given
     """
+    base = np.concatenate([np.zeros(6), -tree.gravity])[None] if base is None else base
     bodies = columns[columns < 10 * tree.n]
     Y = np.empty((*q.shape, len(columns)))
-    loops.regressor(geometry(tree), bodies, q, w, a, Y)
+    loops.regressor(geometry(tree), base, bodies, q, w, a, Y)
     turning = tree.rotors[columns[len(bodies) :] - 10 * tree.n]
     Y[..., len(bodies) :] = turning.T * (a @ turning.T)[:, None]
     return Y

@@ -26,6 +26,7 @@ def urdf(
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
     coupled: Mapping[str, Mapping[str, float]] | None = None,
+    floating: bool = False,
 ) -> RigidBodyTree:
     """Mechanism of n joints that a URDF describes.
 
@@ -45,6 +46,8 @@ def urdf(
     coupled : motors, or other parts, that turn with several joints, and so have friction and an
         inertia of their own: {"motor_6": {"joint_5": 1.0, "joint_6": 1.0}} for one that turns by as
         much as these two together
+    floating : whether the base moves, as recordings say: the link that a free joint carries, if
+        none is named; gravity then is that of a base that stands upright
 
     Raises
     ------
@@ -52,7 +55,7 @@ def urdf(
         Where the file is no URDF, its joints are no tree, or an option does not fit them.
     """
     robot = read_urdf(_file(urdf, "urdf"))
-    options = _Options(joints, base, locked, gravity, payload, driven, coupled)
+    options = _Options(joints, base, locked, gravity, payload, driven, coupled, floating)
     return _mechanism("urdf", robot, options)
 
 
@@ -65,13 +68,14 @@ def mjcf(
     payload: str | None = None,
     driven: Sequence[bool] | bool = True,
     coupled: Mapping[str, Mapping[str, float]] | None = None,
+    floating: bool = False,
 ) -> RigidBodyTree:
     """Mechanism of n joints that an MJCF describes, with its armatures as rotors; see `urdf`.
 
     Gravity is that of the file if not given. MuJoCo reads the file and must be installed.
     """
     robot = read_mjcf(_file(mjcf, "mjcf"))
-    options = _Options(joints, base, locked, gravity, payload, driven, coupled)
+    options = _Options(joints, base, locked, gravity, payload, driven, coupled, floating)
     return _mechanism("mjcf", robot, options)
 
 
@@ -89,10 +93,11 @@ class _Options(NamedTuple):
     payload: str | None
     driven: Sequence[bool] | bool
     coupled: Mapping[str, Mapping[str, float]] | None
+    floating: bool
 
     def changed(self) -> dict[str, Any]:
         """Those that are not what they are if not given."""
-        usual = (None, None, None, None, None, True, None)
+        usual = (None, None, None, None, None, True, None, False)
         pairs = zip(self._asdict().items(), usual, strict=True)
         return {name: value for (name, value), default in pairs if value is not default}
 
@@ -100,6 +105,9 @@ class _Options(NamedTuple):
 def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
     payload = options.payload
     choice = _choice(options.joints, options.base, options.locked)
+    if not isinstance(options.floating, bool):
+        raise InputError(f"[mechanism] floating = {options.floating!r} must be true or false")
+    choice = choice._replace(floating=options.floating)
     tree, attached = tree_of(robot, choice, _gravity(options.gravity))
     if payload is not None and payload not in attached:
         raise InputError(
@@ -209,4 +217,5 @@ def _identity(tree: Tree) -> str:
     digest = hashlib.sha256()
     for array in (*arrays, tree.rotors, tree.gravity):
         digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(b"floating" * tree.floating)
     return digest.hexdigest()

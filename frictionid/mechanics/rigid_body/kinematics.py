@@ -98,28 +98,24 @@ def placements(tree: Any, q: Any, R: Any, o: Any, S: Any) -> None:
 
 
 @inlined
-def motion(tree: Any, S: Any, w: Any, rate: Any, v: Any, dS: Any, a: Any) -> None:
+def motion(tree: Any, base: Any, S: Any, w: Any, rate: Any, v: Any, dS: Any, a: Any) -> None:
     """Write velocities v, changes dS of the joint motions and accelerations a, (n, 6) each.
 
     Accelerations are less gravity, at joint velocities w and dw/dt = rate. With the parent p of i,
 
         v_i = v_p + S_i w_i,    dS_i = v_p x S_i,    a_i = a_p + S_i dw_i/dt + dS_i w_i.
+
+    base (9,) : angular velocity, angular and proper acceleration of the base. Its velocity does not
+    count: velocities are those against an observer who goes along without turning.
     """
+    still = (base[0], base[1], base[2], 0.0, 0.0, 0.0)
     for i in range(len(w)):
         p = tree.parent[i]
-        if p < 0:
-            for c in range(6):
-                dS[i, c] = 0.0
-                v[i, c] = S[i, c] * w[i]
-                a[i, c] = S[i, c] * rate[i]
-            for c in range(3):
-                a[i, 3 + c] -= tree.gravity[c]
-        else:
-            d = cross_motion(v[p], S[i])
-            for c in range(6):
-                dS[i, c] = d[c]
-                v[i, c] = v[p, c] + S[i, c] * w[i]
-                a[i, c] = a[p, c] + S[i, c] * rate[i] + d[c] * w[i]
+        d = cross_motion(still, S[i]) if p < 0 else cross_motion(v[p], S[i])
+        for c in range(6):
+            dS[i, c] = d[c]
+            v[i, c] = (still[c] if p < 0 else v[p, c]) + S[i, c] * w[i]
+            a[i, c] = (base[3 + c] if p < 0 else a[p, c]) + S[i, c] * rate[i] + d[c] * w[i]
 
 
 @inlined

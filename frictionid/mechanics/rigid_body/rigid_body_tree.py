@@ -22,7 +22,7 @@ from frictionid.arrays import Array, solve, times
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body import loops
 
-from ..mechanism import Mechanism, Parameter, Partials, Terms
+from ..mechanism import Mechanism, Parameter, Partials, Terms, with_base_motion
 from .base_parameters import BaseParameters, geometry, regressor
 from .kinematics import placements
 from .loops import Geometry
@@ -84,24 +84,29 @@ class RigidBodyTree(Mechanism):
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
         M, h = self.dynamics(p, q, w)
-        slope, potential = self._evaluate(loops.lagrangian, ((self.n,), ()), p, q, w)
+        shapes = ((self.n,), (), (self.n,))
+        slope, potential, turned = self._evaluate(loops.lagrangian, shapes, p, q, w)
         momentum = times(M, w)
-        return Terms(M, h, momentum, slope, self.B, (momentum * w).sum(-1) / 2 + potential)
+        energy = (momentum * w).sum(-1) / 2 + potential
+        return Terms(M, h, momentum + turned, slope, self.B, energy)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         n, reduction = self.n, self.reduction
         by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
         lead = by_q.shape[:-2]
+        base = _flat(p[..., len(self.base_names) :], lead) if self.moves(p) else None
         q, w, a = (_flat(x, lead) for x in (q, w, a))
-        by_p = regressor(self.tree, q, w, a, reduction.leading)
+        by_p = regressor(self.tree, q, w, a, reduction.leading, base)
         if reduction.rounded:
-            by_p[..., reduction.carrier] += self._silent_torques(q, w, a)
+            by_p[..., reduction.carrier] += self._silent_torques(base, q, w, a)
         return Partials(by_q, by_w, by_p.reshape((*lead, *by_p.shape[1:])))
 
-    def _silent_torques(self, q: Array, w: Array, a: Array) -> Array:
+    def _silent_torques(self, base: Array | None, q: Array, w: Array, a: Array) -> Array:
         """Torques (K, n) of the silent parameters, see `BaseParameters`."""
-        M, h = np.empty((*q.shape, self.n)), np.empty(q.shape)
-        loops.dynamics(geometry(self.tree), self.reduction.silent[None], q, w, M, h)
+        M, h, silent = np.empty((*q.shape, self.n)), np.empty(q.shape), self.reduction.silent[None]
+        if base is not None:
+            silent = np.hstack([np.broadcast_to(silent, (len(base), silent.size)), base])
+        loops.dynamics(geometry(self.tree), silent, q, w, M, h)
         return times(M, a) - h
 
     def points(self, q: Array) -> Array:
@@ -134,13 +139,24 @@ class RigidBodyTree(Mechanism):
 
     loads_of_gears: ClassVar[bool] = True
 
-    def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
+    @property
+    def floating(self) -> bool:
+        return self.tree.floating
+
+    def load(
+        self,
+        parameters: Mapping[str, Any],
+        q: Array,
+        w: Array,
+        u: Array,
+        base_motion: Array | None = None,
+    ) -> Array:
         """Torque that each joint's gear passes on in friction-free motion, shape (..., n) [N m].
 
         |B u - rotor dw/dt|: what the motor gives and its rotor does not take. That is the torque of
         the rigid bodies beyond the gear, on which the friction of geared joints depends.
         """
-        p = self.base(parameters)
+        p = with_base_motion(self.base(parameters), base_motion)
         M, h = self.dynamics(p, q, w)
         force = self.motors * u
         rotors = self._rotor_inertias({**self.defaults, **parameters})

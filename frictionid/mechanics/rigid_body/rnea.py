@@ -27,16 +27,17 @@ def torques(parent: Any, S: Any, v: Any, a: Any, inertia: Any, force: Any, out: 
 
 @inlined
 def lagrangian_slopes(
-    tree: Any, S: Any, v: Any, dS: Any, inertia: Any, carried: Any, moving: Any, out: Any
+    tree: Any, base: Any, S: Any, v: Any, dS: Any, inertia: Any, carried: Any, moving: Any, out: Any
 ) -> float:
     """Write dL/dq (n,) without that of the rotors; the potential energy [J], zero in the origin.
 
     Where joint i moves all that it carries, momentum and all, its kinetic energy stays; so dT/dq_i
     is the momentum's product with v_p x S_i, and -dV/dq_i the power of gravity on S_i.
 
+    base : see `kinematics.motion`; where it accelerates, that acts like gravity
     carried : inertia of all that each joint carries; moving (n, 6) : scratch, for their momenta
     """
-    g0, g1, g2 = tree.gravity[0], tree.gravity[1], tree.gravity[2]
+    g0, g1, g2 = -base[6], -base[7], -base[8]
     energy = 0.0
     for i in range(len(out)):
         moment = momentum(inertia[i], v[i])
@@ -186,20 +187,19 @@ def _transposed_times(B: Any, x: Any) -> Any:
 
 
 @inlined
-def prepare(tree: Any, S: Any, v: Any, dS: Any, a: Any, inertia: Any, B: Any, twice: Any) -> None:
+def prepare(
+    tree: Any, base: Any, S: Any, v: Any, dS: Any, a: Any, inertia: Any, B: Any, twice: Any
+) -> None:
     """Write 2 B (n, 12) of all that each joint carries, and ddS (n, 6)."""
+    still = (base[0], base[1], base[2], 0.0, 0.0, 0.0)
+    lifted = (base[3], base[4], base[5], base[6], base[7], base[8])
     for i in range(len(S)):
         p = tree.parent[i]
         _coriolis(inertia[i], v[i], momentum(inertia[i], v[i]), B[i])
-        if p >= 0:
-            first, second = cross_motion(a[p], S[i]), cross_motion(v[p], dS[i])
-            for c in range(6):
-                twice[i, c] = first[c] + second[c]
-        else:
-            g = tree.gravity
-            first = cross_motion((0.0, 0.0, 0.0, -g[0], -g[1], -g[2]), S[i])
-            for c in range(6):
-                twice[i, c] = first[c]
+        first = cross_motion(lifted, S[i]) if p < 0 else cross_motion(a[p], S[i])
+        second = cross_motion(still, dS[i]) if p < 0 else cross_motion(v[p], dS[i])
+        for c in range(6):
+            twice[i, c] = first[c] + second[c]
     add_to_parents(tree.parent, B, 12)
 
 

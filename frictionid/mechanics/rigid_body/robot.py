@@ -33,6 +33,7 @@ class Tree:
         Rotor k turns at rotors[k] w, in units of its joint: with the inertia seen there, the mass
         matrix has rotors' diag(inertia) rotors beside that of the bodies.
     gravity : array, shape (3,) [m/s^2], in the frame of the base
+    floating : whether the base moves, as recordings say
     """
 
     joints: tuple[str, ...]
@@ -46,6 +47,7 @@ class Tree:
     rotor_names: tuple[str, ...]
     rotors: Array
     gravity: Array
+    floating: bool = False
 
     @property
     def n(self) -> int:
@@ -118,13 +120,15 @@ class Attached(NamedTuple):
 class Choice(NamedTuple):
     """Joints that move, in the order of the recordings' columns; None: all that can.
 
-    base : link that stands still; None: the root
+    base : link that stands still, or whose motion is recorded; None: the root, or what floats
     locked : positions at which joints that do not move are, zero if not named
+    floating : whether the base moves
     """
 
     joints: tuple[str, ...] | None = None
     base: str | None = None
     locked: Mapping[str, float] = {}
+    floating: bool = False
 
 
 def tree_of(
@@ -138,7 +142,8 @@ def tree_of(
         Where links and joints are no tree, or the choice does not fit them.
     """
     below = _by_parent(robot)
-    base = _base(robot, choice.base)
+    afloat = [j.child for j in robot.joints if j.kind == "floating"] if choice.floating else []
+    base = _base(robot, choice.base or next(iter(afloat), None))
     reached = _reached(robot, below, base)
     moving = _moving(robot, choice, reached)
     _check_locked(robot, choice, moving, reached)
@@ -174,6 +179,7 @@ def tree_of(
         rotor_names=tuple(f"rotor_{name}" for name in moving),
         rotors=np.eye(n),
         gravity=np.array(robot.gravity if gravity is None else gravity, dtype=float),
+        floating=choice.floating,
     ), attached
 
 
@@ -298,7 +304,8 @@ def _moving(robot: Robot, choice: Choice, reached: list[Joint]) -> tuple[str, ..
             raise InputError(
                 f"{robot.place}: joint {name!r} is {by_name[name].kind}, but joints that move are "
                 f"{', '.join(MOVING)}; name others in joints = [...], or what stands still where "
-                f"the machine is held: base = {by_name[name].child!r}"
+                f"the machine is held: base = {by_name[name].child!r}, or whose motion is "
+                "recorded: floating = true"
             )
     if not chosen:
         raise InputError(f"{robot.place}: no joint moves; friction needs at least one")
@@ -334,7 +341,8 @@ def _check_locked(
         if joint.kind in ("floating", "planar") and joint.name not in moving:
             raise InputError(
                 f"{robot.place}: joint {joint.name!r} is {joint.kind}, so that nothing holds what "
-                f"it carries; where the machine is held, name it: base = {joint.child!r}"
+                f"it carries; where the machine is held, name it: base = {joint.child!r}; where its "
+                "motion is recorded, say floating = true"
             )
 
 
