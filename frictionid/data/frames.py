@@ -46,6 +46,7 @@ class FrameColumns:
     missing: str = "refuse"
     torque_at: str = "motor"
     actuator: Mapping[str, Any] | None = None
+    base: Mapping[str, Any] | None = None
     split: str | None = None
 
     @property
@@ -124,10 +125,9 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
         "hold": {} if columns.hold is None else {"torque": columns.hold},
         "torque": {"at": columns.torque_at},
     }
-    if columns.motor is not None:
-        document["motor"] = _plain(columns.motor)
-    if columns.actuator is not None:
-        document["actuator"] = _plain(columns.actuator)
+    for key in ("motor", "actuator", "base"):
+        if getattr(columns, key) is not None:
+            document[key] = _plain(getattr(columns, key))
     return check_dataset_toml(document, "columns of the frames"), scales
 
 

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, Plant, unit_inertia
 
-from .recordings import Dataset
+from .recordings import Dataset, Recording
+from .signals import sample
 
 
 def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) -> Plant:
@@ -36,10 +38,26 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     return replace(plant, slow=tuple(dataset.scales.slow.tolist()))
 
 
+_UNKNOWN = (
+    "the mechanism's base moves (floating = true), and nothing says how: name the columns of its "
+    "IMU or pose in [base]; where it stands still or is held, leave floating out"
+)
+_UNUSED = "[base] says how the base moves: say floating = true in [mechanism], or delete [base]"
+
+
+def on_recorded_base(plant: Plant, recording: Recording, time: Array) -> Plant:
+    """The plant with the motion of its base at times (S,) of a recording, one entry for each."""
+    motion = recording.base_motion
+    return plant if motion is None else plant.on_base(sample(motion, time))
+
+
 def _check_columns(dataset: Dataset, mechanism: Mechanism) -> None:
     """Refuse recordings of other joints than the mechanism's."""
     kind, n = mechanism.kind, mechanism.n
     for recording in dataset.recordings:
+        if mechanism.floating != (recording.base_motion is not None):
+            where = f"data set {dataset.name!r}, recording {recording.name!r}"
+            raise InputError(f"{where}: {_UNKNOWN if mechanism.floating else _UNUSED}")
         for quantity, signal in (("angle", recording.angle), ("torque", recording.torque)):
             columns = np.shape(signal.value)[1]
             if columns != n:

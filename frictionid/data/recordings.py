@@ -14,6 +14,7 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
+from .base_motion import check_base_motion
 from .frames import FrameColumns, Names, Numbers, Units, check_columns, columns_of_arrays
 from .joint_scales import JointScales, joint_scales
 from .readers.column_toml import Gears, TorqueAt
@@ -61,6 +62,8 @@ class Recording:
         The noise-free motion, for simulated recordings.
     servo : Servo or None
         Controller and motors that make the torque, where known; `torque` follows from the motion.
+    base_motion : Signal or None
+        Motion of a floating base, 9 columns, see `mechanics.mechanism.with_base_motion`.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class Recording:
     covariates: Mapping[str, Signal] = field(default_factory=dict)
     truth: TrueMotion | None = None
     servo: Servo | None = None
+    base_motion: Signal | None = None
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
@@ -99,6 +103,8 @@ class Recording:
         if len(self.angle.time) < 2:
             raise InputError(f"{where}: angle needs at least 2 samples, it has 1")
         check_clocks(where, self.angle, self.torque)
+        if self.base_motion is not None:
+            check_base_motion(where, self.angle, self.base_motion)
         for name, value in self.parameters.items():
             if not math.isfinite(value):
                 raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
@@ -239,6 +245,7 @@ class Dataset:
         motor: Mapping[str, Any] | None = None,
         torque_at: str = "motor",
         actuator: Mapping[str, Any] | None = None,
+        base: Mapping[str, Any] | None = None,
         hold: str | None = None,
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
@@ -274,6 +281,8 @@ class Dataset:
             The motors', those of sensors at the links (which show no friction), or asked for ones.
         actuator : mapping of "target", "output", "P" ... to columns and numbers
             Where torque follows from a controller: the keys of [actuator] in a dataset.toml
+        base : mapping of "angular_velocity", "specific_force" ... to columns, and numbers
+            Sensors on a floating base: the keys of [base] in a dataset.toml
         hold : "previous" or "linear"
             What the torque does between two samples; see `Signal`.
         sigma : float, one for each joint, or mapping of "angle", "velocity", "torque" to these
@@ -305,6 +314,7 @@ class Dataset:
         columns = FrameColumns(time, angle, torque, velocity, units, signs or {}, motor, hold)
         columns = replace(columns, covariates=covariates or {}, missing=missing, split=split)
         columns = replace(columns, torque_at=torque_at, actuator=actuator, sigma=sigma)
+        columns = replace(columns, base=base)
         data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
         return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
 

@@ -188,19 +188,18 @@ class ColumnNames(Strict):
 
 
 class AskedColumns(ColumnNames):
-    """All columns to read: those of an [actuator], which may have a clock, are covariates, too."""
+    """All columns to read: those of [actuator] and [base], each with its clock, are covariates."""
 
-    targets: list[str]
-    target_clock: str
+    others: dict[str, str]
 
     @property
     def clocks(self) -> list[str]:
         """Time columns, each once."""
-        return list(dict.fromkeys([*super().clocks, self.target_clock]))
+        return list(dict.fromkeys([*super().clocks, *self.others.values()]))
 
     def clock_of(self, name: str) -> str:
         """Time column of a column."""
-        return self.target_clock if name in self.targets else super().clock_of(name)
+        return self.others.get(name) or super().clock_of(name)
 
 
 @dataclass(frozen=True, eq=False)

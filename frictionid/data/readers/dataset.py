@@ -299,7 +299,7 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
         angle = span(recording.angle)
     except InputError as error:
         raise InputError(f"recording {recording.name!r}: {error}") from None
-    truth, velocity = recording.truth, recording.velocity
+    truth, velocity, base = recording.truth, recording.velocity, recording.base_motion
     return replace(
         recording,
         angle=angle,
@@ -307,12 +307,13 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
         velocity=velocity and span(velocity),
         covariates={key: span(signal) for key, signal in recording.covariates.items()},
         truth=truth and TrueMotion(span(truth.angle), span(truth.velocity)),
+        base_motion=base and _around(base, angle.time[0], angle.time[-1]),
     )
 
 
-def _around(torque: Signal, start: float, stop: float) -> Signal:
-    """Samples that determine the torque from start to stop: one more at each end than inside."""
-    time = torque.time
+def _around(signal: Signal, start: float, stop: float) -> Signal:
+    """Samples that determine a signal from start to stop: one more at each end than inside."""
+    time = signal.time
     before = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     behind = min(int(np.searchsorted(time, stop, side="left")), len(time) - 1)
-    return cut(torque, time[before], time[behind])
+    return cut(signal, time[before], time[behind])

@@ -19,6 +19,7 @@ from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 
 from .actuator_toml import Actuator
+from .base_toml import Base
 from .column_toml import (
     CURRENTS,
     OWN,
@@ -166,6 +167,7 @@ class DatasetToml(Strict):
     units: Units = Units()
     motor: Motor | None = None
     actuator: Actuator | None = None
+    base: Base | None = None
     torque: TorquePlace = TorquePlace()
     signs: Signs = Signs()
     hold: Hold = Hold()
@@ -183,16 +185,19 @@ class DatasetToml(Strict):
 
     @property
     def asked(self) -> ColumnNames:
-        """All columns to read; those of the actuator are covariates here."""
+        """All columns to read; those of the actuator and of the base are covariates here."""
         assert self.columns is not None
-        if self.actuator is None:
+        usual, others = self.columns.time.angle, {}
+        if self.actuator is not None:
+            others = dict.fromkeys(self.actuator.columns(), self.actuator.time or usual)
+        if self.base is not None:
+            names = [name for names in self.base.columns.values() for name in names]
+            others |= dict.fromkeys(names, self.base.time or usual)
+        if not others:
             return self.columns
-        names = self.actuator.columns()
-        targets = {f"actuator {name}": name for name in names}
+        named = {f"column {name}": name for name in others | dict.fromkeys(others.values(), "")}
         return AskedColumns.model_construct(
-            **{**dict(self.columns), "covariates": self.columns.covariates | targets},
-            targets=names,
-            target_clock=self.actuator.time or self.columns.time.angle,
+            **{**dict(self.columns), "covariates": self.columns.covariates | named}, others=others
         )
 
     def runs(self, table: Table) -> dict[str, Table]:
@@ -221,7 +226,7 @@ class DatasetToml(Strict):
     def _columns_and_reader(self) -> Self:
         tables = self.columns is not None and _reads_tables(self.reader)
         if self.reader is not None and not tables:
-            for key in ("columns", "units", "hold", "motor", "actuator", "signs"):
+            for key in ("columns", "units", "hold", "motor", "actuator", "base", "signs"):
                 if key in self.model_fields_set:
                     raise ValueError(f"[{key}] and [reader] exclude each other; delete one of them")
         return self

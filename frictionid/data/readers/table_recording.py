@@ -8,8 +8,10 @@ import numpy as np
 
 from frictionid.errors import InputError
 
+from ..base_motion import base_motion
 from ..servo import Servo, servo_torque
 from ..signals import Signal
+from .base_toml import Base
 from .column_toml import RELATIVE, UNITS, ColumnNames, Motor
 from .dataset_toml import DatasetToml
 from .table import Table, signal_of
@@ -21,6 +23,7 @@ class Recorded(NamedTuple):
     """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity.
 
     servo : what makes the torque, where the table says targets in its place
+    base_motion : of a floating base, see `data.base_motion`
     """
 
     angle: Signal
@@ -29,6 +32,7 @@ class Recorded(NamedTuple):
     covariates: Mapping[str, Signal]
     truth: tuple[Signal, Signal] | None
     servo: Servo | None = None
+    base_motion: Signal | None = None
 
 
 def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
@@ -67,7 +71,17 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     else:
         torque = servo_torque(servo, angle)
     covariates = {key: signal("", [column]) for key, column in columns.covariates.items()}
-    return Recorded(angle, torque, velocity, covariates, truth, servo)
+    base = None if toml.base is None else _base_motion(seen, toml, toml.base)
+    return Recorded(angle, torque, velocity, covariates, truth, servo, base)
+
+
+def _base_motion(table: Table, toml: DatasetToml, base: Base) -> Signal:
+    """Motion of the base by its sensors."""
+    signals = {}
+    for quantity, names in base.columns.items():
+        signal = _signal(table, toml, "", names, base.time or "")
+        signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
+    return base_motion(base.mounting, **signals)
 
 
 def _seen(table: Table, columns: ColumnNames) -> Table:

@@ -108,7 +108,10 @@ def _scaled_regressor(tree: Tree) -> Array:
     a = rng.uniform(-2, 2, shape) * rate * 10.0 / length
     base = None
     if tree.floating:
-        turning = rng.uniform(-2, 2, (2, _MOTIONS, 3)) * [[[np.sqrt(10.0 / length)]], [[10.0 / length]]]
+        turning = rng.uniform(-2, 2, (2, _MOTIONS, 3)) * [
+            [[np.sqrt(10.0 / length)]],
+            [[10.0 / length]],
+        ]
         base = np.concatenate([*turning, rng.uniform(-10, 10, (_MOTIONS, 3))], axis=-1)
     Y = regressor(tree, q, w, a, np.arange(10 * tree.n + len(tree.rotors)), base)
     rows = np.where(tree.prismatic, length, 1.0)[:, None] / 10.0

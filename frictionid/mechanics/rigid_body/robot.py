@@ -341,8 +341,8 @@ def _check_locked(
         if joint.kind in ("floating", "planar") and joint.name not in moving:
             raise InputError(
                 f"{robot.place}: joint {joint.name!r} is {joint.kind}, so that nothing holds what "
-                f"it carries; where the machine is held, name it: base = {joint.child!r}; where its "
-                "motion is recorded, say floating = true"
+                f"it carries; where the machine is held, name it: base = {joint.child!r}; or say "
+                "floating = true where its motion is recorded"
             )
 
 

@@ -1,0 +1,113 @@
+"""Motion of a floating base, from an IMU on it or from its pose.
+
+What the joints feel of the base are nine numbers in its frame: its angular velocity, its angular
+acceleration, and the proper acceleration of its origin, in which gravity and acceleration enter
+together: an IMU measures them, whatever the orientation. Sensors are smoothed as angles are.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from frictionid.arrays import Array
+from frictionid.errors import InputError
+
+from .kalman import padded_series
+from .outliers import smoothed
+from .signals import Signal, check_signal
+
+_COLUMNS, _LATE = 9, 5.0  # usual gaps, by which it may begin late or end early
+_GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] in the world, whose z axis points up
+
+
+class Mounting(NamedTuple):
+    """Where a sensor is in the frame of the base: roll, pitch, yaw [rad], and place [m]."""
+
+    turn: tuple[float, ...] = (0.0, 0.0, 0.0)
+    place: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+def base_motion(
+    mounting: Mounting,
+    angular_velocity: Signal | None = None,
+    specific_force: Signal | None = None,
+    orientation: Signal | None = None,
+    position: Signal | None = None,
+) -> Signal:
+    """Motion (T, 9) of the base by a sensor, see `mechanics.mechanism.with_base_motion`.
+
+    Parameters
+    ----------
+    mounting : of the sensor
+    angular_velocity : (T, 3) [rad/s] in the sensor's frame; else from the orientation
+    specific_force : (T, 3) [m/s^2], what an accelerometer shows; else from pose and position
+    orientation : (T, 4), quaternions (w, x, y, z) of the sensor in a world whose z axis points up
+    position : (T, 3) [m] of the sensor in the world; None: it does not accelerate
+
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> up = Signal(time, np.tile([0.0, 0.0, 9.81], (101, 1)))
+    >>> turning = Signal(time, np.tile([0.0, 0.0, 2.0], (101, 1)))
+    >>> offside = Mounting(place=(0.1, 0.0, 0.0))
+    >>> base_motion(offside, turning, up).value[50].round(6) + 0.0
+    array([0.  , 0.  , 2.  , 0.  , 0.  , 0.  , 0.4 , 0.  , 9.81])
+    """
+    pose = None if orientation is None else _smoothed(_continued(orientation))
+    if angular_velocity is not None:
+        omega, rate, _ = _smoothed(angular_velocity)
+    else:
+        assert pose is not None
+        omega, rate = (2.0 * _from_body(pose[0], change) for change in pose[1:])
+    if specific_force is not None:
+        force = _smoothed(specific_force)[0]
+    else:
+        assert pose is not None
+        force = -_GRAVITY + (0.0 if position is None else _smoothed(position)[2])
+        force = Rotation.from_quat(pose[0], scalar_first=True).inv().apply(force)
+    onto = Rotation.from_euler("xyz", mounting.turn)
+    omega, rate, force = (onto.apply(x) for x in (omega, rate, force))
+    place = mounting.place
+    force = force - np.cross(rate, place) - np.cross(omega, np.cross(omega, place))
+    clock = next(s for s in (angular_velocity, orientation) if s is not None).time
+    return Signal(clock, np.concatenate([omega, rate, force], axis=-1), "linear")
+
+
+def _smoothed(signal: Signal) -> tuple[Array, Array, Array]:
+    """Smoothed columns (T, n), and their first and second derivatives."""
+    value, rate, second = np.moveaxis(smoothed(padded_series([signal])).mean, -1, 0)
+    return value, rate, second
+
+
+def _continued(orientation: Signal) -> Signal:
+    """Unit quaternions without jumps to the opposite one, which is the same orientation."""
+    q = orientation.value / np.linalg.norm(orientation.value, axis=1, keepdims=True)
+    same = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return orientation._replace(value=q * np.cumprod([1.0, *same])[:, None], sigma=None)
+
+
+def _from_body(q: Array, change: Array) -> Array:
+    """Vector part (T, 3) of the product of conjugate quaternions with a change of them."""
+    w, v = q[:, :1], q[:, 1:]
+    product = w * change[:, 1:] - change[:, :1] * v - np.cross(v, change[:, 1:])
+    return np.asarray(product / (q**2).sum(axis=1, keepdims=True))
+
+
+def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
+    """Check the motion of a base: nine finite columns that cover the angles.
+
+    Raises
+    ------
+    InputError
+        Saying `where` the first fault is.
+    """
+    check_signal(f"{where}, motion of the base", motion)
+    if motion.value.shape[1] != _COLUMNS or motion.hold == "previous":
+        raise InputError(f"{where}: motion of the base needs {_COLUMNS} columns, interpolated")
+    usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
+    late = max(motion.time[0] - angle.time[0], angle.time[-1] - motion.time[-1])
+    if late > _LATE * usual:
+        raise InputError(
+            f"{where}: motion of the base is known from {motion.time[0]:g} to {motion.time[-1]:g} "
+            f"s only, the angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common "
+            "span by start and stop in [recordings]"
+        )

@@ -1,0 +1,77 @@
+"""Schema of [base]: what recordings say of the motion of a floating base."""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from frictionid.config import Strict
+
+from ..base_motion import Mounting
+from .column_toml import Column
+
+Three = Annotated[list[Column], Field(min_length=3, max_length=3)]
+Numbers = Annotated[list[float], Field(min_length=3, max_length=3)]
+_QUANTITIES = ("angular_velocity", "specific_force", "orientation", "position")
+
+
+class BaseUnits(Strict):
+    """Units of the columns of the base."""
+
+    angular_velocity: Literal["rad/s", "deg/s"] = "rad/s"
+    specific_force: Literal["m/s^2", "g"] = "m/s^2"
+    position: Literal["m", "mm"] = "m"
+
+    def scale(self, quantity: str) -> float:
+        """SI value of the unit of a quantity."""
+        scales = {"deg/s": np.pi / 180.0, "g": 9.80665, "mm": 1e-3}
+        return scales.get(getattr(self, quantity, ""), 1.0)
+
+
+class Base(Strict):
+    """Sensors of the motion of the base link.
+
+    angular_velocity, specific_force : columns of an IMU, in its frame; the accelerometer shows
+        +9.81 m/s^2 upwards at rest
+    orientation, position : columns of the sensor's pose in a world whose z axis points up,
+        quaternion (w, x, y, z); position "fixed" where the sensor turns and does not accelerate
+    time : column of their clock, that of the angles if not given
+    sensor_position, sensor_rotation : of the sensor in the frame of the base link, [m], and roll,
+        pitch and yaw [rad]
+    """
+
+    angular_velocity: Three | None = None
+    specific_force: Three | None = None
+    orientation: Annotated[list[Column], Field(min_length=4, max_length=4)] | None = None
+    position: Three | Literal["fixed"] | None = None
+    time: Column | None = None
+    units: BaseUnits = BaseUnits()
+    sensor_position: Numbers = [0.0, 0.0, 0.0]
+    sensor_rotation: Numbers = [0.0, 0.0, 0.0]
+
+    @model_validator(mode="after")
+    def _turns_and_accelerates(self) -> Self:
+        if not (self.angular_velocity or self.orientation):
+            raise ValueError(
+                "[base] does not say how the base turns: give angular_velocity (of a gyroscope), "
+                "or orientation"
+            )
+        if not (self.specific_force or (self.orientation and self.position)):
+            raise ValueError(
+                "[base] does not say how the base accelerates: without it what the base does to "
+                "the links cannot be told from friction, first moments of links, and offsets of "
+                "torques; give specific_force (of an accelerometer), or orientation and position; "
+                'position = "fixed" where the base only turns about the sensor'
+            )
+        return self
+
+    @property
+    def columns(self) -> dict[str, list[str]]:
+        """Columns of each quantity that has some."""
+        named = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}
+        return {quantity: names for quantity, names in named.items() if isinstance(names, list)}
+
+    @property
+    def mounting(self) -> Mounting:
+        """Where the sensor is."""
+        return Mounting(tuple(self.sensor_rotation), tuple(self.sensor_position))
