@@ -15,7 +15,7 @@ from frictionid.data.kalman import alike, padded_series
 from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal
+from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States, noise_left
 from frictionid.fitting.one_step.balances import Balances, Rows, Samples, balances_of
 from frictionid.mechanics import Mechanism, Plant
@@ -67,7 +67,10 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
         for i, columns in zip(group, series.columns, strict=True):
             T = len(angles[i].time)
             part = Smoothed(*(x[..., columns] if x.ndim == 1 else x[:T, columns] for x in whole))
-            motions[i] = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
+            motion = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
+            base = recordings[i].base_motion
+            along = None if base is None else sample(base, motion.states.time)
+            motions[i] = motion._replace(states=motion.states._replace(base_motion=along))
     return tuple(motions[i] for i in range(len(angles)))
 
 

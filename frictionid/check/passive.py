@@ -65,8 +65,13 @@ class Rise(NamedTuple):
 
 
 def energy_rises(measured: Measured) -> list[Rise]:
-    """Rise of the nominal mechanism's energy in each passive phase in which energy shows."""
-    out = []
+    """Rise of the nominal mechanism's energy in each passive phase in which energy shows.
+
+    None on a base that moves, which gives and takes energy.
+    """
+    out: list[Rise] = []
+    if measured.mechanism.floating:
+        return out
     for p, recording, motion in zip(
         measured.nominal, measured.dataset.recordings, measured.motions, strict=True
     ):

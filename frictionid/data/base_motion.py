@@ -17,7 +17,8 @@ from .kalman import padded_series
 from .outliers import smoothed
 from .signals import Signal, check_signal
 
-_COLUMNS, _LATE = 9, 5.0  # usual gaps, by which it may begin late or end early
+BASE_COLUMNS = 9
+_LATE = 5.0  # usual gaps, by which it may begin late or end early
 _GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] in the world, whose z axis points up
 
 
@@ -101,8 +102,8 @@ def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
         Saying `where` the first fault is.
     """
     check_signal(f"{where}, motion of the base", motion)
-    if motion.value.shape[1] != _COLUMNS or motion.hold == "previous":
-        raise InputError(f"{where}: motion of the base needs {_COLUMNS} columns, interpolated")
+    if motion.value.shape[1] != BASE_COLUMNS or motion.hold == "previous":
+        raise InputError(f"{where}: motion of the base needs {BASE_COLUMNS} columns, interpolated")
     usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
     late = max(motion.time[0] - angle.time[0], angle.time[-1] - motion.time[-1])
     if late > _LATE * usual:

@@ -27,6 +27,7 @@ class States(NamedTuple):
     left_out : (T, n) of bool, measured angles that are gross outliers and so had no influence, or
         None for an estimator that uses all
     noise : (n,) [rad/s], standard deviation of the noise in w; zero where it is not known
+    base_motion : (T, 9) of a floating base, or None
     """
 
     time: Array
@@ -34,6 +35,7 @@ class States(NamedTuple):
     w: Array
     left_out: Array | None = None
     noise: Array | float = 0.0
+    base_motion: Array | None = None
 
     @property
     def motion(self) -> tuple[Array, Array, Array]:

@@ -127,11 +127,13 @@ def closed_loop(
     start: State,
     controllers: Controllers,
     temperature: Array | None = None,
+    base_motion: Array | None = None,
 ) -> Rollout:
     """Motion from start states (S, n) under servos that act on it; NaN after a divergence.
 
     plant, friction : with one entry for each start, or one for all
     temperature : (T, S, m) [degC] of parts with friction in each interval, for laws that need it
+    base_motion : (T, S, 9) of a floating base in each interval, see `Plant.on_base`
     """
     first = np.searchsorted(controllers.owner, np.arange(controllers.owner[-1] + 2)).tolist()
     stiffest = replace(plant, feedback=controllers.stiffest)
@@ -140,6 +142,7 @@ def closed_loop(
     motion, alive, q, w = _Motion(start, start, controllers.play), None, [start.q], [start.w]
     for k, pieces in enumerate(pairwise(first)):
         there = friction if temperature is None else friction.at_temperature(temperature[k])
+        plant = plant if base_motion is None else plant.on_base(base_motion[k])
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             motion = _after_sample(plant, there, controllers, range(*pieces), motion, size)
         wild = diverged(plant, motion.state)

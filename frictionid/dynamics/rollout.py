@@ -38,6 +38,7 @@ def rollout(
     *,
     method: str = "rk4",
     refine: int = 1,
+    base_motion: Array | None = None,
 ) -> Rollout:
     """Motion from start states under the given motor torques.
 
@@ -52,6 +53,8 @@ def rollout(
     method : "rk4" (the physics step, with stiction), "euler" or "semi_implicit" (one step a sample)
     refine : int
         Multiplies the number of RK4 steps.
+    base_motion : array, shape (T, ..., 9), or None
+        Motion of a floating base in each interval, see `Plant.on_base`.
 
     Raises
     ------
@@ -83,6 +86,7 @@ def rollout(
         )
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
+        plant = plant if base_motion is None else plant.on_base(base_motion[k])
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             if method == "rk4":
                 compiled = many and friction.law.sample_time is not None

@@ -30,7 +30,7 @@ from frictionid.friction.coordinates import of_last_joints
 from frictionid.mechanics import Plant
 
 from .folds import Folds
-from .initial_states import padded, servos_of, temperatures
+from .initial_states import base_motion_between, padded, servos_of, temperatures
 from .score_frame import Score
 
 _AT_ONE_TEMPERATURE = 100  # intervals
@@ -41,7 +41,8 @@ class Trajectory(NamedTuple):
 
     names; time (T + 1, R) [s]; q, w (R, n): initial states; u (T, R, n) [N m] recorded torque;
     measured (T + 1, R, n) [rad], NaN behind a recording's end; servos: see `servos_of`;
-    temperature (T + 1, R, m) [degC] of parts with friction, None where it is not known.
+    temperature (T + 1, R, m) [degC] of parts with friction, None where it is not known;
+    base_motion (T, R, 9) of a floating base in the intervals, None where it does not move.
     """
 
     names: tuple[str, ...]
@@ -52,6 +53,7 @@ class Trajectory(NamedTuple):
     measured: Array
     servos: tuple[Servo, ...]
     temperature: Array | None = None
+    base_motion: Array | None = None
 
     @property
     def dt(self) -> Array:
@@ -69,6 +71,7 @@ class Trajectory(NamedTuple):
             self.measured[:, rows],
             tuple(self.servos[r] for r in rows) if self.servos else (),
             None if self.temperature is None else self.temperature[:, rows],
+            None if self.base_motion is None else self.base_motion[:, rows],
         )
 
 
@@ -118,6 +121,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
         measured=padded([sample(r.angle, time) for r, time in pairs], T + 1, np.nan),
         servos=servos_of(dataset),
         temperature=temperature,
+        base_motion=base_motion_between(dataset.recordings, np.stack(clocks, axis=1)),
     )
 
 
@@ -132,13 +136,13 @@ def free_run(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
 
     plant, friction : with one batch entry for each recording, or one for all
     """
-    start = State(trajectory.q, trajectory.w)
+    start, along = State(trajectory.q, trajectory.w), trajectory.base_motion
     if trajectory.servos:
         controllers = controllers_of(trajectory.servos, trajectory.time)
-        return closed_loop(plant, friction, start, controllers, trajectory.temperature).q
+        return closed_loop(plant, friction, start, controllers, trajectory.temperature, along).q
     if friction.law.uses_temperature:
         return _warming(plant, friction, trajectory)
-    return rollout(plant, friction, start, trajectory.u, trajectory.dt).q
+    return rollout(plant, friction, start, trajectory.u, trajectory.dt, base_motion=along).q
 
 
 def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
@@ -151,7 +155,9 @@ def _warming(plant: Plant, friction: Friction, trajectory: Trajectory) -> Array:
     for begin in range(0, len(trajectory.u), _AT_ONE_TEMPERATURE):
         rows = slice(begin, begin + _AT_ONE_TEMPERATURE)
         there = friction.at_temperature(None if T is None else T[begin])
-        motion = rollout(plant, there, state, trajectory.u[rows], trajectory.dt[rows])
+        along = None if trajectory.base_motion is None else trajectory.base_motion[rows]
+        u, dt = trajectory.u[rows], trajectory.dt[rows]
+        motion = rollout(plant, there, state, u, dt, base_motion=along)
         state = State(motion.q[-1], motion.w[-1])
         q.append(motion.q[1:])
     return np.concatenate(q)

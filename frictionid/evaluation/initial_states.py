@@ -10,7 +10,8 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages, pieces_of
-from frictionid.data.recordings import Dataset
+from frictionid.data.plants import on_recorded_base
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, open_loop, seen_by_encoder
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
@@ -35,7 +36,8 @@ class InitialStates(NamedTuple):
     last (H, S): interval count that reaches each horizon, -1 where the recording is too short;
     nodes: motion of all recordings before, for the friction's memory; temperature (S, m) [degC] of
     parts with friction at the start, None where it is not known; servos: empty, or one for each,
-    with time (S,) [s] and the play (S, n) [rad] of their encoders at the start.
+    with time (S,) [s] and the play (S, n) [rad] of their encoders at the start; base_motion
+    (T, S, 9) of a floating base in the intervals, None where it does not move.
     """
 
     recording: Array
@@ -53,6 +55,7 @@ class InitialStates(NamedTuple):
     servos: tuple[Servo, ...] = ()
     time: Array | None = None
     play: Array | None = None
+    base_motion: Array | None = None
 
     @property
     def controllers(self) -> Controllers | None:
@@ -71,7 +74,8 @@ class InitialStates(NamedTuple):
         servos = tuple(self.servos[i] for i in rows) if self.servos else ()
         time, play = (None if x is None else x[rows] for x in (self.time, self.play))
         part = self._replace(**first, **second, truth=truth, temperature=temperature)
-        return part._replace(servos=servos, time=time, play=play)
+        along = None if self.base_motion is None else self.base_motion[:, rows]
+        return part._replace(servos=servos, time=time, play=play, base_motion=along)
 
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
@@ -116,13 +120,16 @@ def make_initial_states(
     true = all(r.truth is not None for r in dataset.recordings)
     steps = [np.diff(s.time)[:, None] for s in states]
     servos = servos_of(dataset)
+    dt = _windows(steps, pairs, T, 1e-3)[..., 0]
+    time = np.array([states[r].time[k] for r, k in pairs])
+    clock = time + np.concatenate([np.zeros((1, len(time))), np.cumsum(dt, axis=0)])
     return InitialStates(
         recording=owner,
         index=index,
         q=np.stack([states[r].q[k] for r, k in pairs]),
         w=np.stack([states[r].w[k] for r, k in pairs]),
         u=_windows(torques, pairs, T, 0.0),
-        dt=_windows(steps, pairs, T, 1e-3)[..., 0],
+        dt=dt,
         measured=_windows(measured, pairs, T + 1, np.nan),
         truth=_windows(_truths(dataset, states), pairs, T + 1, np.nan) if true else None,
         horizons=horizons_,
@@ -130,9 +137,19 @@ def make_initial_states(
         nodes=_nodes(dataset, states, plant),
         temperature=_temperatures(dataset, states, pairs),
         servos=tuple(servos[r] for r in owner) if servos else (),
-        time=np.array([states[r].time[k] for r, k in pairs]),
+        time=time,
         play=_play(servos, dataset, states, pairs) if servos else None,
+        base_motion=base_motion_between([dataset.recordings[r] for r in owner], clock),
     )
+
+
+def base_motion_between(recordings: Sequence[Recording], time: Array) -> Array | None:
+    """Motion (T, S, 9) of each recording's base midway between times (T + 1, S); None: at rest."""
+    motions = [r.base_motion for r in recordings if r.base_motion is not None]
+    if len(motions) < len(recordings):
+        return None
+    middle = (time[1:] + time[:-1]) / 2
+    return np.stack([sample(m, t) for m, t in zip(motions, middle.T, strict=True)], axis=1)
 
 
 def servos_of(dataset: Dataset) -> tuple[Servo, ...]:
@@ -261,13 +278,14 @@ def _temperatures(
 
 def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
     sizes = [len(s.time) for s in states]
-    pairs = zip(dataset.recordings, states, strict=True)
-    u = np.concatenate([sample(recording.torque, s.time) for recording, s in pairs])
+    u, load = [], []
+    for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
+        u.append(sample(recording.torque, s.time))
+        load.append(on_recorded_base(plant[i], recording, s.time).load(s.q, s.w, u[-1]))
     time, q, w = (
         np.concatenate(column) for column in zip(*(s.motion for s in states), strict=True)
     )
-    load = plant[np.repeat(np.arange(len(sizes)), sizes)].load(q, w, u)
-    inputs = at_places(plant.mechanism, Inputs(q, w, u, load))
+    inputs = at_places(plant.mechanism, Inputs(q, w, np.concatenate(u), np.concatenate(load)))
     return Nodes(inputs, time, np.concatenate([[0], np.cumsum(sizes)]))
 
 

@@ -51,8 +51,8 @@ def predict(
         state = estimate_initial_states(plant, friction, preceding, initial)
     controllers = initial.controllers
     if controllers is not None:
-        return closed_loop(plant, friction, state, controllers)
-    return rollout(plant, friction, state, initial.u, initial.dt)
+        return closed_loop(plant, friction, state, controllers, base_motion=initial.base_motion)
+    return rollout(plant, friction, state, initial.u, initial.dt, base_motion=initial.base_motion)
 
 
 def memory_at(friction: Friction, initial: InitialStates) -> Memory:

@@ -18,6 +18,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.data.state_estimators import States
 from frictionid.mechanics import Mechanism
+from frictionid.mechanics.mechanism import with_base_motion
 from frictionid.mechanics.plant import midpoints
 
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
@@ -105,7 +106,8 @@ class Samples(NamedTuple):
     """T samples of R recordings end to end: time (T,) [s], q and w (..., T, n), sizes (R,).
 
     Leading axes of q and w: the same motion under several hypotheses. ends (R,) : how many samples
-    at either end are in no window, because outliers do not show there
+    at either end are in no window, because outliers do not show there; base_motion (T, 9) of a
+    floating base, or None
     """
 
     time: Array
@@ -113,6 +115,7 @@ class Samples(NamedTuple):
     w: Array
     sizes: Array
     ends: Array
+    base_motion: Array | None = None
 
     @staticmethod
     def joined(states: Sequence[States]) -> Samples:
@@ -120,7 +123,9 @@ class Samples(NamedTuple):
         time, q, w = (np.concatenate(x) for x in zip(*(s.motion for s in states), strict=True))
         wild = [s.left_out is not None and bool(s.left_out.any()) for s in states]
         ends = np.where(wild, ENDS, 0)
-        return Samples(time, q, w, np.array([len(s.time) for s in states]), ends)
+        motions = [s.base_motion for s in states if s.base_motion is not None]
+        along = np.concatenate(motions) if motions else None
+        return Samples(time, q, w, np.array([len(s.time) for s in states]), ends, along)
 
     def windows(self, width: float) -> Windows:
         """Windows of a width [s], two samples at least, each overlapping the next by half."""
@@ -238,7 +243,12 @@ def balances_of(
         b = min(a + few, len(dt))
         q, w, middle = _nodes(samples.q[..., a : b + 1, :], samples.w[..., a : b + 1, :], step[a:b])
         at = np.concatenate([np.arange(a, b + 1), np.arange(a, b)])
-        terms = mechanism.terms(_parameters(mechanism, parameters, recording[at], q), q, w)
+        along = samples.base_motion
+        if along is not None:
+            along = along[a : b + 1]
+            along = np.concatenate([along, (along[1:] + along[:-1]) / 2])
+        p = with_base_motion(_parameters(mechanism, parameters, recording[at], q), along)
+        terms = mechanism.terms(p, q, w)
         momentum.append(terms.momentum[..., : b - a + (b == len(dt)), :])
         shapes = _shapes(w @ acts.T, fast[..., None, :])
         width = dt[a:b, None]

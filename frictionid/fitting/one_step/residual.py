@@ -18,6 +18,7 @@ import numpy as np
 
 from frictionid.arrays import Array, inverse, solve, times
 from frictionid.data.integrals import averages
+from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
@@ -240,6 +241,7 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     time, q, w = states.motion
     u = averages(recording.torque, time)
     dt = np.diff(time)
+    plant = on_recorded_base(plant, recording, time[:-1])
     terms = plant.terms(q[:-1], w[:-1])
     r = w[:-1] + solve(terms.M, terms.h + times(terms.B, u)) * dt[:, None] - w[1:]
     temperature = temperature_at(recording, time[:-1], plant.mechanism.joints)
@@ -252,6 +254,7 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
 def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     dt = np.diff(states.time)
     at, q, w = with_midpoints(*states.motion)
+    plant = on_recorded_base(plant, recording, at)
     terms = plant.terms(q, w)
     balance = momentum_balance(terms, interval_stencil(len(states.time)))
     u = averages(recording.torque, states.time)

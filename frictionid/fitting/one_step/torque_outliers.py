@@ -19,6 +19,7 @@ from scipy.sparse import csr_array, diags_array
 
 from frictionid.arrays import Array
 from frictionid.data.integrals import averages
+from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
@@ -117,8 +118,8 @@ def _off(torque: Signal) -> Array:
 
 def _balances(plant: Plant, recording: Recording, states: States) -> Array:
     """Balances p (K, n) [N m] of the intervals between the states."""
-    _, q, w = with_midpoints(*states.motion)
-    terms = plant.terms(q, w)
+    at, q, w = with_midpoints(*states.motion)
+    terms = on_recorded_base(plant, recording, at).terms(q, w)
     balance = momentum_balance(terms, interval_stencil(len(states.time)))
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)

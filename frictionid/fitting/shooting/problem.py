@@ -194,7 +194,8 @@ class ShootingProblem:
         self, estimate: Estimate, plant: Plant, rows: Array, feedback: Array | None
     ) -> Plant:
         """The plant of some intervals, with their temperature where friction depends on it."""
-        plants = plant[self.intervals.recording[rows]]
+        plants, motion = plant[self.intervals.recording[rows]], self.intervals.base_motion
+        plants = plants if motion is None else plants.on_base(motion[rows])
         if feedback is not None:
             plants = replace(plants, feedback=feedback[rows])
         if self.intervals.temperature is None or not estimate.friction.law.uses_temperature:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.recordings import Dataset
@@ -71,6 +72,17 @@ class Intervals:
             if values is None:
                 return None
             out[rows] = values
+        return out
+
+    @cached_property
+    def base_motion(self) -> Array | None:
+        """Motion (K, 9) of a floating base in the middle of each; None where it does not move."""
+        out, middle = np.empty((len(self.time), BASE_COLUMNS)), self.time + self.dt / 2
+        for r, recording in enumerate(self.dataset.recordings):
+            if recording.base_motion is None:
+                return None
+            rows = self.recording == r
+            out[rows] = sample(recording.base_motion, middle[rows])
         return out
 
     def take(self, rows: Array) -> Intervals:

@@ -143,10 +143,11 @@ def _linearised(
     x = _inputs(samples, nodes[first], u[0][first])
     reads = reads_of(friction.law, friction.theta[place[first]], x)
     parts = halved(part / _FINE)
-    out = Linearisation.zeros(nodes, np.zeros((0, n)))
+    out, motion = Linearisation.zeros(nodes, np.zeros((0, n))), intervals.base_motion
     for rows in np.array_split(np.arange(K), max(1, -(-K // _ROWS))):
         loop = None if samples.feedback is None else samples.feedback[rows]
         here = replace(plant[owner[rows]], feedback=loop)
+        here = here.on_base(None if motion is None else motion[rows])
         model = MotionModel(here, friction[place[rows]], _NO_PARAMETER, (), reads)
         memory = memory_of(nodes[rows], mechanism)
         start = State(nodes[rows, :n], nodes[rows, n : 2 * n], memory)

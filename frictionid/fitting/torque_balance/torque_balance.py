@@ -19,7 +19,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
-from frictionid.data.plants import plant_of
+from frictionid.data.plants import on_recorded_base, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
@@ -27,7 +27,8 @@ from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
-from frictionid.mechanics import Mechanism, Plant
+from frictionid.mechanics import Plant
+from frictionid.mechanics.mechanism import with_base_motion
 from frictionid.mechanics.plant import with_midpoints
 
 from ..one_step.residual import GAP, Problem, stiction_mask
@@ -194,6 +195,7 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     """Nodes of a recording, and its windows of `count` steps from each to the next."""
     at = np.arange(0, len(states.time), step)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
+    plant = on_recorded_base(plant, recording, time)
     temperature = temperature_at(recording, time, plant.mechanism.joints)
     u = sample(recording.torque, time)
     inputs = recorded_inputs(plant, time, q, w, u, temperature)
@@ -204,16 +206,18 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     stencil = 2 * first[:, None] + np.arange(2 * count + 1)
     rows = [np.zeros((0, plant.n, len(plant.mechanism.base_names)))]
     for part in np.array_split(stencil, max(1, stencil.size // _NODES)):
-        rows += [_regressor(plant.mechanism, time, q, w, part)] if len(part) else []
+        rows += [_regressor(plant, time, q, w, part)] if len(part) else []
     return _Part(
         inputs, time, stencil, np.concatenate(rows), time[stencil[:, 0]], time[stencil[:, -1]]
     )
 
 
-def _regressor(mechanism: Mechanism, time: Array, q: Array, w: Array, stencil: Array) -> Array:
+def _regressor(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
     """Y (k, n, nb) of some windows that follow each other."""
     low, high = stencil[0, 0], stencil[-1, -1] + 1
-    each = np.eye(len(mechanism.base_names))[:, None]
+    mechanism, each = plant.mechanism, np.eye(len(plant.mechanism.base_names))[:, None]
+    if mechanism.moves(plant.p):
+        each = with_base_motion(each, plant.p[low:high, each.shape[-1] :])
     terms = mechanism.terms(each, q[low:high], w[low:high])
     first, last = stencil[:, 0] - low, stencil[:, -1] - low
     change = terms.momentum[:, last] - terms.momentum[:, first]
