@@ -12,6 +12,7 @@ from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 
+from .base_columns import names_of
 from .column_guesses import ColumnGuesses, guess_columns
 from .column_names import words
 from .describe_tables import (
@@ -49,6 +50,11 @@ _OFFSET = (
     "joint angles where the motors' are zero (offset in [motor]): without them they are zero, or "
     "the quarter turns that the motion asks for"
 )
+_IMU = (
+    "where the IMU is in the frame of the base (sensor_position [m], sensor_rotation in [base]): "
+    "without them at its origin, and parallel"
+)
+_HELD = "it is held; where it moves, an IMU must say how (floating, [base])"
 
 
 def describe_robot(
@@ -87,10 +93,11 @@ def describe_robot(
     limit = efforts if np.isfinite(efforts).all() else ()
     actuator = actuator_of(columns.target, facts.gains, limit)
     missing = tuple(_missing(machine, motor, actuator, facts))
+    missing += (_IMU,) if columns.imu else ()
     comments = {
         file.format: "meshes are not looked at",
         "joints": "those with columns, in their order; others are locked",
-        "base": "the file lets it go: it is held",
+        "base": "the file lets it go: " + ("its IMU says how" if columns.imu else _HELD),
         "locked": columns.silent or "no column, or no motor that is measured",
         "driven": "no torques, no targets",
         "": "\n".join(_limits(columns.joints)),
@@ -103,7 +110,7 @@ def describe_robot(
     name = tables.folder.resolve().name
     draft = Draft(
         *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
-        *(comments, actuator, columns.velocity),
+        *(comments, actuator, columns.velocity, columns.imu),
     )
     if _KT in missing and _GEAR not in missing:
         dataset = loaded(draft, tables.folder)
@@ -153,6 +160,8 @@ def _mechanism_table(
     out: dict[str, Any] = {file.format: place.replace(os.sep, "/")}
     if columns.base:
         out["base"] = columns.base
+    if columns.imu:
+        out["floating"] = True
     out["joints"] = [joint.name for joint in columns.joints]
     if columns.locked:
         out["locked"] = dict(columns.locked)
@@ -173,7 +182,7 @@ def _guesses(
     units = tuple("m" if unit == "m" else columns.unit for unit in machine.position_units)
     unit = units[0] if len(set(units)) == 1 else units
     angle = guesses.angle._replace(unit=unit, evidence=columns.evidence)
-    used = {*columns.velocity, *columns.target}
+    used = {*columns.velocity, *columns.target, *names_of(columns.imu)}
     return replace(guesses, angle=angle, unused=tuple(n for n in guesses.unused if n not in used))
 
 

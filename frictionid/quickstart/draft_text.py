@@ -27,7 +27,7 @@ class Draft:
     motor : [motor], where columns are of motors, or hold currents; actuator : [actuator]
     evidence : what speaks for signs and units, from the physics
     machine : the mechanism; comments : comments of keys of [mechanism], and below it as ""
-    velocity : columns of velocities
+    velocity : columns of velocities; base : [base], where an IMU says how it moves
     """
 
     name: str
@@ -40,6 +40,7 @@ class Draft:
     comments: Mapping[str, str] = field(default_factory=dict)
     actuator: Mapping[str, Any] = field(default_factory=dict)
     velocity: tuple[str, ...] = ()
+    base: Mapping[str, Any] = field(default_factory=dict)
 
 
 def dataset_text(draft: Draft) -> str:
@@ -90,7 +91,8 @@ def _line(key: str, value: Any, comment: str = "") -> str:
     """
     text = json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):
-        text = ", ".join(f"{json.dumps(k) if '.' in k else k} = {v}" for k, v in value.items())
+        pairs = ((json.dumps(k) if "." in k else k, json.dumps(v)) for k, v in value.items())
+        text = ", ".join(f"{key} = {entry}" for key, entry in pairs)
         text = f"{{ {text} }}"
     line = f"{key} = {text}"
     if len(line) > _LONG and isinstance(value, list | tuple):

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
 
+from .base_columns import imu_columns, names_of
 from .column_guesses import check_named
 from .column_names import UNMEASURED, WORDS, is_measured, is_target, quantity_of, words
 
@@ -64,7 +65,7 @@ def robot_file(path: Path) -> RobotFile:
 class RobotColumns:
     """Joints that move, in the order of the robot, and a column of each quantity for each.
 
-    base : link that is held where the file lets it go, or ""
+    base : link that is held where the file lets it go, or ""; imu : [base] where it moves
     torque, velocity, target : columns, or none
     locked : means of joints whose torque is not measured, and why, in words
     side : "motor" where the angles cannot be those of the joints
@@ -82,6 +83,7 @@ class RobotColumns:
     side: str = "joint"
     unit: str = "rad"
     evidence: str = ""
+    imu: Mapping[str, Any] = field(default_factory=dict)
 
 
 def robot_columns(
@@ -107,8 +109,10 @@ def robot_columns(
     movable = [j for j in movable if only is None or j.name in only]
     named = dict(named or {})
     check_named(table, named)
+    imu = imu_columns(table) if base else {}
+    left = [name for name in table.columns if name not in names_of(imu)]
     by = {
-        kind: _assigned(movable, named.get(kind) or [n for n in table.columns if _is(n, kind)])
+        kind: _assigned(movable, named.get(kind) or [n for n in left if _is(n, kind)])
         for kind in ("angle", "torque", "current", "velocity", "target")
     }
     if not by["angle"]:
@@ -138,6 +142,7 @@ def robot_columns(
         side,
         unit,
         evidence,
+        imu,
     )
 
 

@@ -32,7 +32,7 @@ def in_mujoco(
     except ImportError:
         return None
     data = model.prepared
-    if data is None or model.data is None:
+    if data is None or model.data is None or model.data.mechanism.floating:
         return None
     initial = _alike(model, reaching(data.initial_states), most)
     if not len(initial.q):

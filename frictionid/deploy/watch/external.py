@@ -159,6 +159,8 @@ def momentum_observer_of(
             "without load"
         )
     calibration, mechanism = friction.calibration, dataset.mechanism
+    if mechanism.floating:
+        raise InputError("external torque: it is found on machines whose base stands still")
     plant = plant_of(dataset) if calibration is None else calibrated_plant(dataset, calibration)
     slow = np.abs(mechanism.friction_map) @ np.array(plant.slow)
     level = np.array([abs(friction.curve(slow[j : j + 1])[0, j]) for j in range(len(slow))])
