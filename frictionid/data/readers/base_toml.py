@@ -53,15 +53,15 @@ class Base(Strict):
     def _turns_and_accelerates(self) -> Self:
         if not (self.angular_velocity or self.orientation):
             raise ValueError(
-                "[base] does not say how the base turns: give angular_velocity (of a gyroscope), "
-                "or orientation"
+                "nothing says how the base turns: give angular_velocity (a gyroscope's), or "
+                "orientation"
             )
         if not (self.specific_force or (self.orientation and self.position)):
             raise ValueError(
-                "[base] does not say how the base accelerates: without it what the base does to "
-                "the links cannot be told from friction, first moments of links, and offsets of "
-                "torques; give specific_force (of an accelerometer), or orientation and position; "
-                'position = "fixed" where the base only turns about the sensor'
+                "nothing says how the base accelerates: what that does to the links cannot be "
+                "told from friction, first moments of links and bias of torques then; give "
+                "specific_force (an accelerometer's), or orientation and position, or position = "
+                '"fixed" where the base only turns about the sensor'
             )
         return self
 

@@ -1,0 +1,137 @@
+"""Trees on a base that moves: Pinocchio's free flyer agrees, and only an IMU's numbers matter."""
+
+import numpy as np
+import pytest
+from fixtures import floating_legs as legs
+from fixtures.random_robots import motions, random_robot, urdf_text
+from test_tree_engines import close
+
+from frictionid.arrays import times
+from frictionid.errors import InputError
+from frictionid.mechanics import Plant, urdf
+from frictionid.mechanics.mechanism import with_base_motion
+
+COUNT = 30
+UP = np.array([0.0, 0.0, 9.81])
+
+
+@pytest.fixture(params=[(0, 1, True, 0), (2, 6, True, 0), (4, 7, False, 2)], ids=str)
+def case(request, tmp_path):
+    """Mechanism on a floating base, random motions, and the generator."""
+    seed, n, serial, fixed = request.param
+    rng = np.random.default_rng(seed)
+    path = tmp_path / "robot.urdf"
+    path.write_text(urdf_text(random_robot(rng, n, serial, fixed)))
+    joints = urdf(path).joints
+    rotors = {f"rotor_{name}": float(rng.uniform(0, 1)) for name in joints}
+    return path, urdf(path, joints=joints, floating=True).with_values(rotors), rng
+
+
+def inverse_dynamics(mechanism, p, q, w, a):
+    M, h = mechanism.dynamics(p, q, w)
+    return times(M, a) - h
+
+
+def test_torques_and_regressor_agree_with_pinocchio_on_a_free_flyer(case):
+    pin = pytest.importorskip("pinocchio", reason="the test extra installs it")
+    path, mechanism, rng = case
+    n = mechanism.n
+    model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    names = [str(name) for name in model.names][2:]
+    model.armature[6:] = [mechanism.values[f"rotor_{name}"] for name in names]
+    at = [names.index(name) for name in mechanism.joints]
+    q, w, a = motions(rng, (COUNT, n))
+    twist, change = rng.normal(size=(2, COUNT, 6)) * 3.0
+    turn = rng.normal(size=(COUNT, 4))
+    turn /= np.linalg.norm(turn, axis=1, keepdims=True)
+    data, torque, force = model.createData(), np.empty((COUNT, n)), np.empty((COUNT, 3))
+    for k in range(COUNT):
+        states = np.empty((3, n))
+        states[:, at] = q[k], w[k], a[k]
+        place = np.r_[rng.normal(size=3), turn[k], states[0]]
+        full = pin.rnea(model, data, place, np.r_[twist[k], states[1]], np.r_[change[k], states[2]])
+        torque[k] = full[6:][at]
+        # the spatial acceleration, and that of the point
+        up = pin.Quaternion(turn[k]).toRotationMatrix().T @ UP
+        force[k] = change[k, :3] + np.cross(twist[k, 3:], twist[k, :3]) + up
+    p = with_base_motion(mechanism.base({}), np.hstack([twist[:, 3:], change[:, 3:], force]))
+    assert close(inverse_dynamics(mechanism, p, q, w, a), torque)
+    assert close(times(mechanism.partials(p, q, w, a).by_p, mechanism.base({})), torque)
+
+
+def test_partial_derivatives_are_those_of_the_torques(case):
+    _, mechanism, rng = case
+    q, w, a = motions(rng, (COUNT, mechanism.n))
+    p = with_base_motion(mechanism.base({}), rng.normal(size=(COUNT, 9)) * 5.0)
+    by_q, by_w, _ = mechanism.partials(p, q, w, a)
+    size = np.abs(inverse_dynamics(mechanism, p, q, w, a)).max()
+    for j, step in enumerate(1e-5 * np.eye(mechanism.n)):
+        for exact, dq, dw in ((by_q, step, 0.0), (by_w, 0.0, step)):
+            up, down = (inverse_dynamics(mechanism, p, q + s * dq, w + s * dw, a) for s in (1, -1))
+            assert np.abs((up - down) / 2e-5 - exact[..., j]).max() < 1e-6 * size
+
+
+def test_momentum_balances_the_torques_without_angular_acceleration(case):
+    _, mechanism, rng = case
+    q, w, a = motions(rng, (COUNT, mechanism.n))
+    base = rng.normal(size=(COUNT, 9)) * 3.0
+    p = mechanism.base({})
+
+    def terms(time):
+        later = base + time * np.pad(base[:, 3:6], ((0, 0), (0, 6)))
+        later[:, 3:6] = np.nan  # it must not matter
+        return mechanism.terms(
+            with_base_motion(p, later), q + time * w + time**2 * a / 2, w + time * a
+        )
+
+    change = (terms(1e-5).momentum - terms(-1e-5).momentum) / 2e-5
+    torque = inverse_dynamics(mechanism, with_base_motion(p, base), q, w, a)
+    assert np.abs(change - terms(0.0).dLdq - torque).max() < 1e-7 * np.abs(torque).max()
+
+
+def test_a_base_at_rest_is_a_fixed_base(case):
+    path, mechanism, rng = case
+    q, w, a = motions(rng, (COUNT, mechanism.n))
+    p = mechanism.base({})
+    still = with_base_motion(p, np.r_[np.zeros(6), UP])
+    for ours, fixed in zip(mechanism.terms(still, q, w), mechanism.terms(p, q, w), strict=True):
+        np.testing.assert_array_equal(ours, fixed)
+    for ours, fixed in zip(
+        mechanism.partials(still, q, w, a), mechanism.partials(p, q, w, a), strict=True
+    ):
+        np.testing.assert_array_equal(ours, fixed)
+    held = urdf(path, joints=mechanism.joints).with_values(mechanism.values)
+    assert close(mechanism.dynamics(p, q, w)[1], held.dynamics(held.base({}), q, w)[1])
+    assert len(held.base_names) <= len(mechanism.base_names)
+
+
+def test_acceleration_acts_like_gravity(case):
+    path, mechanism, rng = case
+    q, w, _ = motions(rng, (COUNT, mechanism.n))
+    lifted = with_base_motion(mechanism.base({}), np.r_[np.zeros(6), 3.0, -1.0, 12.0])
+    elsewhere = urdf(path, joints=mechanism.joints, gravity=[-3.0, 1.0, -12.0])
+    elsewhere = elsewhere.with_values(mechanism.values)
+    h = elsewhere.dynamics(elsewhere.base({}), q, w)[1]
+    assert close(mechanism.dynamics(lifted, q, w)[1], h)
+
+
+def test_loads_of_gears_are_those_on_the_moving_base(case):
+    _, mechanism, rng = case
+    q, w, u = motions(rng, (COUNT, mechanism.n))
+    plant = Plant.from_parameters(mechanism, {}).on_base(rng.normal(size=(COUNT, 9)))
+    M, h = plant.dynamics(q, w)
+    a = np.linalg.solve(M, (h + u)[..., None])[..., 0]
+    rotors = np.array([mechanism.values[f"rotor_{name}"] for name in mechanism.joints])
+    assert close(plant.load(q, w, u), np.abs(u - rotors * a))
+
+
+def test_a_free_joint_is_held_or_its_child_floats(tmp_path):
+    held, floating = (
+        legs.mechanism(tmp_path, **x) for x in ({"base": "trunk"}, {"floating": True})
+    )
+    assert (held.floating, floating.floating) == (False, True)
+    assert floating.table["floating"] is True and held != floating
+    with pytest.raises(InputError, match="floating = true"):
+        legs.mechanism(tmp_path)
+    with pytest.raises(InputError, match="must be true or false"):
+        legs.mechanism(tmp_path, floating="yes")
