@@ -93,22 +93,22 @@ def _from_body(q: Array, change: Array) -> Array:
     return np.asarray(product / (q**2).sum(axis=1, keepdims=True))
 
 
-def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
-    """Check the motion of a base: nine finite columns that cover the angles.
+def check_base_signal(where: str, angle: Signal, signal: Signal, columns: int) -> None:
+    """Check motion of a base, or the wrench on it: finite columns that cover the angles.
 
     Raises
     ------
     InputError
         Saying `where` the first fault is.
     """
-    check_signal(f"{where}, motion of the base", motion)
-    if motion.value.shape[1] != BASE_COLUMNS or motion.hold == "previous":
-        raise InputError(f"{where}: motion of the base needs {BASE_COLUMNS} columns, interpolated")
-    usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
-    late = max(motion.time[0] - angle.time[0], angle.time[-1] - motion.time[-1])
+    check_signal(where, signal)
+    if signal.value.shape[1] != columns or signal.hold == "previous":
+        raise InputError(f"{where}: it needs {columns} columns, interpolated")
+    usual = np.median(np.diff(signal.time)) + np.median(np.diff(angle.time))
+    late = max(signal.time[0] - angle.time[0], angle.time[-1] - signal.time[-1])
     if late > _LATE * usual:
         raise InputError(
-            f"{where}: motion of the base is known from {motion.time[0]:g} to {motion.time[-1]:g} "
-            f"s only, the angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common "
-            "span by start and stop in [recordings]"
+            f"{where}: it is known from {signal.time[0]:g} to {signal.time[-1]:g} s only, the "
+            f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
+            "and stop in [recordings]"
         )

@@ -14,7 +14,7 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
-from .base_motion import check_base_motion
+from .base_motion import check_base_signal
 from .frames import FrameColumns, Names, Numbers, Units, check_columns, columns_of_arrays
 from .joint_scales import JointScales, joint_scales
 from .readers.column_toml import Gears, TorqueAt
@@ -64,6 +64,9 @@ class Recording:
         Controller and motors that make the torque, where known; `torque` follows from the motion.
     base_motion : Signal or None
         Motion of a floating base, 9 columns, see `mechanics.mechanism.with_base_motion`.
+    base_wrench : Signal or None
+        Forces and moments on that base, 6 columns [N], [N m] at its origin in its frame, without
+        gravity; zero in flight, None where they are not known.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class Recording:
     truth: TrueMotion | None = None
     servo: Servo | None = None
     base_motion: Signal | None = None
+    base_wrench: Signal | None = None
 
     def __post_init__(self) -> None:
         where = f"recording {self.name!r}"
@@ -104,7 +108,9 @@ class Recording:
             raise InputError(f"{where}: angle needs at least 2 samples, it has 1")
         check_clocks(where, self.angle, self.torque)
         if self.base_motion is not None:
-            check_base_motion(where, self.angle, self.base_motion)
+            check_base_signal(f"{where}, motion of the base", self.angle, self.base_motion, 9)
+        if self.base_wrench is not None:
+            check_base_signal(f"{where}, wrench on the base", self.angle, self.base_wrench, 6)
         for name, value in self.parameters.items():
             if not math.isfinite(value):
                 raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")

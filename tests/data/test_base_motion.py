@@ -129,5 +129,5 @@ def test_a_part_of_a_recording_keeps_the_motion_of_its_base(swinging):
     part = within(run, 0.2, 0.5)
     assert part.base_motion.time[0] <= part.angle.time[0] <= part.base_motion.time[1]
     short = run.base_motion._replace(time=run.base_motion.time / 2)
-    with pytest.raises(InputError, match="motion of the base is known from 0 to 0.4995 s only"):
+    with pytest.raises(InputError, match="motion of the base: it is known from 0 to 0.4995 s only"):
         Recording("late", run.angle, run.torque, base_motion=short)

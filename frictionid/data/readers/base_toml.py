@@ -12,7 +12,7 @@ from .column_toml import Column
 
 Three = Annotated[list[Column], Field(min_length=3, max_length=3)]
 Numbers = Annotated[list[float], Field(min_length=3, max_length=3)]
-_QUANTITIES = ("angular_velocity", "specific_force", "orientation", "position")
+_QUANTITIES = ("angular_velocity", "specific_force", "orientation", "position", "wrench")
 
 
 class BaseUnits(Strict):
@@ -35,6 +35,8 @@ class Base(Strict):
         +9.81 m/s^2 upwards at rest
     orientation, position : columns of the sensor's pose in a world whose z axis points up,
         quaternion (w, x, y, z); position "fixed" where the sensor turns and does not accelerate
+    wrench : columns of forces [N] and moments [N m] on the base at its origin in its frame, beside
+        gravity, or "none" in flight; not given where they are not known
     time : column of their clock, that of the angles if not given
     sensor_position, sensor_rotation : of the sensor in the frame of the base link, [m], and roll,
         pitch and yaw [rad]
@@ -44,6 +46,9 @@ class Base(Strict):
     specific_force: Three | None = None
     orientation: Annotated[list[Column], Field(min_length=4, max_length=4)] | None = None
     position: Three | Literal["fixed"] | None = None
+    wrench: Annotated[list[Column], Field(min_length=6, max_length=6)] | Literal["none"] | None = (
+        None
+    )
     time: Column | None = None
     units: BaseUnits = BaseUnits()
     sensor_position: Numbers = [0.0, 0.0, 0.0]

@@ -299,7 +299,8 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
         angle = span(recording.angle)
     except InputError as error:
         raise InputError(f"recording {recording.name!r}: {error}") from None
-    truth, velocity, base = recording.truth, recording.velocity, recording.base_motion
+    truth, velocity = recording.truth, recording.velocity
+    base, wrench = recording.base_motion, recording.base_wrench
     return replace(
         recording,
         angle=angle,
@@ -308,6 +309,7 @@ def within(recording: Recording, start: float, stop: float) -> Recording:
         covariates={key: span(signal) for key, signal in recording.covariates.items()},
         truth=truth and TrueMotion(span(truth.angle), span(truth.velocity)),
         base_motion=base and _around(base, angle.time[0], angle.time[-1]),
+        base_wrench=wrench and _around(wrench, angle.time[0], angle.time[-1]),
     )
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 
 from ..base_motion import base_motion
@@ -23,7 +24,7 @@ class Recorded(NamedTuple):
     """Signals of a recording in SI units, each on its clock; truth: noise-free angle, velocity.
 
     servo : what makes the torque, where the table says targets in its place
-    base_motion : of a floating base, see `data.base_motion`
+    base_motion, base_wrench : of a floating base, and on it, see `Recording`
     """
 
     angle: Signal
@@ -33,6 +34,7 @@ class Recorded(NamedTuple):
     truth: tuple[Signal, Signal] | None
     servo: Servo | None = None
     base_motion: Signal | None = None
+    base_wrench: Signal | None = None
 
 
 def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
@@ -71,17 +73,22 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     else:
         torque = servo_torque(servo, angle)
     covariates = {key: signal("", [column]) for key, column in columns.covariates.items()}
-    base = None if toml.base is None else _base_motion(seen, toml, toml.base)
-    return Recorded(angle, torque, velocity, covariates, truth, servo, base)
+    base = (None, None) if toml.base is None else _on_base(seen, toml, toml.base, angle.time)
+    return Recorded(angle, torque, velocity, covariates, truth, servo, *base)
 
 
-def _base_motion(table: Table, toml: DatasetToml, base: Base) -> Signal:
-    """Motion of the base by its sensors."""
+def _on_base(
+    table: Table, toml: DatasetToml, base: Base, time: Array
+) -> tuple[Signal, Signal | None]:
+    """Motion of the base by its sensors, and the wrench on it; time : of the angles."""
     signals = {}
+    if base.wrench == "none":
+        signals["wrench"] = Signal(time[[0, -1]], np.zeros((2, 6)), "linear")
     for quantity, names in base.columns.items():
         signal = _signal(table, toml, "", names, base.time or "")
         signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
-    return base_motion(base.mounting, **signals)
+    wrench = signals.pop("wrench", None)
+    return base_motion(base.mounting, **signals), wrench
 
 
 def _seen(table: Table, columns: ColumnNames) -> Table:

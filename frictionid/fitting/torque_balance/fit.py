@@ -161,7 +161,7 @@ def _result(
         friction,
         with_held(_covariance(problem, solution, use), held),
         Diagnostics(
-            torque_noise=solution.sigma,
+            torque_noise=solution.sigma[: estimate.mechanism.n],
             windows=int(use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
@@ -340,9 +340,9 @@ def _reads_torque(friction: Friction) -> bool:
 
 def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:
     """Sentences on joints whose torque is not explained."""
-    counts = solution.weight > 0
     gain = logged_gain(solution.estimate)
-    left = solution.residual * gain
+    counts = solution.weight[:, : len(gain)] > 0
+    left = solution.residual[:, : len(gain)] * gain
     rms = [np.sqrt(np.mean(left[c, j] ** 2)) for j, c in enumerate(counts.T)]
     friction = problem.balance.problem.mean(
         along(solution.estimate.friction, problem.balance.nodes)

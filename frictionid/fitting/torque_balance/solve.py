@@ -120,7 +120,11 @@ class TorqueProblem:
         balance = self.balance
         mean = balance.problem.mean(along(estimate.friction, balance.nodes))
         left = left_to_friction(balance, estimate) - mean @ estimate.mechanism.friction_map
-        return np.asarray(left / logged_gain(estimate))
+        out = np.asarray(left / logged_gain(estimate))
+        if balance.wrench is None:
+            return out
+        base = np.asarray(estimate.calibration.base) + balance.base
+        return np.concatenate([out, balance.wrench.left(base)], axis=1)
 
     def slopes(self, estimate: Estimate) -> Array:
         """Derivatives (K, n, D) of the unexplained torques in the free parameters."""
@@ -148,7 +152,14 @@ class TorqueProblem:
                 columns = np.arange(free.columns.start, free.columns.stop)
                 gain = logged_gain(estimate)[joints]
                 out[:, joints, columns] -= self.unexplained(estimate)[:, joints] / gain
-        return out
+        if balance.wrench is None:
+            return out
+        rows = np.zeros((len(out), 6, out.shape[-1]))
+        for free in self.blocks:
+            if free.block.enters == "base":
+                which = [p.place[0] for p in free.parameters]
+                rows[:, :, free.columns] = -balance.wrench.regressor[:, :, which]
+        return np.concatenate([out, rows], axis=1)
 
     def _friction_slopes(self, estimate: Estimate) -> Array:
         """Derivatives (K, m, P) of the mean friction at each place in its own parameters."""
@@ -222,7 +233,7 @@ def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> Torqu
 
     use : (K,) true for the windows that may be used
     """
-    counts, x, iterations = use[:, None] & problem.balance.slides, problem.x, 0
+    counts, x, iterations = problem.balance.counts(use), problem.x, 0
     residual = problem.residual(x)[0]
     for _ in range(_ROUNDS):
         under = problem.conditions(*_weights(residual, counts, settings.huber))

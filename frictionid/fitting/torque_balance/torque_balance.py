@@ -5,7 +5,7 @@ The momentum balance over a window from a to b, divided by its length T,
     Y p + mean Tf = mean u,    Y p = (M w|b - M w|a - integral of dL/dq dt) / T    [N m]
 
 needs no acceleration. Each joint has its own row, in which only its own friction stands and that of
-parts that turn with it.
+parts that turn with it. Six more rows are of a floating base whose wrench is known, as in flight.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
@@ -30,11 +31,15 @@ from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.mechanism import with_base_motion
 from frictionid.mechanics.plant import with_midpoints
+from frictionid.mechanics.rigid_body.free_base import with_free_base
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 from ..one_step.residual import GAP, Problem, stiction_mask
+from .base_wrench import BaseWrench, base_wrench, joined_wrenches
 
 _SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
-_NODES = 4000  # whose regressor is computed at a time
+_NODES = 4000  # whose regressor is computed at a time,
+_NUMBERS = 20_000_000  # and parameters of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class TorqueBalance:
     recording, start, stop : (K,), start and stop in [s]
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
     slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
+    wrench : rows of the base, or None
     """
 
     dataset: Dataset
@@ -61,6 +67,7 @@ class TorqueBalance:
     slides: Array
     slowest: Array
     log: SignalIntegrals
+    wrench: BaseWrench | None = None
 
     def logged(self, delay: float) -> Pieces:
         """Means of the torque logged `delay` [s] before, and their derivatives by the delay."""
@@ -97,8 +104,19 @@ class TorqueBalance:
         return replace(problem, r=r, G=G, masked=True)
 
     def resolving(self, use: Array) -> TorqueBalance:
-        """The balance with the slowest speeds that the windows in use (K,) resolve."""
-        return replace(self, slowest=_slowest(self, self.slides & use[:, None]))
+        """The balance with the slowest speeds that the windows in use (K,) resolve.
+
+        What only the base shows is eliminated from its rows.
+        """
+        wrench = self.wrench and self.wrench.eliminated(use)
+        return replace(self, slowest=_slowest(self, self.slides & use[:, None]), wrench=wrench)
+
+    def counts(self, use: Array) -> Array:
+        """Rows (K, n), or (K, n + 6), that count of windows in use (K,)."""
+        rows = self.slides & use[:, None]
+        if self.wrench is None:
+            return rows
+        return np.concatenate([rows, np.repeat(use[:, None], 6, axis=1)], axis=1)
 
 
 class _Part(NamedTuple):
@@ -110,6 +128,7 @@ class _Part(NamedTuple):
     regressor: Array
     start: Array
     stop: Array
+    wrench: BaseWrench | None
 
 
 def torque_balance(
@@ -156,6 +175,7 @@ def torque_balance(
         np.zeros((len(stencil), plant.n), dtype=bool),
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         integrals_of([r.torque for r in dataset.recordings]),
+        joined_wrenches([part.wrench for part in parts]),
     )
     resting = stiction_mask(balance.problem, None)
     slides = ~(resting @ (plant.mechanism.friction_map != 0))
@@ -204,12 +224,29 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     first = np.arange(0, len(at) - count, count)
     first = first[broken[first] == broken[first + count]]
     stencil = 2 * first[:, None] + np.arange(2 * count + 1)
-    rows = [np.zeros((0, plant.n, len(plant.mechanism.base_names)))]
-    for part in np.array_split(stencil, max(1, stencil.size // _NODES)):
+    rows = _regressors(plant, time, q, w, stencil)
+    start, stop = time[stencil[:, 0]], time[stencil[:, -1]]
+    wrench = None
+    if recording.base_wrench is not None and isinstance(plant.mechanism, RigidBodyTree):
+        free = with_free_base(plant.mechanism)
+        motion, nothing = plant.p[..., -BASE_COLUMNS:], np.zeros(len(free.base_names))
+        whole = Plant(free, {}, nothing).on_base(motion)
+        padded = (np.pad(x, ((0, 0), (6, 0))) for x in (q, w))
+        log = integrals_of([recording.base_wrench])
+        edges = np.stack([start, stop], axis=1)
+        known = pieces_of(log, np.zeros(len(start), dtype=int), edges).mean[0]
+        wrench = base_wrench(plant.mechanism, _regressors(whole, time, *padded, stencil), known)
+    return _Part(inputs, time, stencil, rows, start, stop, wrench)
+
+
+def _regressors(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
+    """Y (k, n, nb) of all windows, some at a time."""
+    count = len(plant.mechanism.base_names)
+    rows = [np.zeros((0, plant.n, count))]
+    nodes = min(_NODES, _NUMBERS // count**2)
+    for part in np.array_split(stencil, max(1, stencil.size // nodes)):
         rows += [_regressor(plant, time, q, w, part)] if len(part) else []
-    return _Part(
-        inputs, time, stencil, np.concatenate(rows), time[stencil[:, 0]], time[stencil[:, -1]]
-    )
+    return np.concatenate(rows)
 
 
 def _regressor(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
@@ -217,7 +254,7 @@ def _regressor(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) ->
     low, high = stencil[0, 0], stencil[-1, -1] + 1
     mechanism, each = plant.mechanism, np.eye(len(plant.mechanism.base_names))[:, None]
     if mechanism.moves(plant.p):
-        each = with_base_motion(each, plant.p[low:high, each.shape[-1] :])
+        each = with_base_motion(each, plant.p[low:high, -BASE_COLUMNS:])
     terms = mechanism.terms(each, q[low:high], w[low:high])
     first, last = stencil[:, 0] - low, stencil[:, -1] - low
     change = terms.momentum[:, last] - terms.momentum[:, first]

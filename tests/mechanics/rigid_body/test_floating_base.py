@@ -10,6 +10,7 @@ from frictionid.arrays import times
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, urdf
 from frictionid.mechanics.mechanism import with_base_motion
+from frictionid.mechanics.rigid_body.free_base import with_free_base
 
 COUNT = 30
 UP = np.array([0.0, 0.0, 9.81])
@@ -44,19 +45,25 @@ def test_torques_and_regressor_agree_with_pinocchio_on_a_free_flyer(case):
     twist, change = rng.normal(size=(2, COUNT, 6)) * 3.0
     turn = rng.normal(size=(COUNT, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
-    data, torque, force = model.createData(), np.empty((COUNT, n)), np.empty((COUNT, 3))
+    data, torque, force = model.createData(), np.empty((COUNT, 6 + n)), np.empty((COUNT, 3))
     for k in range(COUNT):
         states = np.empty((3, n))
         states[:, at] = q[k], w[k], a[k]
         place = np.r_[rng.normal(size=3), turn[k], states[0]]
         full = pin.rnea(model, data, place, np.r_[twist[k], states[1]], np.r_[change[k], states[2]])
-        torque[k] = full[6:][at]
+        torque[k] = np.r_[full[:6], full[6:][at]]
         # the spatial acceleration, and that of the point
         up = pin.Quaternion(turn[k]).toRotationMatrix().T @ UP
         force[k] = change[k, :3] + np.cross(twist[k, 3:], twist[k, :3]) + up
-    p = with_base_motion(mechanism.base({}), np.hstack([twist[:, 3:], change[:, 3:], force]))
-    assert close(inverse_dynamics(mechanism, p, q, w, a), torque)
-    assert close(times(mechanism.partials(p, q, w, a).by_p, mechanism.base({})), torque)
+    motion = np.hstack([twist[:, 3:], change[:, 3:], force])
+    p = with_base_motion(mechanism.base({}), motion)
+    assert close(inverse_dynamics(mechanism, p, q, w, a), torque[:, 6:])
+    assert close(times(mechanism.partials(p, q, w, a).by_p, mechanism.base({})), torque[:, 6:])
+    # and the wrench on the base; its link has no mass in these files
+    tree, rotors = mechanism.with_parameters({})
+    p = with_base_motion(np.r_[np.zeros(10), tree.inertia.ravel(), rotors], motion)
+    states = (np.pad(x, ((0, 0), (6, 0))) for x in (q, w, a))
+    assert close(inverse_dynamics(with_free_base(mechanism), p, *states), torque)
 
 
 def test_partial_derivatives_are_those_of_the_torques(case):

@@ -1,5 +1,7 @@
 """Friction of joints on a base that moves, as MuJoCo moves it: by every method, and not without."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fixtures import floating_legs as legs
@@ -9,6 +11,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS
 from frictionid.evaluation.free_run import free_run, make_trajectory
+from frictionid.fitting.torque_balance import torque_balance
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 
@@ -67,6 +70,36 @@ def test_a_base_that_is_taken_as_held_makes_friction_of_its_motion(machines, fra
     coulomb, viscous = errors(fid.fit(held, "coulomb_viscous", method="one_step"))
     assert coulomb > 0.5 and viscous > 1.0
     assert [fid.check(data).level for data in (held, floating)] == ["doubtful", "good"]
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return {f"flight {k}": legs.run(1.5, 20 + k, tether=False) for k in range(3)}
+
+
+def test_the_base_of_a_flight_tells_of_inertias(machines, flights):
+    truth, off = machines[0].nominal_base, []
+    for base in (legs.BASE, legs.BASE | {"wrench": "none"}):
+        data = Dataset.from_frames(flights, machines[0], **legs.COLUMNS, base=base)
+        fit = fid.fit(data, "coulomb_viscous", method="inverse_dynamics")
+        off.append(np.abs(fit.friction.calibration.base - truth))
+    assert np.median(off[1] / off[0]) < 0.5 and off[1].max() < off[0].max()
+
+
+def test_rows_of_the_base_leave_nothing_of_the_true_bodies(machines):
+    frame = legs.run(1.0, 10, tether=False, noise=0.0)
+    base = legs.BASE | {"wrench": "none"}
+    data = Dataset.from_frames({"flight": frame}, machines[0], **legs.COLUMNS, base=base)
+    balance = torque_balance(data, RTS()([data["flight"].angle]), 0.05, 0.002)
+    use = balance.start > 0.2
+    wrench, p = balance.resolving(use).wrench, machines[0].nominal_base
+    sizes = np.abs(wrench.regressor * p).max(axis=(0, 2))
+    left = wrench.left(np.tile(p, (len(use), 1)))
+    assert not left[~use].any() and (np.abs(left).max(axis=0) < 0.03 * sizes).all()
+    held = replace(data["flight"], base_wrench=None)
+    mixed = replace(data, recordings=(data["flight"], replace(held, name="tether")))
+    states = RTS()([r.angle for r in mixed.recordings])
+    assert torque_balance(mixed, states, 0.05, 0.002).wrench is None
 
 
 def test_motion_is_predicted_on_the_base_as_it_moved(floating):
