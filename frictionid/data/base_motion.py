@@ -36,7 +36,7 @@ def base_motion(
     orientation: Signal | None = None,
     position: Signal | None = None,
 ) -> Signal:
-    """Motion (T, 9) of the base by a sensor, see `mechanics.mechanism.with_base_motion`.
+    """Motion (T, 9) of the base by a sensor, see `mechanics.base_motion.with_base_motion`.
 
     Parameters
     ----------
@@ -93,22 +93,23 @@ def _from_body(q: Array, change: Array) -> Array:
     return np.asarray(product / (q**2).sum(axis=1, keepdims=True))
 
 
-def check_base_signal(where: str, angle: Signal, signal: Signal, columns: int) -> None:
-    """Check motion of a base, or the wrench on it: finite columns that cover the angles.
+def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
+    """Check the motion of a base: finite columns that cover the angles.
 
     Raises
     ------
     InputError
         Saying `where` the first fault is.
     """
-    check_signal(where, signal)
-    if signal.value.shape[1] != columns or signal.hold == "previous":
-        raise InputError(f"{where}: it needs {columns} columns, interpolated")
-    usual = np.median(np.diff(signal.time)) + np.median(np.diff(angle.time))
-    late = max(signal.time[0] - angle.time[0], angle.time[-1] - signal.time[-1])
+    where = f"{where}, motion of the base"
+    check_signal(where, motion)
+    if motion.value.shape[1] != BASE_COLUMNS or motion.hold == "previous":
+        raise InputError(f"{where}: it needs {BASE_COLUMNS} columns, interpolated")
+    usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
+    late = max(motion.time[0] - angle.time[0], angle.time[-1] - motion.time[-1])
     if late > _LATE * usual:
         raise InputError(
-            f"{where}: it is known from {signal.time[0]:g} to {signal.time[-1]:g} s only, the "
+            f"{where}: it is known from {motion.time[0]:g} to {motion.time[-1]:g} s only, the "
             f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
             "and stop in [recordings]"
         )

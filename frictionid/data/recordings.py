@@ -14,7 +14,7 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
 
-from .base_motion import check_base_signal
+from .base_motion import check_base_motion
 from .frames import FrameColumns, Names, Numbers, Units, check_columns, columns_of_arrays
 from .joint_scales import JointScales, joint_scales
 from .readers.column_toml import Gears, TorqueAt
@@ -62,11 +62,9 @@ class Recording:
         The noise-free motion, for simulated recordings.
     servo : Servo or None
         Controller and motors that make the torque, where known; `torque` follows from the motion.
-    base_motion : Signal or None
-        Motion of a floating base, 9 columns, see `mechanics.mechanism.with_base_motion`.
-    base_wrench : Signal or None
-        Forces and moments on that base, 6 columns [N], [N m] at its origin in its frame, without
-        gravity; zero in flight, None where they are not known.
+    base_motion, base_wrench : Signal or None
+        Of a floating base: 9 columns, see `mechanics.base_motion`; forces and moments on it [N],
+        [N m] beside gravity, at its origin in its frame, where known.
 
     Raises
     ------
@@ -108,9 +106,7 @@ class Recording:
             raise InputError(f"{where}: angle needs at least 2 samples, it has 1")
         check_clocks(where, self.angle, self.torque)
         if self.base_motion is not None:
-            check_base_signal(f"{where}, motion of the base", self.angle, self.base_motion, 9)
-        if self.base_wrench is not None:
-            check_base_signal(f"{where}, wrench on the base", self.angle, self.base_wrench, 6)
+            check_base_motion(where, self.angle, self.base_motion)
         for name, value in self.parameters.items():
             if not math.isfinite(value):
                 raise InputError(f"{where}: parameter {name!r} must be finite, not {value}")
@@ -319,8 +315,7 @@ class Dataset:
         """
         columns = FrameColumns(time, angle, torque, velocity, units, signs or {}, motor, hold)
         columns = replace(columns, covariates=covariates or {}, missing=missing, split=split)
-        columns = replace(columns, torque_at=torque_at, actuator=actuator, sigma=sigma)
-        columns = replace(columns, base=base)
+        columns = replace(columns, torque_at=torque_at, actuator=actuator, sigma=sigma, base=base)
         data = _of_reads(name, mechanism, columns.read_all(frames), parameters or {})
         return replace(data, columns=columns, gears=columns.gears, torque_at=torque_at)
 

@@ -69,27 +69,12 @@ class Partials(NamedTuple):
     by_p: Array
 
 
-def with_base_motion(p: Array, motion: Array | None) -> Array:
-    """Base parameters (..., nb) with the motion (..., 9) of a base behind them, (..., nb + 9).
-
-    In the frame of the base: its angular velocity [rad/s], its angular acceleration [rad/s^2], and
-    the proper acceleration of its origin [m/s^2], which is what an accelerometer shows: that less
-    gravity. Position, orientation and velocity do not matter. Without it the base is at rest.
-    """
-    if motion is None:
-        return p
-    lead = np.broadcast_shapes(p.shape[:-1], motion.shape[:-1])
-    parts = (np.broadcast_to(x, (*lead, x.shape[-1])) for x in (p, motion))
-    return np.concatenate([*parts], axis=-1)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
     """A mechanism of n joints: facts as fields, equations of motion as methods.
 
     `p` is always an array of base parameters, shape (..., nb), as `base` makes it from physical
-    ones. q, w, a and u have shape (..., n); batch axes of p broadcast against theirs. Behind the
-    base parameters of a floating mechanism stands the motion of its base, see `with_base_motion`.
+    ones. q, w, a and u have shape (..., n); batch axes of p broadcast against theirs.
 
     Attributes
     ----------
@@ -115,6 +100,8 @@ class Mechanism(ABC):
     coupled : tuple of pairs of str and n float
         Parts with friction of their own that turn with several joints, such as a motor at a wrist:
         name, and turns for one of each joint.
+    floating : bool
+        Whether the base moves, as recordings say: its motion stands behind p, see `base_motion`.
     """
 
     kind: str
@@ -129,6 +116,7 @@ class Mechanism(ABC):
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
     tolerances: Mapping[str, float] = field(default_factory=dict, hash=False)
     coupled: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    floating: bool = False
 
     def __post_init__(self) -> None:
         self.check_values(self.values)
@@ -176,15 +164,6 @@ class Mechanism(ABC):
         The force that the joint transmits to all bodies beyond it, sum m (a - g), as load-dependent
         friction laws need it. It depends on physical parameters, not on base parameters alone.
         """
-
-    @property
-    def floating(self) -> bool:
-        """Whether the base moves, as recordings say."""
-        return False
-
-    def moves(self, p: Array) -> bool:
-        """Whether the motion of the base stands behind the base parameters p."""
-        return p.shape[-1] > len(self.base_names)
 
     def points(self, q: Array) -> Array | None:
         """Lines that draw the mechanism at positions q (..., n): (..., k, 2 or 3) [m], or None.

@@ -10,7 +10,8 @@ import numpy as np
 
 from frictionid.arrays import Array, like, namespace
 
-from .mechanism import Mechanism, Terms, with_base_motion
+from .base_motion import base_motion_of, with_base_motion
+from .mechanism import Mechanism, Terms
 
 SLOW = 0.1  # [rad/s]: slower joints may come to rest
 
@@ -98,9 +99,9 @@ class Plant:
 
     def load(self, q: Array, w: Array, u: Array) -> Array:
         """Bearing force in friction-free motion, shape (..., n) [N]."""
-        mechanism, p = self.mechanism, self.p
-        motion = (p[..., len(mechanism.base_names) :],) if mechanism.moves(p) else ()
-        return mechanism.load(self.parameters, q, w, u, *motion)
+        motion = base_motion_of(self.p, len(self.mechanism.base_names))
+        moving = () if motion is None else (motion,)
+        return self.mechanism.load(self.parameters, q, w, u, *moving)
 
 
 # Weights of start, midpoint and end of an interval.

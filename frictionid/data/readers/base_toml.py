@@ -63,8 +63,8 @@ class Base(Strict):
             )
         if not (self.specific_force or (self.orientation and self.position)):
             raise ValueError(
-                "nothing says how the base accelerates: what that does to the links cannot be "
-                "told from friction, first moments of links and bias of torques then; give "
+                "nothing says how the base accelerates: what that does to the links passes for "
+                "friction, first moments of links and bias of torques, in every fit; give "
                 "specific_force (an accelerometer's), or orientation and position, or position = "
                 '"fixed" where the base only turns about the sensor'
             )

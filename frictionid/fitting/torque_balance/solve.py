@@ -154,7 +154,7 @@ class TorqueProblem:
                 out[:, joints, columns] -= self.unexplained(estimate)[:, joints] / gain
         if balance.wrench is None:
             return out
-        rows = np.zeros((len(out), 6, out.shape[-1]))
+        rows = np.zeros((*balance.wrench.wrench.shape, out.shape[-1]))
         for free in self.blocks:
             if free.block.enters == "base":
                 which = [p.place[0] for p in free.parameters]

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
@@ -29,9 +28,9 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.mechanics import Plant
-from frictionid.mechanics.mechanism import with_base_motion
+from frictionid.mechanics.base_motion import base_motion_of, with_base_motion
 from frictionid.mechanics.plant import with_midpoints
-from frictionid.mechanics.rigid_body.free_base import with_free_base
+from frictionid.mechanics.rigid_body.free_base import WRENCH, with_free_base
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 from ..one_step.residual import GAP, Problem, stiction_mask
@@ -116,7 +115,7 @@ class TorqueBalance:
         rows = self.slides & use[:, None]
         if self.wrench is None:
             return rows
-        return np.concatenate([rows, np.repeat(use[:, None], 6, axis=1)], axis=1)
+        return np.concatenate([rows, np.repeat(use[:, None], len(WRENCH), axis=1)], axis=1)
 
 
 class _Part(NamedTuple):
@@ -228,15 +227,26 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     start, stop = time[stencil[:, 0]], time[stencil[:, -1]]
     wrench = None
     if recording.base_wrench is not None and isinstance(plant.mechanism, RigidBodyTree):
-        free = with_free_base(plant.mechanism)
-        motion, nothing = plant.p[..., -BASE_COLUMNS:], np.zeros(len(free.base_names))
-        whole = Plant(free, {}, nothing).on_base(motion)
-        padded = (np.pad(x, ((0, 0), (6, 0))) for x in (q, w))
         log = integrals_of([recording.base_wrench])
-        edges = np.stack([start, stop], axis=1)
-        known = pieces_of(log, np.zeros(len(start), dtype=int), edges).mean[0]
-        wrench = base_wrench(plant.mechanism, _regressors(whole, time, *padded, stencil), known)
+        wrench = _wrench(plant, plant.mechanism, (time, q, w), stencil, log)
     return _Part(inputs, time, stencil, rows, start, stop, wrench)
+
+
+def _wrench(
+    plant: Plant,
+    mechanism: RigidBodyTree,
+    motion: tuple[Array, Array, Array],
+    stencil: Array,
+    log: SignalIntegrals,
+) -> BaseWrench:
+    """Rows of the base of a recording, with the logged wrench on it."""
+    time, free = motion[0], with_free_base(mechanism)
+    q, w = (np.pad(x, ((0, 0), (len(WRENCH), 0))) for x in motion[1:])
+    whole = Plant(free, {}, np.zeros(len(free.base_names)))
+    whole = whole.on_base(base_motion_of(plant.p, len(mechanism.base_names)))
+    edges = time[stencil[:, [0, -1]]]
+    mean = pieces_of(log, np.zeros(len(edges), dtype=int), edges).mean[0]
+    return base_wrench(mechanism, _regressors(whole, time, q, w, stencil), mean)
 
 
 def _regressors(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
@@ -252,10 +262,11 @@ def _regressors(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -
 def _regressor(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
     """Y (k, n, nb) of some windows that follow each other."""
     low, high = stencil[0, 0], stencil[-1, -1] + 1
-    mechanism, each = plant.mechanism, np.eye(len(plant.mechanism.base_names))[:, None]
-    if mechanism.moves(plant.p):
-        each = with_base_motion(each, plant.p[low:high, -BASE_COLUMNS:])
-    terms = mechanism.terms(each, q[low:high], w[low:high])
+    count = len(plant.mechanism.base_names)
+    motion = base_motion_of(plant.p, count)
+    motion = None if motion is None else motion[low:high]
+    each = with_base_motion(np.eye(count)[:, None], motion)
+    terms = plant.mechanism.terms(each, q[low:high], w[low:high])
     first, last = stencil[:, 0] - low, stencil[:, -1] - low
     change = terms.momentum[:, last] - terms.momentum[:, first]
     mean = np.einsum("m,bkmn->bkn", _simpson(stencil.shape[1] // 2), terms.dLdq[:, stencil - low])

@@ -135,6 +135,7 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         base_meanings=("",) * len(reduction.names),
         options={kind: robot.place, **options.changed()},
         coupled=coupled,
+        floating=tree.floating,
         tree=tree,
         reduction=reduction,
         identity=_identity(tree),
@@ -217,5 +218,4 @@ def _identity(tree: Tree) -> str:
     digest = hashlib.sha256()
     for array in (*arrays, tree.rotors, tree.gravity):
         digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(b"floating" * tree.floating)
     return digest.hexdigest()

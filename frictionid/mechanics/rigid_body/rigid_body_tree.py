@@ -22,7 +22,8 @@ from frictionid.arrays import Array, solve, times
 from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body import loops
 
-from ..mechanism import Mechanism, Parameter, Partials, Terms, with_base_motion
+from ..base_motion import base_motion_of, with_base_motion
+from ..mechanism import Mechanism, Parameter, Partials, Terms
 from .base_parameters import BaseParameters, geometry, regressor
 from .kinematics import placements
 from .loops import Geometry
@@ -94,7 +95,8 @@ class RigidBodyTree(Mechanism):
         n, reduction = self.n, self.reduction
         by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
         lead = by_q.shape[:-2]
-        base = _flat(p[..., len(self.base_names) :], lead) if self.moves(p) else None
+        motion = base_motion_of(p, len(self.base_names))
+        base = None if motion is None else _flat(motion, lead)
         q, w, a = (_flat(x, lead) for x in (q, w, a))
         by_p = regressor(self.tree, q, w, a, reduction.leading, base)
         if reduction.rounded:
@@ -138,10 +140,6 @@ class RigidBodyTree(Mechanism):
         return R, o
 
     loads_of_gears: ClassVar[bool] = True
-
-    @property
-    def floating(self) -> bool:
-        return self.tree.floating
 
     def load(
         self,

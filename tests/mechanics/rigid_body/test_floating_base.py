@@ -9,7 +9,7 @@ from test_tree_engines import close
 from frictionid.arrays import times
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, urdf
-from frictionid.mechanics.mechanism import with_base_motion
+from frictionid.mechanics.base_motion import with_base_motion
 from frictionid.mechanics.rigid_body.free_base import with_free_base
 
 COUNT = 30
