@@ -185,6 +185,26 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     assert mjcf(tmp_path / "legged.xml", base="trunk").defaults["rotor_hip_joint"] == 0.01
 
 
+def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
+    time, q, u = exact
+    (tmp_path / "legged.xml").write_text(LEGGED)
+    still = np.zeros(len(time))
+    gyro = {f"imu_gyro_{axis} [deg/s]": 40.0 * np.cos(time) for axis in "xyz"}
+    acc = {f"imu_acc_{axis}": still + (axis == "z") for axis in "xyz"}
+    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "tau_hip": u[:, 0], "tau_knee": u[:, 1]}
+    document, out = call({**gyro, **acc, **columns}, robot="legged.xml", known=())
+    assert document["mechanism"]["floating"] is True and document["mechanism"]["base"] == "trunk"
+    assert document["base"]["angular_velocity"] == list(gyro)
+    assert document["base"]["specific_force"] == list(acc)
+    assert document["base"]["units"] == {"angular_velocity": "deg/s", "specific_force": "g"}
+    assert "missing: where the IMU is" in out
+    (recording,) = load_dataset(call.folder).recordings
+    motion = recording.base_motion.value[100:-100].mean(axis=0)
+    np.testing.assert_allclose(motion[6:], [0.0, 0.0, 9.80665], atol=1e-3)
+    document, out = call({**gyro, **columns}, robot="legged.xml", known=())
+    assert "base" not in document and "it is held; where it moves, an IMU must say how" in out
+
+
 def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, exact, tmp_path):
     _, q, u = exact
     bare = re.sub('<link name="c">.*?</link>', '<link name="c"/>', wrist.URDF)
