@@ -8,7 +8,6 @@ together: an IMU measures them, whatever the orientation. Sensors are smoothed a
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
@@ -19,6 +18,7 @@ from .signals import Signal, check_signal
 
 BASE_COLUMNS = 9
 _LATE = 5.0  # usual gaps, by which it may begin late or end early
+_UNIT = 0.1  # by which quaternions may be longer or shorter than 1
 _GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2] in the world, whose z axis points up
 
 
@@ -53,6 +53,8 @@ def base_motion(
     >>> base_motion(offside, turning, up).value[50].round(6) + 0.0
     array([0.  , 0.  , 2.  , 0.  , 0.  , 0.  , 0.4 , 0.  , 9.81])
     """
+    from scipy.spatial.transform import Rotation  # which fixed bases do not need
+
     pose = None if orientation is None else _smoothed(_continued(orientation))
     if angular_velocity is not None:
         omega, rate, _ = _smoothed(angular_velocity)
@@ -64,7 +66,7 @@ def base_motion(
     else:
         assert pose is not None
         force = -_GRAVITY + (0.0 if position is None else _smoothed(position)[2])
-        force = Rotation.from_quat(pose[0], scalar_first=True).inv().apply(force)
+        force = Rotation.from_quat(np.roll(pose[0], -1, axis=1)).inv().apply(force)
     onto = Rotation.from_euler("xyz", mounting.turn)
     omega, rate, force = (onto.apply(x) for x in (omega, rate, force))
     place = mounting.place
@@ -81,7 +83,14 @@ def _smoothed(signal: Signal) -> tuple[Array, Array, Array]:
 
 def _continued(orientation: Signal) -> Signal:
     """Unit quaternions without jumps to the opposite one, which is the same orientation."""
-    q = orientation.value / np.linalg.norm(orientation.value, axis=1, keepdims=True)
+    size = np.linalg.norm(orientation.value, axis=1, keepdims=True)
+    if np.abs(size - 1.0).max() > _UNIT:
+        at = int(np.argmax(np.abs(size - 1.0)))
+        raise InputError(
+            f"[base] orientation: at {orientation.time[at]:g} s its length is {size[at, 0]:.3g}; "
+            "quaternions (w, x, y, z) have 1"
+        )
+    q = orientation.value / size
     same = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return orientation._replace(value=q * np.cumprod([1.0, *same])[:, None], sigma=None)
 

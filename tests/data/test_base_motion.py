@@ -39,7 +39,8 @@ def motion_of(mounting):
     signal = {
         "angular_velocity": onto.inv().apply(turns[0]),
         "specific_force": onto.inv().apply(shown),
-        "orientation": (R * onto).as_quat(scalar_first=True) * np.where(TIME > 1, -1, 1)[:, None],
+        "orientation": np.roll((R * onto).as_quat(), 1, axis=1)
+        * np.where(TIME > 1, -1, 1)[:, None],
         "position": place + R.apply(arm),
     }
     return {key: Signal(TIME, value) for key, value in signal.items()}, truth
@@ -67,6 +68,13 @@ def test_a_base_of_constant_velocity_is_at_rest():
     assert (
         np.abs(base_motion(Mounting(), orientation=still, position=going).value - rest).max() < 1e-6
     )
+
+
+def test_quaternions_have_length_one():
+    value = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))
+    value[500] = 0.0
+    with pytest.raises(InputError, match="at 1 s its length is 0; quaternions"):
+        base_motion(Mounting(), orientation=Signal(TIME, value))
 
 
 def document(**base):
