@@ -259,8 +259,10 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     balance = momentum_balance(terms, interval_stencil(len(states.time)))
     u = averages(recording.torque, states.time)
     M1, force = terms.M[2::2], balance.force + times(terms.B, u)
-    turned = balance.end - times(M1, states.w[1:])  # momentum by a base that turns
-    r = solve(M1, balance.start - turned + force * dt[:, None]) - states.w[1:]
+    impulse = balance.start + force * dt[:, None]
+    if plant.mechanism.floating:  # momentum at the end by a base that turns
+        impulse -= balance.end - times(M1, states.w[1:])
+    r = solve(M1, impulse) - states.w[1:]
     # friction at a sample sees the torque logged there, not the mean of the next interval
     torque = interleaved(sample(recording.torque, states.time), u)
     temperature = temperature_at(recording, at, plant.mechanism.joints)
