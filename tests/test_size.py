@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 548_539, 405, 601, 73
-TEST_TOKENS, WORDS = 438_877, 36_068
+TOKENS, FILES, CLASSES, NAMES = 554_075, 411, 605, 73
+TEST_TOKENS, WORDS = 444_592, 36_765
 
 
 def tokens(path):
