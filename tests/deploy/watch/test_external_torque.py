@@ -256,7 +256,7 @@ def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
         fid.external_torque(fit.friction, quiet)
     with pytest.raises(fid.InputError, match="rate = 0 must be a positive number"):
         fid.external_torque(fit, quiet, rate=0)
-    two = replace(fit.friction, theta=np.tile(fit.friction.theta, (2, 1)))
+    two = fid.Friction(fit.friction.law, np.tile(fit.friction.theta, (2, 1)))
     with pytest.raises(fid.InputError, match="has 1 joints, the model has 2"):
         watch_of(two, quiet, 0.1, 1.0)
     r = quiet.recordings[0]
