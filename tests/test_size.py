@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 554_075, 411, 605, 73
-TEST_TOKENS, WORDS = 444_592, 36_765
+TEST_TOKENS, WORDS = 444_594, 36_765
 
 
 def tokens(path):
