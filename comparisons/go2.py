@@ -39,6 +39,7 @@ LAWS = {
     "stribeck": fid.Stribeck(),
     "load_dependent": fid.LoadDependent(),
     "ripple": fid.Ripple(harmonics=(2,)),
+    "by_evidence": fid.Ripple(harmonics="auto"),
 }
 PLACEHOLDERS = (0.2, 0.6)  # frictionloss [N m] and damping [N m s/rad] of go2.xml
 PLACEHOLDER, PACE = "placeholders", "PACE-like"
@@ -113,6 +114,17 @@ def compare_sides(fit: fid.Fit, data: Dataset) -> None:
         print(f"  {names:18s} {mean[left]:.3f} {mean[right]:.3f} +- {error:.3f} N m, p = {p:.2g}")
 
 
+def show_harmonics(fit: fid.Fit, data: Dataset) -> None:
+    """Print which harmonics each joint has."""
+    law = fit.friction.law
+    has = law.present(np.asarray(fit.friction.theta))
+    for joint, row in zip(data.mechanism.joints, has, strict=True):
+        names = [
+            n[4:] for n, there in zip(law.names, row, strict=True) if there and n[:4] == "cos_"
+        ]
+        print(f"  {joint.removesuffix('_joint'):9s} {', '.join(names) or 'none'}")
+
+
 def main(arms: list[str]) -> None:
     """Print the free runs of some arms, of all without names."""
     train, test = part(0, 2 / 3), part(2 / 3, 1)
@@ -124,6 +136,8 @@ def main(arms: list[str]) -> None:
         numbers = " ".join(f"{x:.1f}" for x in off)
         whole = np.sqrt(np.square(off).mean())
         print(f"{arm:16s} {numbers} | {whole:.2f} mrad, {seconds:.0f} s", flush=True)
+        if arm == "by_evidence":
+            show_harmonics(fit, train)
         if arm in LAWS:
             compare_sides(fit, train)
 

@@ -39,9 +39,7 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     theta = np.asarray(friction.theta, dtype=float)
     if friction.law.is_network or not theta.size:
         return float(theta.size)
-    free = np.broadcast_to(friction.law.has_parameters(len(theta)), theta.shape)
-    if friction.law.is_sparse:
-        free = free & (theta != 0)
+    free = friction.law.present(theta)
     constraints = friction.constraints
     if constraints is not None:
         free = free & (theta > constraints.low) & (theta < constraints.high)

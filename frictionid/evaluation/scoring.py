@@ -354,9 +354,7 @@ def _curve_scores(
 
 def _parameter_count(friction: Friction) -> Score:
     """Number of fitted parameters, with those that shooting freed beside friction."""
-    size = float(friction.law.has_parameters(friction.n).sum())
-    if friction.law.is_sparse:  # zeros are terms that it does not have
-        size = float(np.count_nonzero(np.asarray(friction.theta), axis=(-2, -1)).mean())
+    size = float(friction.law.present(friction.theta).sum(axis=(-2, -1)).mean())
     refined = friction.provenance.refined
     size += 0 if refined is None else refined.beside_friction
     return Score("all", "n_parameters", "count", value=size)

@@ -309,11 +309,10 @@ def estimates_of(friction: Friction, joints: Sequence[str] = ()) -> tuple[Estima
     if fitted is not None or law.is_network:
         return () if fitted is None else fitted.parameters
     theta, half = np.asarray(friction.theta, dtype=float), source.half_widths
-    has = law.has_parameters(len(theta)) & ((theta != 0) | (not law.is_sparse))
     names = joints or [f"joint {j + 1}" for j in range(len(theta))]
     return tuple(
         _estimate(friction, names[j], (j, i), None if half is None else float(half[j, i]))
-        for j, i in np.argwhere(has).tolist()
+        for j, i in np.argwhere(law.present(theta)).tolist()
     )
 
 

@@ -210,12 +210,12 @@ class Friction:
         if self.law.is_network:
             return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
         theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
-        has = self.law.has_parameters(self.n)
+        has = self.law.present(np.abs(theta).max(axis=0))
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"
                 for i, (name, unit) in enumerate(zip(self.law.names, self.units_at(j), strict=True))
-                if has[j, i] and not (self.law.is_sparse and (theta[:, j, i] == 0).all())
+                if has[j, i]
             )
             lines.append(f"  joint {j + 1}  " + ", ".join(values))
         return "\n".join(lines)

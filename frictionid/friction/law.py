@@ -38,6 +38,7 @@ class LawParameter(NamedTuple):
         of infinity where it has no neutral value
     like : another parameter whose value is the neutral one, such as that of the other direction
     initial : values to start fits from; (): zero, or the bound nearest to it
+    optional : whether zero is a term that friction does not have, and that stays out
     stepwise : whether friction at samples changes by steps in it: a derivative does not show where
         the next step is, so that fits try other values of it
     """
@@ -51,6 +52,7 @@ class LawParameter(NamedTuple):
     neutral: float = 0.0
     size: float = float("inf")
     like: str = ""
+    optional: bool = False
 
 
 class Inputs(NamedTuple):
@@ -126,7 +128,7 @@ class Law(ABC):
     is_linear : bool
         Whether the torque is `gradient` times theta, so that linear least squares fit it.
     is_sparse : bool
-        Whether a parameter of zero is a term that friction does not have, and that stays out.
+        Whether all parameters are optional, and friction has an `equation` of those that it has.
     is_network : bool
         Whether the parameters are weights: not printed, stored in binary, and refined by shooting
         in those combinations that the motion shows.
@@ -297,6 +299,17 @@ class Law(ABC):
     def has_parameters(self, joints: int) -> NDArray[np.bool_]:
         """Which of the P parameters each joint has, (joints, P): all, unless joints differ."""
         return np.ones((joints, len(self.names)), dtype=bool)
+
+    @cached_property
+    def optional(self) -> NDArray[np.bool_]:
+        """Which of the P parameters are terms that friction does not have where they are zero."""
+        return np.array([self.is_sparse or p.optional for p in self.parameters], dtype=bool)
+
+    def present(self, theta: Array) -> NDArray[np.bool_]:
+        """Which of its parameters friction has with numbers theta (..., n, P)."""
+        has = self.has_parameters(np.shape(theta)[-2])
+        there = (np.asarray(theta) != 0) | ~self.optional
+        return np.asarray(has & there) if self.optional.any() else has
 
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""

@@ -21,6 +21,7 @@ from ..identifier import Identifier
 from ..one_step.linearised import Given, Linearised, Ranges
 from ..one_step.one_step_fit import spread_of
 from ..one_step.residual import Problem, huber_factors, normalised
+from .harmonics import by_evidence
 from .initial_guess import best_initial_guess
 
 _ROUNDS = 2  # of weights
@@ -72,10 +73,10 @@ class LeastSquares(Identifier):
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         check_temperature(self.law, problem.nodes.inputs.temperature, fitted=True)
         weights = normalised(weights, problem)
-        law = Linearised.within(
-            self.law, problem, weights, Given(self.bounds, self.prior, self.equal)
-        )
-        return replace(law.friction(self._fitted(law, weights)), law=self.law)
+        form, absent = by_evidence(self.law, problem, weights, self.equal)
+        settings = Given(self.bounds, self.prior, self.equal)
+        law = Linearised.within(form, problem, weights, settings).without(absent)
+        return replace(law.friction(self._fitted(law, weights)), law=form)
 
     def _fitted(self, law: Linearised, weights: Array) -> Array:
         """Parameters (F, N) at the minimum, with weights of rows and of priors found on the way."""

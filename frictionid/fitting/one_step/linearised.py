@@ -59,6 +59,17 @@ class Linearised(NamedTuple):
             law.sharpened() if problem.masked else law, problem, constraints, constraints.tie
         )
 
+    def without(self, absent: Array) -> Linearised:
+        """The same with some parameters (F, n, P) held at zero, which friction has not."""
+        if not absent.any():
+            return self
+        limits = self.constraints
+        assert limits is not None
+        low, high = (np.where(absent, 0.0, x) for x in (limits.low, limits.high))
+        deviation, size = (np.where(absent, np.inf, x) for x in (limits.deviation, limits.size))
+        held = replace(limits, low=low, high=high, deviation=deviation, size=size)
+        return self._replace(constraints=held)
+
     @property
     def untied(self) -> Linearised:
         """The same with parameters of its own for each joint."""

@@ -52,8 +52,9 @@ def covariance_of_fit(friction: Friction, problem: Problem, weights: Array) -> t
     share, label = normalised(np.reshape(weights, (1, -1)), problem)[0], clusters(problem)
     H, scores = _summed(linear, label, theta[0], linear.residual(theta)[0], share)
     determined = np.diag(H) > 0
-    if law.is_sparse:
-        determined &= theta[0] != 0
+    determined &= linear.once(
+        np.broadcast_to(law.present(friction.theta), friction.theta.shape)[None]
+    )[0]
     keep, used = np.flatnonzero(determined), np.unique(label[share > 0])
     bread = np.linalg.pinv(H[np.ix_(keep, keep)], hermitian=True)
     moves, freedom = scores[np.ix_(used, keep)] @ bread, max(len(used) - 1, 1)

@@ -9,7 +9,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.friction import Friction, Inputs, along, constraints_of
+from frictionid.friction import Friction, Inputs, Law, along, constraints_of
 from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
 from frictionid.friction.provenance import Diagnostics, Dropped
@@ -71,15 +71,15 @@ def fit_torques(
     if start.law.is_network:
         raise InputError(f"{identifier!r}: networks are fitted by one-step recipes and by shooting")
     check_blocks(blocks, _with(estimate, start, balance, use), balance, use)
-    blocks = on_support(tuple(blocks), start)
+    blocks = tuple(blocks)
     dropped: list[Dropped] = []
     while True:
-        solution, problem = _best(identifier, balance, blocks, settings, use, seed)
+        solution, problem, law = _best(identifier, balance, blocks, settings, use, seed)
         solution, problem = _weighted(solution, problem, use, settings)
         solution, problem, held = _at_neutral(solution, problem, use, settings)
         if settings.consistent:
             solution = made_consistent(problem, solution, use, settings)
-        result = _result(problem, solution, start, use, tuple(dropped), held)
+        result = _result(problem, solution, law, use, tuple(dropped), held)
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -95,17 +95,21 @@ def _best(
     settings: TorqueSettings,
     use: Array,
     seed: int,
-) -> tuple[TorqueSolution, TorqueProblem]:
-    """The better solution of two starts: the nominal calibration, and that found from it."""
+) -> tuple[TorqueSolution, TorqueProblem, Law]:
+    """The better solution of two starts: the nominal calibration, and that found from it.
+
+    With its law: an identifier that chooses terms does so in each.
+    """
     estimate, ended = _nominal(balance), []
     for _ in range(_STARTS):
         friction = _friction(identifier, balance, estimate, use, seed)
         estimate = _with(estimate, friction, balance, use)
-        problem = TorqueProblem(balance, free_blocks(blocks, estimate), estimate)
+        free = free_blocks(on_support(blocks, friction), estimate)
+        problem = TorqueProblem(balance, free, estimate)
         solution = solve(problem, use, settings)
         estimate = solution.estimate
-        ended.append((solution, problem))
-    return min(ended, key=lambda pair: pair[0].log_noise)
+        ended.append((solution, problem, friction.law))
+    return min(ended, key=lambda end: end[0].log_noise)
 
 
 def _nominal(balance: TorqueBalance) -> Estimate:
@@ -143,16 +147,16 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
 def _result(
     problem: TorqueProblem,
     solution: TorqueSolution,
-    start: Friction,
+    law: Law,
     use: Array,
     dropped: tuple[Dropped, ...],
     held: tuple[Unknown, ...],
 ) -> Fit:
-    """The result of a fit that began with a friction, without what was dropped or held."""
+    """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
     friction = replace(
         estimate.friction,
-        law=start.law,
+        law=law,
         calibration=estimate.calibration,
         parameters={},
         constraints=None,

@@ -6,16 +6,44 @@ Magnets and teeth pull towards some angles [Holtz1996]. This is no friction: it 
 takes, and a joint at rest has it as well. Beside friction it is a part of a `sum`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, WrapValidator
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
+
+CANDIDATES = tuple(range(1, 25))  # harmonics that "auto" chooses among
+AUTO: Literal["auto"] = "auto"
+
+
+def _or_auto(value: Any, check: Callable[[Any], Any]) -> Any:
+    if value == AUTO:
+        return value
+    return check(tuple(value) if isinstance(value, list) else value)  # lists of TOML
+
+
+if TYPE_CHECKING:
+    Harmonics = tuple[int, ...] | Literal["auto"]
+else:
+    Harmonics = Annotated[tuple[Count, ...], Field(min_length=1), WrapValidator(_or_auto)]
+
+
+def orders(harmonics: Harmonics, law: str) -> tuple[int, ...]:
+    """The harmonics themselves, which must differ; all candidates of "auto".
+
+    >>> orders((7, 14), "cogging")
+    (7, 14)
+    """
+    if harmonics == AUTO:
+        return CANDIDATES
+    if len(set(harmonics)) < len(harmonics):
+        raise InputError(f"{law}: harmonics = {list(harmonics)} must differ")
+    return tuple(map(int, harmonics))
 
 
 def waves(q: Array, harmonics: Sequence[int], gear: float) -> Iterator[Array]:
@@ -37,25 +65,31 @@ class Cogging(Law):
 
     The amplitudes `cos` and `sin` of each harmonic k are torques, the same in both directions and
     at rest, where they add to the load that friction holds. `harmonics` are the k of `gear` times
-    the joint's angle. Part of a sum: `laws = ["stribeck", { kind = "cogging", harmonics = [7] }]`.
+    the joint's angle; of "auto" least squares chooses those of 1 to 24 that the data show.
+    Part of a sum: `laws = ["stribeck", { kind = "cogging", harmonics = [7] }]`.
 
     >>> Cogging((7,)).names
     ('cos_7', 'sin_7')
     """
 
-    harmonics: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
+    harmonics: Harmonics = (1,)
     gear: Positive = 1.0
     is_linear = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(set(self.harmonics)) < len(self.harmonics):
-            raise InputError(f"cogging: harmonics = {list(self.harmonics)} must differ")
+        orders(self.harmonics, "cogging")
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        names = (f"{name}_{k}" for k in self.harmonics for name in ("cos", "sin"))
-        return tuple(LawParameter(name, "N m", -float("inf"), size=0.1) for name in names)
+        names = (f"{name}_{k}" for k in self.orders for name in ("cos", "sin"))
+        endless = -float("inf")
+        return tuple(LawParameter(x, "N m", endless, size=0.1, optional=True) for x in names)
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The harmonics, all candidates of "auto"."""
+        return orders(self.harmonics, "cogging")
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         terms = (theta[..., i] * wave for i, wave in enumerate(self._waves(x)))
@@ -69,4 +103,4 @@ class Cogging(Law):
         return namespace(x.w).sign(x.w) * self.torque(theta, x, memory)
 
     def _waves(self, x: Inputs) -> Iterator[Array]:
-        return waves(x.q, self.harmonics, self.gear)
+        return waves(x.q, self.orders, self.gear)

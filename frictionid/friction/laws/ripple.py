@@ -8,17 +8,16 @@ Meshing teeth, a bent shaft and a bearing out of round press more at some angles
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from frictionid.arrays import Array, namespace
-from frictionid.config import Count, Positive
-from frictionid.errors import InputError
+from frictionid.config import Positive
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
-from .cogging import waves
+from .cogging import Harmonics, orders, waves
 from .combined import CombinedLaw
+
+_MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,14 @@ class Ripple(CombinedLaw):
 
     `base` is the law that it is laid over, "coulomb_viscous" or "stribeck", also as a table with
     settings such as { kind = "stribeck", symmetric = false }; its viscous friction does not ripple.
-    The amplitudes `cos` and `sin` of each harmonic k are parts of the level, all of them together
-    at most one, so that friction never drives. With gear = 1 they repeat with each turn of the
-    joint, with the ratio of a gear with each turn of the motor.
+    The amplitudes `cos` and `sin` of each harmonic k are parts of the level, up to a half each;
+    where they add up to less than -1, the level is zero, as friction never drives. Of "auto" least
+    squares chooses those of 1 to 24 that the data show. With gear = 1 they repeat with each turn of
+    the joint, with the ratio of a gear with each turn of the motor.
     """
 
     base: Any = "coulomb_viscous"
-    harmonics: Annotated[tuple[Count, ...], Field(min_length=1)] = (1,)
+    harmonics: Harmonics = (1,)
     gear: Positive = 1.0
     width: float = 0.02
     shape: str = "tanh"
@@ -42,8 +42,12 @@ class Ripple(CombinedLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(set(self.harmonics)) < len(self.harmonics):
-            raise InputError(f"Ripple: harmonics = {list(self.harmonics)} must differ")
+        orders(self.harmonics, "Ripple")
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The harmonics, all candidates of "auto"."""
+        return orders(self.harmonics, "Ripple")
 
     @property
     def law(self) -> Law:
@@ -52,11 +56,10 @@ class Ripple(CombinedLaw):
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        most = 1.0 / (2 * len(self.harmonics))
-        waves = (f"{name}_{k}" for k in self.harmonics for name in ("cos", "sin"))
+        waves = (f"{name}_{k}" for k in self.orders for name in ("cos", "sin"))
         return (
             *self.law.parameters,
-            *(LawParameter(name, "1", -most, most, size=0.3) for name in waves),
+            *(LawParameter(name, "1", -_MOST, _MOST, size=0.3, optional=True) for name in waves),
         )
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
@@ -69,15 +72,17 @@ class Ripple(CombinedLaw):
         of_law = self.law.gradient(numbers, x)
         height = self._height(theta, x) + 0.0 * level
         columns = [height * of_law[..., i] for i in range(numbers.shape[-1] - 1)]
-        columns += [of_law[..., -1] + 0.0 * level, *(level * wave for wave in self._waves(x))]
-        return namespace(theta, x.w).stack(columns, axis=-1)
+        xp = namespace(theta, x.w)
+        rubbing = xp.where(height > 0.0, level, 0.0 * level)
+        columns += [of_law[..., -1] + 0.0 * level, *(rubbing * wave for wave in self._waves(x))]
+        return xp.stack(columns, axis=-1)
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return self._height(theta, x) * self.law.limit(self._split(theta)[0], x, memory)
 
     def _split(self, theta: Array) -> tuple[Array, Array]:
         """Parameters of the law, viscous friction last, and amplitudes of the waves."""
-        size = theta.shape[-1] - 2 * len(self.harmonics)
+        size = theta.shape[-1] - 2 * len(self.orders)
         return theta[..., :size], theta[..., size:]
 
     def _parts(self, theta: Array, x: Inputs) -> tuple[Array, Array]:
@@ -87,10 +92,11 @@ class Ripple(CombinedLaw):
         return self.law.torque(numbers, x, ()) - viscous, viscous
 
     def _waves(self, x: Inputs) -> Iterator[Array]:
-        return waves(x.q, self.harmonics, self.gear)
+        return waves(x.q, self.orders, self.gear)
 
     def _height(self, theta: Array, x: Inputs) -> Array:
         """Level at this angle over its mean, >= 0."""
         _, amplitudes = self._split(theta)
         ripple: Any = sum(amplitudes[..., i] * wave for i, wave in enumerate(self._waves(x)))
-        return 1.0 + ripple
+        height: Any = 1.0 + ripple
+        return namespace(height).maximum(height, 0.0 * height)

@@ -14,7 +14,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     real, functions = settings.precision, ex.functions(model)
     heads = {f.name: _head(f, len(model.joints), settings) for f in functions}
     names = {"name": settings.name, "stem": settings.stem, "real": real}
-    context = {**names, "functions": functions, "heads": heads, "comment": _comment}
+    context = {**names, "functions": functions, "heads": heads, "comment": comment}
     templates = {".c": "source.c.j2", ".h": "header.h.j2"}
     language = _language(real)
     files = {end: ex.rendered(name, model, language, context) for end, name in templates.items()}
@@ -31,7 +31,7 @@ def _head(function: ex.Function, n: int, settings: ExportSettings) -> str:
     return f"void {settings.name}_{function.name}({', '.join(arguments)})"
 
 
-def _comment(text: str) -> str:
+def comment(text: str) -> str:
     """Text within a comment, which it neither ends nor begins anew."""
     return text.replace("*/", "* /").replace("/*", "/ *").replace("?", ".")
 
