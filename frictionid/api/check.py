@@ -21,6 +21,8 @@ from frictionid.report.figures.style import drawn
 from .models import DatasetLike, dataset_of, friction_of
 from .notebook import as_html, counted
 
+_NONE = (float("nan"),) * 2
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict:
@@ -66,6 +68,23 @@ class Verdict:
     def joints(self) -> pd.DataFrame:
         """Facts of each joint, SI units; see `frictionid.check.facts.JointFacts`."""
         return pd.DataFrame([asdict(joint) for joint in self.details.joints]).set_index("joint")
+
+    @property
+    def torque_speed(self) -> pd.DataFrame:
+        """Torque-speed envelope of each motor whose torque is measured, by the number of its joint.
+
+        Columns: peak [N m], knee, no_load [rad/s] with half the widths of their 95 % intervals
+        (peak_half and so on), NaN for what the data do not reach; torque, at, speed, by: the
+        largest torque and the speed there, the largest speed and the torque there.
+        """
+        columns = [f"{name}{end}" for name in ("peak", "knee", "no_load") for end in ("", "_half")]
+        rows = {
+            e.joint: [*(x for part in (e.peak, e.knee, e.no_load) for x in part or _NONE), *e[4:]]
+            for e in self.details.envelopes
+        }
+        return pd.DataFrame.from_dict(
+            rows, orient="index", columns=[*columns, "torque", "at", "speed", "by"]
+        )
 
     @property
     def next(self) -> tuple[str, ...]:

@@ -359,6 +359,7 @@ class Fit:
         left = torque_sentence({self.law: self.torque_left} if self.friction.law.names else {})
         notes += [left] if left else []
         notes += [s for s in source.torque if s == AS_LOGGED]
+        notes += source.limits
         went = source.refined
         if went is not None:
             done = "converged" if went.settled else "NOT converged"

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from frictionid.arrays import Array
 from frictionid.data.clock_facts import ClockFacts, clock_of
+from frictionid.data.envelope import Reached
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction
@@ -30,6 +31,7 @@ from .sensors import (
 from .servos import servo_advice, servo_findings, with_late_targets
 from .time_unit import in_seconds
 from .torque_source import TorqueSource, place_findings, torque_sources, unmeasured_findings
+from .torque_speed import limit_findings, torque_speeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,8 @@ class Verdict:
     next : tuple of str
         Recordings to make next.
     published : Compared or None
+    envelopes : tuple of Reached
+        What of its torque-speed envelope each motor's measured torque reaches.
     regression : Regression
         Data of the least squares, for figures.
     """
@@ -82,6 +86,7 @@ class Verdict:
     identifiable: tuple[Identifiable, ...]
     next: tuple[str, ...]
     published: Compared | None
+    envelopes: tuple[Reached, ...]
     regression: Regression
 
 
@@ -131,12 +136,15 @@ def judge(
     tests = untested(usable) if is_command else run_tests(usable)
     results = _Results(tests, *_least_squares(tests), torque_sources(dataset, commanded))
     model = _compared(results, published) if published else None
+    motion = [m.states for m in motions]
+    envelopes = tuple(torque_speeds(dataset, motion))
     unsorted = [
         *findings,
         *of_commands,
         *of_sensors,
         *of_outliers,
         *sampling_findings(usable),
+        *limit_findings(dataset, motion, envelopes),
         *still_joints(tests, facts),
         *results.findings(),
         *(incompatible(model) if model else []),
@@ -163,6 +171,7 @@ def judge(
         else (Identifiable("everything", False, untestable),),
         next=(*servo_advice(dataset), *advice(tests, facts, passive, estimate)),
         published=model,
+        envelopes=envelopes,
         regression=results.regression,
     )
 

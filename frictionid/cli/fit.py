@@ -56,8 +56,8 @@ def fit(
     seed : Seed of the fit.
     by : shooting; inverse_dynamics, on torques; or one_step, fast, which takes masses, gains and
         clocks as given [shooting, or of arms inverse_dynamics].
-    free : Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash
-        [friction, and of inertia, delay and bias what the data tell].
+    free : Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash,
+        envelope [friction, and of inertia, delay and bias what the data tell].
     fixed : A parameter that is not free, e.g. inertia.gravity_2; repeatable.
     windows : Lengths of the windows of shooting [s], e.g. 0.1,0.3.
     iterations : Iterations of shooting at most.

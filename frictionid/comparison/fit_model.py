@@ -11,6 +11,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.check import source_sentences, torque_sources
 from frictionid.check.motion import motions_of
+from frictionid.check.torque_speed import limit_findings, torque_speeds
 from frictionid.data.plants import plant_of, refuse_torques
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds
@@ -29,6 +30,7 @@ from frictionid.evaluation import (
 from frictionid.evaluation.free_run import free_run, make_trajectory
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.method import Method, check_method
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
@@ -135,6 +137,9 @@ def fit_model(
     if identifier.uses_mechanism:
         late = (AS_LOGGED,) * (fit.diagnostics is None and _as_logged(dataset))
         notes["torque"] = (*source_sentences(torque_sources(dataset)), *late)
+        envelopes = tuple(torque_speeds(dataset, prepared.smoothed))
+        limits = limit_findings(dataset, prepared.smoothed, envelopes)
+        notes |= {"envelopes": envelopes, "limits": tuple(f.text for f in limits)}
     if fit.diagnostics is not None:
         w = training.problems[recipe.steps[0].name].nodes.inputs.w
         notes["refined"] = fit.estimates(dataset, velocity_grid(w))
@@ -213,6 +218,8 @@ def with_smoothing_bias(
         )
     if any(r.servo is not None for r in dataset.recordings):
         raise InputError("bias: it is known of recorded torques, not of servos: fit by shooting")
+    if isinstance(identifier, LeastSquares):  # harmonics that were chosen stay
+        identifier = replace(identifier, law=friction.law)
     pieces, moved, noise = replayed(friction, dataset)
     rng, off = np.random.default_rng(seed), []
     for _ in range(DRAWS):

@@ -37,6 +37,7 @@ from frictionid.fitting.parameters import (
     BacklashBlock,
     BiasBlock,
     DelayBlock,
+    EnvelopeBlock,
     FrictionBlock,
     GainBlock,
     InertiaBlock,
@@ -296,4 +297,5 @@ BLOCKS: Mapping[str, Callable[..., ParameterBlock]] = {
     "actuator": ActuatorBlock,
     "target_delay": TargetDelayBlock,
     "backlash": BacklashBlock,
+    "envelope": EnvelopeBlock,
 }

@@ -288,7 +288,16 @@ def blocks_of(
     )
 
 
-_PARTLY_FIXED = ("inertia", "friction", "actuator", "gain", "bias", "offset", "backlash")
+_PARTLY_FIXED = (
+    "inertia",
+    "friction",
+    "actuator",
+    "gain",
+    "bias",
+    "offset",
+    "backlash",
+    "envelope",
+)
 
 
 def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
@@ -299,9 +308,8 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
         if block not in parts or not parameter or block not in free:
             raise InputError(
                 f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
-                "actuator.R, gain.JOINT, bias.JOINT, offset.JOINT or backlash.JOINT of a free "
-                "block, such as "
-                '"inertia.gravity_2"'
+                "actuator.R, gain.JOINT, bias.JOINT, offset.JOINT, backlash.JOINT or "
+                'envelope.JOINT of a free block, such as "inertia.gravity_2"'
             )
         parts[block].append(parameter)
     return {block: tuple(names) for block, names in parts.items()}

@@ -4,8 +4,8 @@ The true torque and angle follow from the recorded u and q:
 
     u_true(t) = gain u(t - delay) + bias,    q_true = q - offset
 
-Where a servo drives, kt and R of its motors, the delay of its targets and its backlash may be
-calibrated; u then follows from its controller.
+Where a servo drives, kt and R of its motors, the delay of its targets, its backlash and its
+envelope may be calibrated; u then follows from its controller.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 
+from .envelope import Envelope
 from .plants import plant_of
 from .recordings import Dataset, Recording
 from .servo import Servo, servo_torque
@@ -39,6 +40,8 @@ class Calibration:
         recordings
     target_delay : array, shape (...) [s] of servos, or None for that of the recordings
     backlash : array, shape (..., n) [rad] of servos, or None for that of the recordings
+    envelope : array, shape (..., n, 3), peak [N m], knee and no-load speed [rad/s] of servos, or
+        None for those of the recordings
 
     >>> calibration = Calibration.ideal(2)
     >>> calibration.gain, float(calibration.delay)
@@ -53,6 +56,7 @@ class Calibration:
     motor: Array | None = None
     target_delay: Array | None = None
     backlash: Array | None = None
+    envelope: Array | None = None
 
     @staticmethod
     def ideal(n: int, base: Array | None = None) -> Calibration:
@@ -79,13 +83,16 @@ def _all(values: list[Array | None]) -> Array | None:
 
 
 def calibrated_servo(servo: Servo, calibration: Calibration) -> Servo:
-    """The servo with what the calibration knows of its motors, targets and backlash."""
+    """The servo with what the calibration knows of its motors, targets, backlash and envelope."""
     if calibration.motor is not None:
         servo = servo.with_motor(*calibration.motor)
     if calibration.target_delay is not None:
         servo = replace(servo, target_delay=float(calibration.target_delay))
     if calibration.backlash is not None:
         servo = replace(servo, backlash=np.asarray(calibration.backlash, dtype=float))
+    if calibration.envelope is not None:
+        numbers = np.asarray(calibration.envelope, dtype=float)
+        servo = replace(servo, envelope=Envelope(*np.moveaxis(numbers, -1, 0)))
     return servo
 
 

@@ -8,7 +8,8 @@ is what the controller puts out: a torque ("torque"), the motor's current ("curr
     u = efficiency K (V - K w)/R,    exactly zero while the motor is disconnected
 
 K/R is the gain of the voltage V, and K^2/R acts like viscous friction while the motor is
-connected (back-EMF). In a prediction u depends on the predicted w.
+connected (back-EMF). A torque or current may have an `Envelope` over the speed; that of a voltage
+follows from it. In a prediction u depends on the predicted w.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 
 from frictionid.programs.loops import compiled
 
+from .envelope import Envelope, of_motor
 from .signals import Array, Signal, holds, sample
 
 Output = Literal["duty", "voltage", "current", "torque"]
@@ -41,7 +43,8 @@ class Linear(NamedTuple):
 class Controller(NamedTuple):
     """Torque of servos at some instants as a function of the motion (K, n), piecewise linear in it.
 
-        u = scale clip(share clip(command - by_q q - by_w w, limit) - back_emf w, most) + bias
+        u = scale clip(v, most) + bias,    v within +-stall - slope w
+        v = share clip(command - by_q q - by_w w, limit) - back_emf w
 
     Entries broadcast to (K, n); clip(x, a) is x within +-a.
     """
@@ -55,6 +58,8 @@ class Controller(NamedTuple):
     most: float | Array
     scale: float | Array
     bias: float | Array
+    stall: float | Array = float("inf")
+    slope: float | Array = 0.0
 
     def output(self, q: Array, w: Array | float) -> Array:
         """What the controller puts out, within its limit."""
@@ -63,10 +68,13 @@ class Controller(NamedTuple):
     def linear(self, q: Array, w: Array) -> Linear:
         """Torque at a motion, and its slopes there: none of what a limit holds."""
         out = self.output(q, w)
-        u = self.share * out - self.back_emf * w
+        asked = self.share * out - self.back_emf * w
+        u = np.clip(asked, -self.stall - self.slope * w, self.stall - self.slope * w)
         moves = np.where(np.abs(u) < self.most, self.scale, 0.0) + 0.0 * u
-        by_command = np.where(np.abs(out) < self.limit, moves * self.share, 0.0)
-        feedback = by_command * self.by_q, by_command * self.by_w + moves * self.back_emf
+        falls = u != asked
+        by_command = np.where((np.abs(out) < self.limit) & ~falls, moves * self.share, 0.0)
+        damping = moves * np.where(falls, self.slope, self.back_emf)
+        feedback = by_command * self.by_q, by_command * self.by_w + damping
         torque = self.scale * np.clip(u, -self.most, self.most) + self.bias
         return Linear(torque, by_command, np.stack(feedback, axis=-2))
 
@@ -94,6 +102,7 @@ class Servo:
     backlash : (n,) [rad] between the joint and the encoder that the controller reads, see `play`
     delay : [s] by which the torque acts later than by the clock of the angles
     bias : (n,) [N m] constant torque beside it
+    envelope : of a torque or current, before the efficiency, or None
 
     Examples
     --------
@@ -123,6 +132,7 @@ class Servo:
     backlash: float | Array = 0.0
     delay: float = 0.0
     bias: float | Array = 0.0
+    envelope: Envelope | None = None
 
     @property
     def has_motor(self) -> bool:
@@ -142,7 +152,8 @@ class Servo:
         then, has_motor = time - self.target_delay, self.has_motor
         K, volts = self.ratio * self.kt, 1.0 if self.output == "voltage" else self._supply(time)
         share = {"torque": 1.0, "current": K}.get(self.output, volts * K / self.R)
-        return Controller(
+        motor = self.envelope
+        controller = Controller(
             command=np.sum([factor * _sampled(x, then) for factor, x in self.targets], axis=0),
             by_q=self.gain if self.target == "position" else 0.0,
             by_w=self.damping if self.target == "position" else self.gain,
@@ -153,6 +164,9 @@ class Servo:
             scale=self.efficiency * self.connected(time),
             bias=self.bias,
         )
+        if has_motor or motor is None:
+            return controller
+        return controller._replace(most=motor.peak, stall=motor.stall, slope=motor.slope)
 
     def voltage(self, time: Array, q: Array) -> Array:
         """Voltage (K, n) [V] of the controller at times (K,) with the joints at q (K, n)."""
@@ -166,6 +180,22 @@ class Servo:
     def connected(self, time: Array) -> Array:
         """Whether the motors are connected at times (K,): 1 or 0, shape (K, n)."""
         return np.where(_sampled(self.enabled, time) > 0.5, 1.0, 0.0)
+
+    @property
+    def torque_speed(self) -> Envelope | None:
+        """Envelope at the joint: its own, or that of its motor by the least voltage.
+
+        None where neither is known.
+        """
+        envelope = self.envelope
+        if self.has_motor:
+            K, limit = self.ratio * self.kt, np.asarray(self.limit, dtype=float)
+            supply = self.supply.value.min() if isinstance(self.supply, Signal) else self.supply
+            volts = limit if self.output == "voltage" else limit * supply
+            envelope = of_motor(volts, K, self.R, K * self.current_limit)
+        if envelope is None or not np.isfinite(envelope.no_load).all():
+            return None
+        return envelope._replace(peak=self.efficiency * envelope.peak)
 
     def with_motor(self, kt: float, R: float) -> Servo:
         """The servo with other motors under its controller."""

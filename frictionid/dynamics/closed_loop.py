@@ -65,9 +65,11 @@ class Controllers(NamedTuple):
     @property
     def stiffest(self) -> Array:
         """Largest feedback (2, n) at any time."""
-        free = self.controller._replace(limit=np.inf, most=np.inf)
+        free = self.controller._replace(limit=np.inf, most=np.inf, stall=np.inf)
         zero = 0.0 * self.moment
-        return np.abs(free.linear(zero, zero).feedback).max(axis=(0, 1))
+        K, B = np.moveaxis(np.abs(free.linear(zero, zero).feedback), -2, 0)
+        B = np.maximum(B, self.controller.scale * self.controller.slope)
+        return np.stack([K.max(axis=(0, 1)), B.max(axis=(0, 1))])
 
 
 def controllers_of(servos: Sequence[Servo], time: Array, play: Array | None = None) -> Controllers:

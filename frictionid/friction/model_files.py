@@ -25,7 +25,12 @@ from .bam_files import is_bam, read_bam
 
 FORMAT = "frictionid model 1"
 _WEIGHTS = ".safetensors"
-_OF_SERVOS = ("motor", "target_delay", "backlash")  # of a calibration, where servos drive
+_OF_SERVOS = (
+    "motor",
+    "target_delay",
+    "backlash",
+    "envelope",
+)  # of a calibration, where servos drive
 
 
 def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.config import mistake
+from frictionid.data.envelope import Reached
 from frictionid.errors import InputError
 
 _LARGEST = 1e100  # beyond it squares overflow
@@ -258,7 +259,9 @@ class Provenance(BaseModel):
     inclusion : how often draws of the recordings had a term; learning : losses of the folds
     half_widths : (n, P), half the 95 % intervals of a one-step fit, NaN where there is none
     half_widths_hold : what they hold; smoothing_bias : (n, P), where it is in them
-    torque : whether each motor's torque is measured; equality : tests of equal joints
+    torque : whether each motor's torque is measured; envelopes : what of its torque-speed envelope
+    each measured one reaches; limits : how near torques come to those of motors
+    equality : tests of equal joints
     torque_left : scores of the torque that the model does not explain of its own data
     refined : of shooting and inverse dynamics; pooled : of several fits
     speeds : greatest speed of each part in the data
@@ -284,6 +287,8 @@ class Provenance(BaseModel):
     half_widths_hold: str = ""
     smoothing_bias: Numbers = None
     torque: tuple[str, ...] = ()
+    envelopes: tuple[Reached, ...] = ()
+    limits: tuple[str, ...] = ()
     torque_left: tuple[tuple[Any, ...], ...] = ()
     refined: Estimates | None = None
     equality: tuple[str, ...] = ()

@@ -168,7 +168,7 @@ def show_fit(friction: Friction, joints: Sequence[str] = ()) -> None:
     for head, lines in notes.items():
         if lines:
             say("\n  ".join([head, *lines]))
-    say(*source.equality, *source.torque)
+    say(*source.equality, *source.torque, *source.limits)
     show_torque_left({"model": torque_frame(source.torque_left)}, joints)
 
 

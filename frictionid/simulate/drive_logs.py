@@ -31,7 +31,9 @@ class ServoPendulum:
     the samples, and of the targets, which are held; warming [K] towards which it warms up from 15
     degC in a recording, with the time constant of a third of it; the level changes by `slope`
     [1/K], and viscous friction decays by `decay` [1/K], from what they are at 25 degC; held: the
-    drive keeps u from a sample to the next, otherwise it follows the joint all the time
+    drive keeps u from a sample to the next, otherwise it follows the joint all the time; peak
+    [N m], knee and no_load [rad/s] of the motor's torque over its speed; waves, (k, amplitude
+    [N m], phase) each, of a cogging torque: amplitude cos(k q + phase) is added to the friction
     """
 
     mass: float = 0.5
@@ -49,6 +51,10 @@ class ServoPendulum:
     slope: float = 0.0
     decay: float = 0.0
     held: bool = False
+    peak: float = float("inf")
+    knee: float = 0.0
+    no_load: float = float("inf")
+    waves: tuple[tuple[float, float, float], ...] = ()
 
     def log(self, P: float, D: float, seed: int, seconds: float = 8.0) -> dict[str, Array]:
         """A recording: time "t" [s], angle "q" [rad], "target" [rad] and torque "u" [N m], (T,).
@@ -73,22 +79,28 @@ class ServoPendulum:
         middle = t + 0.5 / self.rate  # of each sample, whose friction is that at one temperature
         T, warm = (15.0 + self.warming * (1.0 - np.exp(-3.0 * x / seconds)) for x in (t, middle))
         share = np.stack([1.0 + self.slope * (warm - 25.0), np.exp(-self.decay * (warm - 25.0))])
-        q, u = _servo_motion(target, (parts, late, every), np.array([*numbers, *rest]), share)
+        slope = self.peak / (self.no_load - self.knee) if np.isfinite(self.peak) else 0.0
+        stall = slope * self.no_load if slope else np.inf
+        motor = (self.peak, stall, slope)
+        settings = np.array([*numbers, *rest, *motor]), np.reshape(self.waves, (-1, 3))
+        q, u = _servo_motion(target, (parts, late, every), *settings, share)
         log = {"t": t, "q": q + self.noise * rng.normal(size=len(t)), "target": target, "u": u}
         return log | ({"T": T} if self.warming else {})
 
 
 @compiled
 def _servo_motion(
-    target: Array, counts: tuple[int, int, int], numbers: Array, share: Array
+    target: Array, counts: tuple[int, int, int], numbers: Array, waves: Array, share: Array
 ) -> tuple[Array, Array]:
     """Angles and torques (T,) at the samples of a target (T,), from rest at its start.
 
     counts : substeps in a sample, those by which targets are late, those for which u is held
+    waves : (H, 3) of the cogging torque
     share : (2, T) of the level and of viscous friction
     """
     parts, late, every = counts
-    P, D, inertia, gravity, coulomb, viscous, load, half, reach, limit, h = numbers
+    P, D, inertia, gravity, coulomb, viscous, load, half, reach, limit, h = numbers[:-3]
+    peak, stall, slope = numbers[-3:]
     q, w, z, y, u = target[0], 0.0, 0.0, 0.0, 0.0
     angle, torque = np.empty(len(target)), np.empty(len(target))
     for k in range(len(target) * parts):
@@ -101,12 +113,17 @@ def _servo_motion(
         y = min(max(y + h / 2 * w, -reach), reach)
         if k % every == 0:
             u = min(max(P * (aim - q + z) - D * w, -limit), limit)
+            u = min(max(u, -stall - slope * w), stall - slope * w)
+            u = min(max(u, -peak), peak)
         torque[k // parts] += u / parts
-        free = w + h / inertia * (u - gravity * np.sin(q))
+        pull = u - gravity * np.sin(q)
+        for i in range(len(waves)):
+            pull -= waves[i, 1] * np.cos(waves[i, 0] * q + waves[i, 2])
+        free = w + h / inertia * pull
         rubs = (y >= reach and free > 0) or (y <= -reach and free < 0)
         level, drag = share[0, k // parts] * coulomb, share[1, k // parts] * viscous
         drag = drag if rubs else 0.0
-        wanted = w + h / inertia * (u - gravity * np.sin(q) - drag * w)
+        wanted = w + h / inertia * (pull - drag * w)
         most = h / inertia * (level + load * abs(u)) if rubs else 0.0
         w = _slowed(wanted, most)
         q += h / 2 * w

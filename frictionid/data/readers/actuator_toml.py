@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from frictionid.config import Strict, nearest
+from frictionid.data.envelope import Envelope, of_motor
 from frictionid.errors import InputError
 
 from .column_toml import Column, Names, as_list, check_per_joint
@@ -28,6 +30,8 @@ _SENSELESS = {
     "voltage": ("supply",),
     "duty": (),
 }
+# Keys that say an envelope of a torque or current: directly, or by the motor.
+_ENVELOPE, _MOTOR = {"peak_torque", "knee_speed", "no_load_speed"}, {"kt", "R", "supply"}
 _NEEDED = {"torque": (), "current": ("kt",), "voltage": ("kt", "R"), "duty": ("kt", "R", "supply")}
 
 
@@ -51,6 +55,8 @@ class Actuator(Strict):
     current_limit : [A] of a controller that puts out a voltage
     kt, R : torque constant [N m/A] and resistance [Ohm] of the motor; gear : turns of the motor
         for one of the joint; efficiency : of the gear, where the motor drives
+    peak_torque, knee_speed, no_load_speed : [N m] and [rad/s] at the joint, of a torque or current,
+        see `Envelope`; or kt, R and supply, which with the limit make one
     delay : [s] by which targets act later than by their clock; backlash : [rad], see `play`
     recordings : keys that differ, by names or patterns of recordings, such as other gains
     """
@@ -73,18 +79,30 @@ class Actuator(Strict):
     R: _Positive | None = None
     gear: _Positives = [1.0]
     efficiency: _Shares = [1.0]
+    peak_torque: _Positives | None = None
+    knee_speed: _Gains | None = None
+    no_load_speed: _Positives | None = None
     delay: float = 0.0
     backlash: _Gains = [0.0]
     recordings: dict[str, dict[str, Any]] = {}
 
     @model_validator(mode="after")
     def _that_of_its_output(self) -> Self:
-        for key in _SENSELESS[self.output]:
-            if key in self.model_fields_set:
+        there = self.model_fields_set
+        has_motor = self.output in ("torque", "current") and there >= _MOTOR
+        for key in (*_SENSELESS[self.output], *(_ENVELOPE if "R" in _NEEDED[self.output] else ())):
+            if key in there and not (has_motor and key in {*_MOTOR, "gear"}):
                 raise ValueError(f'{key} says nothing where output = "{self.output}"; delete it')
         for key in _NEEDED[self.output]:
             if getattr(self, key) is None:
                 raise ValueError(f'output = "{self.output}" needs the key {key!r}; add it')
+        if there & _ENVELOPE and (not there >= _ENVELOPE or has_motor or self._falls_late):
+            raise ValueError(
+                "an envelope is peak_torque, knee_speed and a higher no_load_speed, or kt, R and a "
+                "supply: give one of these"
+            )
+        if has_motor and isinstance(self.supply, str):
+            raise ValueError("an envelope has one supply [V]: give a number, or peak_torque")
         if self.kind == "velocity" and (any(self.D) or self.target_velocity):
             raise ValueError(
                 'kind = "velocity" has P only, of the velocity: delete D and target_velocity'
@@ -92,6 +110,27 @@ class Actuator(Strict):
         if not any(self.P) and not any(self.D) and self.feedforward is None:
             raise ValueError("P = 0 without D and feedforward never moves a motor: give the gains")
         return self
+
+    @property
+    def _falls_late(self) -> bool:
+        """Whether a knee is not below the no-load speed."""
+        knee, no_load = self.knee_speed or [], self.no_load_speed or []
+        pairs = zip(knee * len(no_load), no_load * len(knee), strict=True)
+        single = min(len(knee), len(no_load)) == 1
+        return any(a >= b for a, b in (pairs if single else zip(knee, no_load, strict=False)))
+
+    @property
+    def envelope(self) -> Envelope | None:
+        """Envelope of a torque or current, by speeds or by the motor."""
+        if self.peak_torque and self.knee_speed and self.no_load_speed:
+            keys = self.peak_torque, self.knee_speed, self.no_load_speed
+            return Envelope(*map(np.array, keys))
+        if self.output not in ("torque", "current") or not self.model_fields_set >= _MOTOR:
+            return None
+        assert self.kt and self.R and not isinstance(self.supply, str)
+        K = self.kt * np.array(self.gear)
+        limit = np.array(self.limit or [np.inf]) * (K if self.output == "current" else 1.0)
+        return of_motor(float(self.supply or 0.0), K, self.R, limit)
 
     @model_validator(mode="after")
     def _recordings_are_actuators(self) -> Self:
@@ -142,7 +181,7 @@ class Actuator(Strict):
                     f"actuator.{key} names {len(names)} columns for {joints} joints; give one "
                     "per joint"
                 )
-        keys = ("P", "D", "limit", "gear", "efficiency", "backlash")
+        keys = ("P", "D", "limit", "gear", "efficiency", "backlash", *sorted(_ENVELOPE))
         check_per_joint({f"actuator.{key}": getattr(self, key) for key in keys}, joints)
 
     def check_recordings(self, names: Sequence[str], where: str) -> None:

@@ -193,6 +193,7 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         efficiency=np.array(actuator.efficiency),
         target_delay=actuator.delay,
         backlash=np.array(actuator.backlash),
+        envelope=actuator.envelope,
     )
 
 

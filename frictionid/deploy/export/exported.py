@@ -15,6 +15,7 @@ from frictionid.api.machines import Machine, Nearest
 from frictionid.arrays import Array
 from frictionid.config import validated
 from frictionid.data.calibration import calibrated_dataset
+from frictionid.data.envelope import Envelope
 from frictionid.data.position_control import PositionControl, position_control
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, printable
@@ -77,6 +78,13 @@ class ExportedFriction:
         motors = (True,) * len(self.joints) if self.mechanism is None else self.mechanism.motors
         pairs = enumerate(zip(self.joints, motors, strict=False))
         return {name: j for j, (name, motor) in pairs if motor}
+
+    def envelope(self, j: int) -> Envelope | None:
+        """Torque-speed envelope of a joint's motor: a servo's, or that of a measured torque."""
+        if self.drive is not None:
+            return self.drive.envelope(j)
+        reached = self.friction.provenance.envelopes
+        return next((e.envelope for e in reached if e.joint == j + 1), None)
 
     @property
     def law(self) -> Law:

@@ -2,9 +2,9 @@
 
 Joints hold Coulomb friction (`frictionloss`), viscous friction and drag (`damping`, a polynomial).
 A `dcmotor` without a motor holds the bristles of LuGre and Dahl, by the same exact solution as
-ours, or one harmonic of cogging. A `general` actuator holds position control within a limit, gain
-and bias of a torque, and a delay of its command, read between steps from its history
-[MuJoCo2026].
+ours, or one harmonic of cogging; with one, position control within a torque-speed envelope. A
+`general` actuator holds position control within a limit, gain and bias of a torque. Both hold a
+delay of their command, read between steps from its history [MuJoCo2026].
 """
 
 import math
@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from frictionid.data.envelope import Envelope
 from frictionid.friction import Friction, Law
 from frictionid.friction.laws import Cogging, CoulombViscous, Dahl, LuGre, Quadratic, Sum
 
@@ -40,9 +41,9 @@ def cogging_of(law: Law) -> Cogging | None:
         return None
     base, other = law.parts
     plain = isinstance(base, Quadratic) or (isinstance(base, CoulombViscous) and base.symmetric)
-    if not plain or not isinstance(other, Cogging) or len(other.harmonics) != 1:
+    if not plain or not isinstance(other, Cogging) or len(other.orders) != 1:
         return None
-    return other if float(other.harmonics[0] * other.gear).is_integer() else None
+    return other if float(other.orders[0] * other.gear).is_integer() else None
 
 
 def held(model: ExportedFriction) -> Friction:
@@ -80,7 +81,7 @@ def passive_motor(friction: Friction, j: int) -> dict[str, str]:
     if (cogging := cogging_of(law)) is not None:
         cos, sin = map(float, friction.theta[j, -2:])  # it pulls against ours
         numbers = (math.hypot(cos, sin), math.atan2(-cos, -sin))
-        poles = round(cogging.harmonics[0] * cogging.gear)
+        poles = round(cogging.orders[0] * cogging.gear)
         return {**_NO_MOTOR, "cogging": f"{numbers[0]!r} {poles} {numbers[1]!r}"}
     if not isinstance(law, Dahl | LuGre):
         return {}
@@ -114,12 +115,16 @@ def is_stiff(model: ExportedFriction, timestep: float) -> bool:
 
 
 def drive_values(model: ExportedFriction, j: int) -> dict[str, str]:
-    """Attributes of a `general` actuator for a joint's motor; none where `motor` is the same.
+    """Attributes of an actuator for a joint's motor; none where `motor` is the same.
+
+    Of a `dcmotor` where it has an envelope, else of a `general`.
 
     Its control is the target of a servo, which is delayed, else the logged torque.
     """
     drive, calibration = model.drive, model.friction.calibration
     values: dict[str, str] = {}
+    if actuator_of(model, j) == "dcmotor" and (envelope := model.envelope(j)) is not None:
+        return _dc_motor(envelope, *((0.0, 0.0) if drive is None else (drive.kp[j], drive.kv[j])))
     if drive is not None:
         kp, kv, limit, back_emf, bias = (
             float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.back_emf, drive.bias)
@@ -133,6 +138,28 @@ def drive_values(model: ExportedFriction, j: int) -> dict[str, str]:
         gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
         values |= _affine(gain, (bias, 0.0, 0.0)) if (gain, bias) != (1.0, 0.0) else {}
     return values
+
+
+def actuator_of(model: ExportedFriction, j: int) -> str:
+    """Element of a joint's motor: a torque that is scaled or biased needs a `general`."""
+    calibration = model.friction.calibration
+    scaled = model.drive is None and calibration is not None
+    if calibration is not None and scaled:
+        gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
+        scaled = (gain, bias) != (1.0, 0.0)
+    return "general" if scaled or model.envelope(j) is None else "dcmotor"
+
+
+def _dc_motor(motor: Envelope, kp: float, kv: float) -> dict[str, str]:
+    """Attributes of a `dcmotor` of 1 Ohm, under position control or a torque."""
+    K = math.sqrt(motor.slope)
+    return {
+        "motorconst": f"{K!r} {K!r}",
+        "resistance": "1.0",
+        "input": "pos" if kp or kv else "ff",
+        "controller": f"{float(kp)!r} 0 {float(kv)!r} 0 0 {float(motor.stall) / K!r}",
+        "saturation": f"{float(motor.peak)!r} 0 0",
+    }
 
 
 def _affine(gain: float, bias: tuple[float, float, float]) -> dict[str, str]:

@@ -5,6 +5,7 @@ from .blocks import (
     BacklashBlock,
     BiasBlock,
     DelayBlock,
+    EnvelopeBlock,
     FrictionBlock,
     GainBlock,
     InertiaBlock,

@@ -69,10 +69,10 @@ class FrictionBlock(ParameterBlock):
 
 
 def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:
-    """The blocks; where the law is sparse, friction's only frees what the friction (n, P) has."""
-    if not friction.law.is_sparse:
+    """The blocks; of terms that are optional friction's only frees those that friction has."""
+    if not friction.law.optional.any():
         return tuple(blocks)
-    has = tuple((int(j), int(i)) for j, i in np.argwhere(np.asarray(friction.theta) != 0))
+    has = tuple((int(j), int(i)) for j, i in np.argwhere(friction.law.present(friction.theta)))
     return tuple(replace(b, support=has) if isinstance(b, FrictionBlock) else b for b in blocks)
 
 
@@ -257,6 +257,28 @@ class BacklashBlock(_EachJoint):
     """
 
     name, enters, label, low = "backlash", "actuator", "backlash", 0.0
+
+
+class EnvelopeBlock(ParameterBlock):
+    """Peak torque, knee and no-load speed of each driven joint, see `Envelope`.
+
+    Those of a servo that has an envelope, by which a fit begins; where no torque reaches a part of
+    it, that part is not identified. `prior` is relative.
+    """
+
+    name, enters, relative = "envelope", "actuator", True
+    labels: ClassVar = ("peak torque", "knee speed", "no-load speed")
+
+    def names(self, estimate: Estimate) -> tuple[Sequence[str], str]:
+        return (*self.labels, *estimate.mechanism.joints), "there is no joint, and no part"
+
+    def listed(self, estimate: Estimate) -> Iterator[Parameter]:
+        d, values = estimate.mechanism, np.asarray(estimate.calibration.envelope, dtype=float)
+        for i, label in enumerate(self.labels):
+            for j in np.flatnonzero(d.driven).tolist():
+                unit = d.torque_units[j] if i == 0 else f"{d.position_units[j]}/s"
+                name, value = f"{label} of {d.joints[j]}", float(values[j, i])
+                yield Parameter(self.name, name, unit, value, _LEAST * value, place=(j, i))
 
 
 def _at_joints(parameters: Sequence[Parameter], torque: Array) -> Array:

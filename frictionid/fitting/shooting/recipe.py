@@ -22,7 +22,7 @@ from .sample_intervals import Intervals
 from .servo import has_actuator
 from .settings import DEFAULT_BLOCKS, Settings
 
-_BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash")
+_BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash", "envelope")
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,8 +100,9 @@ def changes_of(
         return
     for block in (free.block for free in blocks if free.block.enters == "actuator"):
         parameters = block.parameters(estimate)
-        places = [p.place for p in parameters]
-        for group in [parameters] if all(places) else [(p,) for p in parameters]:
+        kinds = dict.fromkeys(p.place[1:] for p in parameters)
+        each = [tuple(p for p in parameters if p.place[1:] == kind) for kind in kinds]
+        for group in each if all(p.place for p in parameters) else [(p,) for p in parameters]:
             yield _change(intervals, estimate, block, group, drive.loop.feedback)
 
 
@@ -253,7 +254,20 @@ def with_servo(estimate: Estimate, dataset: Dataset, blocks: Sequence[ParameterB
     if "backlash" in names and new.backlash is None:
         n = estimate.mechanism.n
         new = replace(new, backlash=np.mean([s.backlash + np.zeros(n) for s in servos], axis=0))
+    if "envelope" in names and new.envelope is None:
+        new = replace(new, envelope=_envelope(servos, estimate.mechanism.n, where))
     return estimate._replace(calibration=new)
+
+
+def _envelope(servos: Sequence[Servo], n: int, where: str) -> Array:
+    """Peaks, knees and no-load speeds (n, 3) that a fit begins with."""
+    if any(s.envelope is None for s in servos):
+        raise InputError(
+            f"{where}: give the envelope that the fit begins with: peak_torque, knee_speed and "
+            "no_load_speed of [actuator]"
+        )
+    each = [np.broadcast_to(x, n) for s in servos if s.envelope is not None for x in s.envelope]
+    return np.reshape(each, (-1, 3, n)).mean(axis=0).T
 
 
 def _motor(estimate: Estimate, servos: Sequence[Servo], where: str, remedy: str) -> Array:

@@ -2,13 +2,15 @@
 
 import re
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 
 import numpy as np
 import pytest
 
 from frictionid.data.calibration import Calibration
+from frictionid.data.envelope import Envelope
+from frictionid.data.position_control import PositionControl
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.nearest import along_velocity, break_away, nearest
@@ -39,11 +41,22 @@ class DelayedPDActuatorCfg(ImplicitActuatorCfg):
     max_delay: int = 0
 
 
+@dataclass
+class DCMotorCfg(ImplicitActuatorCfg):
+    """The same with a torque-speed envelope, whose saturation effort is one for all joints."""
+
+    effort_limit: object = None
+    velocity_limit: object = None
+    saturation_effort: float = 0.0
+
+
 @pytest.fixture
 def isaaclab(monkeypatch):
     package, actuators = ModuleType("isaaclab"), ModuleType("isaaclab.actuators")
     vars(actuators).update(
-        ImplicitActuatorCfg=ImplicitActuatorCfg, DelayedPDActuatorCfg=DelayedPDActuatorCfg
+        ImplicitActuatorCfg=ImplicitActuatorCfg,
+        DelayedPDActuatorCfg=DelayedPDActuatorCfg,
+        DCMotorCfg=DCMotorCfg,
     )
     monkeypatch.setitem(sys.modules, "isaaclab", package)
     monkeypatch.setitem(sys.modules, "isaaclab.actuators", actuators)
@@ -88,3 +101,31 @@ def test_a_delay_is_in_steps_of_the_physics():
     assert isinstance(cfg, DelayedPDActuatorCfg)
     assert (cfg.min_delay, cfg.max_delay) == (2, 3)  # 0.012 s of steps of 0.005 s
     assert list(cfg.armature.values()) == [0.002]
+
+
+MOTORS = Envelope(np.array([0.8, 1.5]), np.array([4.0, 10.0]), np.array([12.0, 20.0]))
+
+
+@pytest.mark.usefixtures("isaaclab")
+def test_a_motor_with_an_envelope_is_a_dc_motor_and_joints_of_one_stall_torque_share_it():
+    one, none = np.ones(2), np.zeros(2)
+    drive = PositionControl(
+        *(20.0 * one, 0.5 * one, MOTORS.peak, none, 0.012, none, MOTORS.stall, MOTORS.slope)
+    )
+    model = exported(Friction(Stribeck(), THETA), ("hip", "knee"), (5.0, 5.0))
+    made = writer_of("isaac")(replace(model, drive=drive), ExportSettings(name="leg"))
+    module: dict = {}
+    exec(made.files[".py"], module)
+    configurations = module["ACTUATORS"].values()
+    assert sorted(module["ACTUATORS"]) == ["leg_hip", "leg_knee"]
+    w = np.linspace(-30.0, 30.0, 61)
+    for cfg in configurations:
+        (joint,) = cfg.joint_names_expr
+        j = ("hip", "knee").index(joint)
+        assert isinstance(cfg, DCMotorCfg) and cfg.stiffness == {joint: 20.0}
+        fast = cfg.velocity_limit[joint] * (1 + cfg.effort_limit[joint] / cfg.saturation_effort)
+        clipped = np.clip(w, -fast, fast)  # as DCMotor does
+        top = cfg.saturation_effort * (1 - clipped / cfg.velocity_limit[joint])
+        ours = Envelope(*(x[j] for x in MOTORS)).top(w)
+        np.testing.assert_allclose(np.minimum(top, cfg.effort_limit[joint]), ours, atol=1e-12)
+    assert any("DCMotor does not delay commands" in sentence for sentence in made.lost)

@@ -7,6 +7,7 @@ friction torque can be written so.
 """
 
 import re
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -23,10 +24,9 @@ held = nearest
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `ACTUATORS`, for `ArticulationCfg.actuators`."""
-    friction, joints = nearest(model), [re.escape(name) for name in model.joints]
+    friction, drive, delay = nearest(model), model.drive, delay_of(model)
     level, viscous = friction.theta.T
     values: dict[str, Array | None] = {"stiffness": None, "damping": None}
-    drive = model.drive
     if drive is not None:
         values |= {"stiffness": drive.kp, "damping": drive.kv, "effort_limit": drive.limit}
         viscous = viscous + drive.back_emf
@@ -37,22 +37,52 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     }
     if model.rotor is not None:
         values["armature"] = np.array([model.rotor])
-    delay = delay_of(model)
-    context = {
-        "name": settings.name,
-        "kind": "DelayedPDActuatorCfg" if delay > 0 else "ImplicitActuatorCfg",
-        "patterns": joints,
-        "values": {name: _by_joint(joints, row) for name, row in values.items()},
-        "delay": delay,
-    }
-    code = rendered("isaac.py.j2", model, LANGUAGE, context)
     # PhysX holds the break-away level by itself
     lost = lost_by(model, friction, "PhysX", "static, dynamic and viscous effort")
     lost = [sentence for sentence in lost if " breaks away at " not in sentence]
+    kind, groups = "ImplicitActuatorCfg", _alike(settings.name, model, np.zeros(friction.n))
+    motors = [model.envelope(j) for j in range(friction.n)]
+    envelopes = [motor for motor in motors if motor is not None]
+    if len(envelopes) == len(motors):
+        peak, stall, no_load = np.array([(m.peak, m.stall, m.no_load) for m in envelopes]).T
+        kind, groups = "DCMotorCfg", _alike(settings.name, model, stall)
+        values |= {"effort_limit": peak, "velocity_limit": no_load}
+        if delay > 0:
+            lost.append(
+                f"DCMotor does not delay commands: the model's {1e3 * delay:.3g} ms are left"
+            )
+            delay = 0.0
+    elif delay > 0:
+        kind = "DelayedPDActuatorCfg"
     if delay < 0:
         lost.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
+    configured = {name: _fields(model, values, list(joints)) for name, joints in groups.items()}
+    context = {"name": settings.name, "kind": kind, "groups": configured, "delay": delay}
+    code = rendered("isaac.py.j2", model, LANGUAGE, context)
     other = friction if differs(model, friction) else None
     return Written({".py": code}, tuple(lost), other)
+
+
+def _alike(name: str, model: ExportedFriction, stall: Array) -> dict[str, Sequence[int]]:
+    """Joints by the name of their configuration: DCMotor has one saturation effort for all."""
+    efforts = np.unique(stall)
+    if len(efforts) == 1:
+        return {name: range(len(stall))}
+    groups = [np.flatnonzero(stall == effort).tolist() for effort in efforts]
+    return {f"{name}_{model.joints[joints[0]]}": joints for joints in groups}
+
+
+def _fields(
+    model: ExportedFriction, values: Mapping[str, Array | None], joints: Sequence[int]
+) -> dict[str, str]:
+    """Fields of a configuration as code."""
+    patterns, motor = [re.escape(model.joints[j]) for j in joints], model.envelope(joints[0])
+    code = {"joint_names_expr": repr(patterns)}
+    for name, row in values.items():
+        code[name] = _by_joint(patterns, None if row is None else row[joints])
+    if "velocity_limit" in values and motor is not None:
+        code["saturation_effort"] = repr(float(motor.stall))
+    return code
 
 
 def _by_joint(joints: list[str], row: Array | None) -> str:

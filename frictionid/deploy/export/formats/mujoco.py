@@ -22,6 +22,7 @@ from frictionid.mechanics.mjcf_text import mjcf_of
 from ..callback import callback
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..native import (
+    actuator_of,
     delay_of,
     delay_values,
     drive_values,
@@ -193,12 +194,12 @@ def _drives(
         values, e = drive_values(model, j), there.get(name)
         if e is None:
             new = {"name": name, "joint": name, **values, **late}
-            added += [element("general", new)] if model.drive is not None else []
+            added += [element(actuator_of(model, j), new)] if model.drive is not None else []
             continue
         tag = text[e.start : e.end]
         if values:
             kept = {k: v for k, v in e.attributes.items() if k in _KEPT}
-            tag = element("general", {**kept, **values, **late})
+            tag = element(actuator_of(model, j), {**kept, **values, **late})
             changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
         elif late:
             changes.append((e.start, e.end, with_attributes(tag, late)))
@@ -212,6 +213,12 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
         notes.append(
             "the actuators are position control by the identified gains: ctrl is the target"
         )
+    if any(actuator_of(model, j) == "dcmotor" for j in model.driven.values()):
+        notes.append(
+            "motors are dcmotors of 1 Ohm, whose voltage and torque limits are the envelope"
+        )
+        if model.drive is not None and np.any(model.drive.bias):
+            notes.append("a dcmotor has no constant torque: the servo's bias is left out")
     if is_late:
         notes.append(f"controls act {1e3 * delay:.3g} ms late, by their history (MuJoCo 3.5)")
     if delay < 0:

@@ -1,0 +1,219 @@
+"""Torque-speed envelope of motors whose torque is measured, from samples in which it saturates.
+
+Torques that saturate stand on the upper edge of all torques over speed, forwards and backwards
+alike. With d the distance above an edge h in units of the torque's noise, a share of them does:
+
+    p(d) = share phi(d) + (1 - share) Phi(-d)/h
+
+The likeliest edge of a grid is drawn to the samples that are near it. Its peak or its fall is
+reached where samples pile up on it: five times as many as in a band as wide beside it, in three
+stretches, at speeds that differ. A torque that only has its crests there, as a sine does, has twice
+as many. A command that steps to one level looks like a peak.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr, stdtrit
+
+from frictionid.arrays import Array
+from frictionid.data.envelope import Envelope, Estimated, Reached
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import Signal, holds, sample
+from frictionid.data.state_estimators import States
+
+from .findings import Finding, finding
+
+_NOISE = 0.01  # of the largest torque, at least: velocities are smoothed, drives lag
+_MAD = 1.4826 / np.sqrt(6.0)  # of second differences
+_PILED, _STRETCHES, _LENGTH = 5.0, 3, 3
+_SPREAD = 0.1  # of the fastest speed, that samples on the edge must differ by
+_FEW = 1000  # samples of the search
+_MOVES = 0.02  # of the fastest speed: at rest a torque that holds a load stands still
+_AT_LIMIT = 0.98  # of what a motor can make
+_KNEES, _BEYOND = np.linspace(0.05, 1.0, 20), np.geomspace(0.05, 1.5, 12)  # of the fastest speed
+_SHARE, _OUTLIERS, _ROUNDS = 0.3, 1e-4, 10
+Parts = tuple[Estimated | None, Estimated | None, Estimated | None]
+
+
+class _Samples(NamedTuple):
+    """Torques (S,) [N m] in the direction in which they act, with speeds w (S,) in that direction.
+
+    stretch (S,) : number of samples before with another sign, or of another recording
+    sigma : noise [N m]
+    """
+
+    torque: Array
+    w: Array
+    stretch: Array
+    sigma: float
+
+    def every(self, most: int) -> _Samples:
+        """At most so many of them."""
+        step = max(len(self.w) // most, 1)
+        return self._replace(**{k: getattr(self, k)[::step] for k in ("torque", "w", "stretch")})
+
+
+def torque_speeds(dataset: Dataset, motion: Sequence[States]) -> Iterator[Reached]:
+    """What of its envelope each motor's measured torque reaches."""
+    for j in map(int, np.flatnonzero(dataset.mechanism.driven)):
+        if (samples := _samples(dataset, motion, j)) is None:
+            continue
+        speed = np.abs(samples.w)
+        fastest = float(np.quantile(speed, 0.99))
+        most, at = int(np.argmax(samples.torque)), int(np.argmax(speed))
+        peak, knee, no_load = _edge(samples, fastest) if fastest else (None, None, None)
+        limits = samples.torque[most], speed[most], speed[at], samples.torque[at]
+        yield Reached(j + 1, peak, knee, no_load, *map(float, limits))
+
+
+def limit_findings(
+    dataset: Dataset, motion: Sequence[States], measured: Sequence[Reached]
+) -> Iterator[Finding]:
+    """How near torques come to the limits of their motors: given ones, and what data show.
+
+    measured : of motors whose torque is measured, see `torque_speeds`
+    """
+    for reached in measured:
+        if reached.is_reached:
+            yield finding("torque_speed", {}, {"sentence": reached.sentence}, reached.joint)
+    pairs = [(r, s) for r, s in zip(dataset.recordings, motion, strict=True) if r.servo is not None]
+    for j in map(int, np.flatnonzero(dataset.mechanism.driven)):
+        shares = [share for r, s in pairs if (share := _share(r, s)) is not None]
+        if shares:
+            share = np.concatenate(shares)[:, j]
+            code = "motor_limit" if (share >= _AT_LIMIT).any() else "motor_below_limit"
+            numbers = {"at": float((share >= _AT_LIMIT).mean()), "most": float(share.max())}
+            yield finding(code, numbers, {}, j + 1)
+
+
+def _share(recording: Recording, states: States) -> Array | None:
+    """Torque of a servo over what its motor can make at that speed, (T, n)."""
+    servo = recording.servo
+    if servo is None or (motor := servo.torque_speed) is None:
+        return None
+    u = np.asarray(recording.torque.value)
+    w = sample(Signal(states.time, states.w, "linear"), recording.torque.time)
+    most = np.maximum(motor.top(np.sign(u) * w), _NOISE * np.asarray(motor.peak))
+    return np.abs(u) / most
+
+
+def _samples(dataset: Dataset, motion: Sequence[States], j: int) -> _Samples | None:
+    torque, w, stretch, noise, count = [], [], [], [], 0
+    for recording, states in zip(dataset.recordings, motion, strict=True):
+        clock, u = recording.torque.time, np.asarray(recording.torque.value)[:, j]
+        inside = (clock >= states.time[0]) & (clock <= states.time[-1])
+        if recording.servo is not None or inside.sum() < _LENGTH or not u.any():
+            continue
+        clock, u = clock[inside], u[inside]
+        late = np.median(np.diff(clock)) / 2 if holds(recording.torque) else 0.0
+        speed = np.interp(clock + late, states.time, states.w[:, j])
+        torque.append(np.abs(u))
+        w.append(np.where(u < 0, -speed, speed))
+        stretch.append(count + np.cumsum(np.diff(np.sign(u), prepend=np.sign(u[0])) != 0))
+        count = int(stretch[-1][-1]) + 1
+        noise.append(np.abs(np.diff(u, 2)))
+    if not torque:
+        return None
+    every = np.concatenate(torque)
+    sigma = max(_MAD * float(np.median(np.concatenate(noise))), _NOISE * float(every.max()))
+    return _Samples(every, np.concatenate(w), np.concatenate(stretch), sigma)
+
+
+def _edge(samples: _Samples, fastest: float) -> Parts:
+    """Peak, knee and no-load speed, None where they are not reached."""
+    few, top = samples.every(_FEW), float(np.quantile(samples.torque, 0.999))
+    if not top > 0:
+        return None, None, None
+    peaks = top - np.array([0.0, 1.0, 3.0]) * samples.sigma
+    grid = np.meshgrid(peaks, _KNEES * fastest, _BEYOND * fastest, indexing="ij")
+    peak, knee, beyond = (x.ravel() for x in grid)
+    edges = list(map(Envelope, peak, knee, knee + beyond))
+    edge = edges[int(np.argmax([_log_likelihood(few, edge).sum() for edge in edges]))]
+    for _ in range(_ROUNDS):
+        edge = _nearer(samples, edge)
+    return _estimated(samples, edge, fastest)
+
+
+def _nearer(samples: _Samples, edge: Envelope) -> Envelope:
+    """The edge through the samples that are near one."""
+    near = np.abs(samples.torque - edge.top(samples.w)) < 3.0 * samples.sigma
+    level, fall = near & (samples.w <= edge.knee), near & (samples.w > edge.knee)
+    peak = float(np.median(samples.torque[level])) if level.sum() >= _LENGTH else edge.peak
+    stall, slope = edge.stall, edge.slope
+    if fall.sum() >= _LENGTH and np.ptp(samples.w[fall]) > 0:
+        minus, stall = np.polyfit(samples.w[fall], samples.torque[fall], 1)
+        slope = max(-minus, 1e-9)
+    return Envelope(peak, (stall - peak) / slope, stall / slope)
+
+
+def _log_likelihood(samples: _Samples, edge: Envelope) -> Array:
+    h = np.maximum(edge.top(samples.w), 0.0)
+    d = (samples.torque - h) / samples.sigma
+    on = np.exp(-0.5 * d**2) / np.sqrt(2 * np.pi)
+    below = ndtr(-d) / (h / samples.sigma + 1.0)
+    return np.log(_SHARE * on + (1.0 - _SHARE) * below + _OUTLIERS)
+
+
+def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
+    """What samples on an edge say of it."""
+    d = (samples.torque - edge.top(samples.w)) / samples.sigma
+    falls, moves = samples.w > edge.knee, np.abs(samples.w) > _MOVES * fastest
+    level = _piled(samples, d, moves & ~falls, fastest)
+    fall = _piled(samples, d, moves & falls & (samples.torque > 3 * samples.sigma), fastest)
+    peak = line = None
+    if level is not None:
+        peak = _regression(samples.torque[level], np.ones((level.sum(), 1)), samples.stretch[level])
+    if fall is not None:
+        columns = np.stack([np.ones(fall.sum()), -samples.w[fall]], axis=1)
+        line = _regression(samples.torque[fall], columns, samples.stretch[fall])
+    top = (
+        None
+        if peak is None
+        else Estimated(float(peak[0][0]), peak[2] * float(peak[1][0, 0]) ** 0.5)
+    )
+    if line is None:
+        return top, None, None
+    (stall, slope), C, reach = line
+    no_load, by = stall / slope, np.array([1.0, -stall / slope]) / slope
+    end = Estimated(float(no_load), reach * float(np.sqrt(by @ C @ by)))
+    if peak is None or top is None:
+        return None, None, end
+    knee, by = (stall - top.value) / slope, np.array([1.0, -(stall - top.value) / slope]) / slope
+    error = np.hypot(reach * np.sqrt(by @ C @ by), top.half_width / slope)
+    return top, Estimated(float(knee), float(error)), end
+
+
+def _piled(samples: _Samples, d: Array, part: Array, fastest: float) -> Array | None:
+    """Samples (S,) of a part of the edge that stand on it, None where they do not pile up there."""
+    on, beside = part & (np.abs(d) < 2.0), part & (d > -6.0) & (np.abs(d) > 2.0)
+    edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
+    long = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= _LENGTH]
+    if len(long) < _STRETCHES or on.sum() < _PILED * beside.sum():
+        return None
+    low, high = np.quantile(samples.w[on], [0.05, 0.95])
+    if high - low < _SPREAD * fastest:
+        return None
+    keep = np.zeros(len(d), dtype=bool)
+    for a, b in long:
+        keep[a:b] = True
+    return keep
+
+
+def _regression(y: Array, X: Array, stretch: Array) -> tuple[Array, Array, float]:
+    """Least squares (P,), covariance (P, P) between stretches, and the quantile of 95 %."""
+    inverse = np.linalg.inv(X.T @ X)
+    x = inverse @ X.T @ y
+    _, number = np.unique(stretch, return_inverse=True)
+    count = int(number.max()) + 1
+    scores = np.zeros((count, X.shape[1]))
+    np.add.at(scores, number, X * (y - X @ x)[:, None])
+    freedom = max(count - X.shape[1], 1)
+    return (
+        x,
+        count / freedom * inverse @ (scores.T @ scores) @ inverse,
+        float(stdtrit(freedom, 0.975)),
+    )

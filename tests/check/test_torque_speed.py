@@ -1,0 +1,90 @@
+"""Envelopes of motors from measured torques: found where these saturate, not reached elsewhere.
+
+Motion and torque are of a simulated servo whose motor has an envelope, by code of its own.
+"""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import frictionid as fid
+from frictionid.simulate.drive_logs import ServoPendulum
+
+RIG = fid.mechanisms.pendulum(mass=ServoPendulum.mass, length=ServoPendulum.length)
+
+
+@cache
+def check(noise=0.0, measured=True, given=None, **motor):
+    rig, frames = ServoPendulum(**motor), {}
+    for seed in range(3):
+        log = pd.DataFrame(rig.log(10.0, 0.15, seed=seed, seconds=6.0))
+        log["u"] += noise * np.random.default_rng(seed).normal(size=len(log))
+        frames[f"{seed}"] = log if measured else log.drop(columns="u")
+    columns = {"time": "t", "angle": "q"}
+    if measured:
+        return fid.check(
+            fid.Dataset.from_frames(frames, RIG, **columns, torque="u", hold="previous")
+        )
+    actuator = dict(target="target", output="torque", P=10.0, D=0.15, delay=rig.delay)
+    names = ("peak_torque", "knee_speed", "no_load_speed")
+    actuator |= dict(zip(names, given, strict=True))
+    return fid.check(fid.Dataset.from_frames(frames, RIG, **columns, actuator=actuator))
+
+
+def said(verdict):
+    findings = verdict.findings
+    return findings.text[findings.kind.isin(["torque_speed", "motor_limit", "motor_below_limit"])]
+
+
+MOTORS = [(0.4, 2.0, 5.0), (0.3, 2.0, 4.0), (0.35, 1.0, 6.0), (0.4, 3.0, 4.0), (0.3, 1.0, 8.0)]
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+def test_peak_knee_and_no_load_speed_are_found(motor):
+    verdict = check(peak=motor[0], knee=motor[1], no_load=motor[2])
+    (row,) = verdict.torque_speed.to_dict("records")
+    for name, truth in zip(("peak", "knee", "no_load"), motor, strict=True):
+        assert row[name] == pytest.approx(truth, rel=0.03)
+        assert abs(row[name] - truth) < 3 * max(row[f"{name}_half"], 0.002 * truth)
+    (text,) = said(verdict)
+    assert text.startswith("torque 1 has a peak of")
+
+
+@pytest.mark.parametrize("motor", MOTORS[:3])
+def test_noise_of_the_torque_leaves_what_is_found_within_3_percent(motor):
+    verdict = check(noise=0.005, peak=motor[0], knee=motor[1], no_load=motor[2])
+    (row,) = verdict.torque_speed.to_dict("records")
+    assert [row["peak"], row["knee"], row["no_load"]] == pytest.approx(motor, rel=0.03)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_torque_that_never_saturates_reaches_none(noise):
+    verdict = check(noise=noise)
+    (row,) = verdict.torque_speed.to_dict("records")
+    assert np.isnan([row["peak"], row["knee"], row["no_load"]]).all()
+    assert row["torque"] > 0.4 and row["speed"] > 5.0  # how near it came
+    assert said(verdict).empty
+
+
+def test_a_peak_alone_is_found_where_the_fall_is_not_reached():
+    verdict = check(peak=0.35, knee=30.0, no_load=60.0)
+    (row,) = verdict.torque_speed.to_dict("records")
+    assert row["peak"] == pytest.approx(0.35, rel=0.01) and np.isnan(row["no_load"])
+    assert "its fall is not reached" in said(verdict).iloc[0]
+
+
+def test_of_servos_it_is_said_how_near_their_limit_they_come():
+    (text,) = said(check(measured=False, given=MOTORS[0], peak=0.4, knee=2.0, no_load=5.0))
+    assert "is at the limit of its motor in" in text
+    (text,) = said(check(measured=False, given=(0.9, 9.0, 18.0)))
+    assert "never reaches the limit of its motor" in text
+
+
+@pytest.mark.usefixtures("real_data")
+@pytest.mark.parametrize("name", ["dfki_c1", "simple_pendulum", "tiago", "tx40", "emps"])
+def test_recordings_of_machines_within_their_limits_show_none(name):
+    """TIAGo's friction and TX40's crests look like none, either."""
+    verdict = fid.check(name)
+    assert verdict.torque_speed[["peak", "no_load"]].isna().all(axis=None)
