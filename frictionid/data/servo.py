@@ -192,8 +192,9 @@ class Servo:
             K, limit = self.ratio * self.kt, np.asarray(self.limit, dtype=float)
             supply = self.supply.value.min() if isinstance(self.supply, Signal) else self.supply
             volts = limit if self.output == "voltage" else limit * supply
-            envelope = of_motor(volts, K, self.R, K * self.current_limit)
-        if envelope is None or not np.isfinite(envelope.no_load).all():
+            ends = bool((np.isfinite(volts) & (volts > 0)).all())
+            envelope = of_motor(volts, K, self.R, K * self.current_limit) if ends else None
+        if envelope is None:
             return None
         return envelope._replace(peak=self.efficiency * envelope.peak)
 

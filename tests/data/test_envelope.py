@@ -57,6 +57,12 @@ def test_a_limited_current_under_a_voltage_is_the_envelope_of_that_motor():
     np.testing.assert_allclose(near, as_isaac_lab_clips(asked, W, control.envelope(0)), atol=1e-12)
 
 
+def test_without_a_largest_voltage_there_is_none():
+    endless = servo(1.0, gain=2.0, limit=np.inf, kt=0.4, R=2.0, output="voltage")
+    assert endless.torque_speed is None and servo(1.0, gain=2.0, limit=9.0).torque_speed is None
+    assert position_control(endless, 1).envelope(0) is None
+
+
 @pytest.mark.parametrize("goal", [-9.0, -0.1, 0.1, 9.0])
 def test_slopes_are_those_of_the_torque(goal):
     s = servo(goal, gain=2.0, limit=1.5, damping=0.01, output="torque", envelope=MOTOR)
