@@ -31,7 +31,7 @@ from frictionid.data.state_estimators import RTS
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock, TargetDelayBlock
 from frictionid.fitting.shooting import Settings, Shooting
-from frictionid.friction import Friction, Inputs
+from frictionid.friction import Friction, Inputs, present
 
 DATA = Path(__file__).parent.parent / "data" / "go2"
 LAWS = {
@@ -117,7 +117,7 @@ def compare_sides(fit: fid.Fit, data: Dataset) -> None:
 def show_harmonics(fit: fid.Fit, data: Dataset) -> None:
     """Print which harmonics each joint has."""
     law = fit.friction.law
-    has = law.present(np.asarray(fit.friction.theta))
+    has = present(law, np.asarray(fit.friction.theta))
     for joint, row in zip(data.mechanism.joints, has, strict=True):
         names = [
             n[4:] for n, there in zip(law.names, row, strict=True) if there and n[:4] == "cos_"

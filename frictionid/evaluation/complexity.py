@@ -10,7 +10,7 @@ from frictionid.fitting.gauss_newton import Conditions
 from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.one_step_fit import spread_of
 from frictionid.fitting.one_step.residual import Problem, normalised
-from frictionid.friction import Friction
+from frictionid.friction import Friction, present
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
 
@@ -39,7 +39,7 @@ def effective_parameters(friction: Friction, problem: Problem, weights: Array) -
     theta = np.asarray(friction.theta, dtype=float)
     if friction.law.is_network or not theta.size:
         return float(theta.size)
-    free = friction.law.present(theta)
+    free = present(friction.law, theta)
     constraints = friction.constraints
     if constraints is not None:
         free = free & (theta > constraints.low) & (theta < constraints.high)

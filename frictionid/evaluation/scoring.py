@@ -18,7 +18,7 @@ from frictionid.dynamics.rollout import Rollout
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
-from frictionid.friction import Friction, Law, along, along_own
+from frictionid.friction import Friction, Law, along, along_own, present
 
 from .curves import curve_error, curve_scores, curves, steady_state
 from .example_motions import (
@@ -354,7 +354,7 @@ def _curve_scores(
 
 def _parameter_count(friction: Friction) -> Score:
     """Number of fitted parameters, with those that shooting freed beside friction."""
-    size = float(friction.law.present(friction.theta).sum(axis=(-2, -1)).mean())
+    size = float(present(friction.law, friction.theta).sum(axis=(-2, -1)).mean())
     refined = friction.provenance.refined
     size += 0 if refined is None else refined.beside_friction
     return Score("all", "n_parameters", "count", value=size)

@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.friction import Friction
+from frictionid.friction import Friction, present
 from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
 from frictionid.mechanics import Mechanism
 
@@ -312,7 +312,7 @@ def estimates_of(friction: Friction, joints: Sequence[str] = ()) -> tuple[Estima
     names = joints or [f"joint {j + 1}" for j in range(len(theta))]
     return tuple(
         _estimate(friction, names[j], (j, i), None if half is None else float(half[j, i]))
-        for j, i in np.argwhere(law.present(theta)).tolist()
+        for j, i in np.argwhere(present(law, theta)).tolist()
     )
 
 

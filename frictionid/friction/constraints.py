@@ -109,6 +109,18 @@ class Constraints:
         return np.kron(np.eye(int(rank.max()) + 1)[rank], np.eye(self.low.shape[-1]))
 
 
+def present(law: Law, theta: Array) -> Array:
+    """Which parameters (..., n, P) friction has, without optional terms that are zero.
+
+    >>> from frictionid.friction.laws import Cogging
+    >>> present(Cogging((6, 12)), np.array([[0.1, -0.2, 0.0, 0.0]]))
+    array([[ True,  True, False, False]])
+    """
+    theta, optional = np.asarray(theta), [law.is_sparse or p.optional for p in law.parameters]
+    has = law.has_parameters(theta.shape[-2])
+    return has & ((theta != 0) | ~np.array(optional, dtype=bool)) if any(optional) else has
+
+
 def constraints_of(
     law: Law,
     speeds: DataRange,

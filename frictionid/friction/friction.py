@@ -18,7 +18,7 @@ from frictionid.arrays import Array, like, namespace, plain
 from frictionid.data.calibration import Calibration
 from frictionid.programs.loops import compiled
 
-from .constraints import Constraints
+from .constraints import Constraints, present
 from .law import Inputs, Law, Memory, at_rest, check_temperature
 from .provenance import Provenance, read_provenance
 
@@ -210,7 +210,7 @@ class Friction:
         if self.law.is_network:
             return "\n".join([*lines, f"  {len(self.law.names)} numbers for each joint"])
         theta = plain(self.theta).reshape(-1, self.n, len(self.law.names))
-        has = self.law.present(np.abs(theta).max(axis=0))
+        has = present(self.law, np.abs(theta).max(axis=0))
         for j in range(self.n):
             values = (
                 f"{name} {_number(theta[:, j, i])} {unit}"

@@ -300,17 +300,6 @@ class Law(ABC):
         """Which of the P parameters each joint has, (joints, P): all, unless joints differ."""
         return np.ones((joints, len(self.names)), dtype=bool)
 
-    @cached_property
-    def optional(self) -> NDArray[np.bool_]:
-        """Which of the P parameters are terms that friction does not have where they are zero."""
-        return np.array([self.is_sparse or p.optional for p in self.parameters], dtype=bool)
-
-    def present(self, theta: Array) -> NDArray[np.bool_]:
-        """Which of its parameters friction has with numbers theta (..., n, P)."""
-        has = self.has_parameters(np.shape(theta)[-2])
-        there = (np.asarray(theta) != 0) | ~self.optional
-        return np.asarray(has & there) if self.optional.any() else has
-
     def with_width(self, width: float) -> Law:
         """The law smoothed over another width [rad/s]."""
         law = object.__new__(type(self))  # without validation, which takes as long as the torque

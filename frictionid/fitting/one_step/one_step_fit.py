@@ -13,7 +13,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import Friction
+from frictionid.friction import Friction, present
 
 from ..fit import Covariance, Fit
 from ..gauss_newton import Conditions
@@ -53,7 +53,7 @@ def covariance_of_fit(friction: Friction, problem: Problem, weights: Array) -> t
     H, scores = _summed(linear, label, theta[0], linear.residual(theta)[0], share)
     determined = np.diag(H) > 0
     determined &= linear.once(
-        np.broadcast_to(law.present(friction.theta), friction.theta.shape)[None]
+        np.broadcast_to(present(law, friction.theta), friction.theta.shape)[None]
     )[0]
     keep, used = np.flatnonzero(determined), np.unique(label[share > 0])
     bread = np.linalg.pinv(H[np.ix_(keep, keep)], hermitian=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError
-from frictionid.friction import DataRange, Friction, constraints_of
+from frictionid.friction import DataRange, Friction, constraints_of, present
 from frictionid.mechanics import Mechanism, configurations
 
 from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, Values, check_fixed
@@ -70,9 +70,11 @@ class FrictionBlock(ParameterBlock):
 
 def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:
     """The blocks; of terms that are optional friction's only frees those that friction has."""
-    if not friction.law.optional.any():
+    law, theta = friction.law, np.asarray(friction.theta)
+    there = present(law, theta)
+    if (there == law.has_parameters(len(theta))).all():
         return tuple(blocks)
-    has = tuple((int(j), int(i)) for j, i in np.argwhere(friction.law.present(friction.theta)))
+    has = tuple((int(j), int(i)) for j, i in np.argwhere(there))
     return tuple(replace(b, support=has) if isinstance(b, FrictionBlock) else b for b in blocks)
 
 

@@ -17,6 +17,7 @@ from frictionid.evaluation.folds import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.harmonics import harmonics, with_harmonics
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.friction import present
 from frictionid.friction.laws import Cogging, CoulombViscous, Ripple, Sum
 from frictionid.simulate.drive_logs import ServoPendulum
 
@@ -108,7 +109,7 @@ def test_other_joints_keep_to_what_they_show():
     """Terms that friction does not have are neither printed nor freed nor counted."""
     law = with_harmonics(LAW, (6, 12))
     theta = np.array([[0.1, 0.02, 0.03, 0.01, 0.0, 0.0], [0.1, 0.02, 0.0, 0.0, 0.0, 0.0]])
-    assert law.present(theta).sum(axis=1).tolist() == [4, 2]
+    assert present(law, theta).sum(axis=1).tolist() == [4, 2]
     lines = str(fid.Friction(law, theta)).splitlines()
     assert "cos_6" in lines[1] and "cos_12" not in lines[1] and "cos" not in lines[2]
 
