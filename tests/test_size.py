@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 554_075, 411, 605, 73
-TEST_TOKENS, WORDS = 444_594, 36_765
+TOKENS, FILES, CLASSES, NAMES = 562_279, 415, 610, 73
+TEST_TOKENS, WORDS = 449_950, 37_536
 
 
 def tokens(path):
