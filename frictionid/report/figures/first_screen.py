@@ -188,9 +188,10 @@ def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
             axis.plot(time, values[:, joint], **look)
         axis.margins(x=0)
         axis.grid()
+        place: dict[str, Any] = {"xycoords": "axes fraction", "va": "center"}
+        axis.annotate(plain(data.joints[joint]), (1.01, 0.5), **place, fontsize=7)
 
-    pairs = zip(data.joints, data.torque_units, strict=True)
-    labels = [f"{plain(name)}\n[{unit}]" for name, unit in pairs][: parts[0].shape[1]]
+    labels = [f"[{unit}]" for unit in data.torque_units][: parts[0].shape[1]]
     key = {name: line(**look) for name, look in looks.items()}
     below = f"time [s], {plain(chosen.torque['recording'])}"
     return panels(draw, labels, [""], key, below, 0.75, WIDTH, sharex=True)
