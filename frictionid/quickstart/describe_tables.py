@@ -20,6 +20,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import mechanism_of
+from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
 
 from .column_guesses import ColumnGuesses, guess_columns
 from .column_names import is_target, quantity_of
@@ -125,6 +126,18 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> 
     return guess_columns(tables.first, driven, machine.position_units, facts.columns)
 
 
+def _is_passive(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> bool:
+    """Whether no column is left for the torque of a kind of mechanism that may have no motor."""
+    machine, build = mechanism_of(mechanism), mechanism_kinds()[mechanism["kind"]]
+    options = mechanism_options(build)
+    if "driven" not in options or "torque" in facts.columns or not any(machine.driven):
+        return False
+    idle, units = [False] * machine.n, machine.position_units
+    unused = guess_columns(tables.first, idle, units, facts.columns).unused
+    damaged = any(quantity_of(name) in ("torque", "current") for name in tables.first.faults)
+    return all(quantity_of(name) == "velocity" for name in unused) and not damaged
+
+
 def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
     """Columns of the angles that a controller follows, where the table has no torques; or none."""
     pushes = any(quantity_of(name) in ("torque", "current") for name in table.columns)
@@ -158,6 +171,10 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     InputError
         Where no column fits a quantity, a constant is missing, or the tables are damaged.
     """
+    comments = {}
+    if _is_passive(tables, mechanism, facts):
+        mechanism = {**mechanism, "driven": False}
+        comments["driven"] = "no column is left for a torque: passive motion"
     guesses = guess_tables(tables, mechanism, facts)
     if guesses.is_current and facts.kt is None:
         names = ", ".join(filter(None, guesses.torque.columns))
@@ -173,6 +190,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     missing = (GAINS,) if targets and facts.gains is None else ()
     draft = Draft(
         *(name, tables.files, mechanism, guesses, machine, motor, missing_lines(missing)),
+        comments=comments,
         actuator=actuator_of(targets, facts.gains),
     )
     return described_draft(draft, tables, _HORIZONS, missing, blind=bool(missing))

@@ -252,6 +252,16 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     assert "missing: gains of the controller" in call("init", "servo", *INIT)[1]
 
 
+def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
+    (tmp_path / "drop").mkdir()
+    rows = (f"{t},{q},{w}" for t, q, w in zip(TIME, Q, W, strict=True))
+    (tmp_path / "drop" / "run.csv").write_text("\n".join(["t,q,w", *rows]))
+    code, out, _ = call("init", "drop", *INIT)
+    assert code == 0 and "passive motion" in out
+    data = load_dataset(tmp_path / "drop")
+    assert data.mechanism.driven == (False,) and not data.recordings[0].torque.value.any()
+
+
 def test_a_sliding_joint_is_in_metres():
     g = guessed({"t": TIME, "x": 300 * Q, "force": U}, unit="m")
     assert (g.angle.unit, g.torque.unit) == ("mm", "N")
