@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 562_494, 415, 610, 73
-TEST_TOKENS, WORDS = 450_071, 37_536
+TEST_TOKENS, WORDS = 450_071, 37_540
 
 
 def tokens(path):
