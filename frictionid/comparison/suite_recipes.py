@@ -30,6 +30,7 @@ from .registry import (
     friction_of,
 )
 
+Start = Recipe | CalibratedRecipe
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
@@ -74,8 +75,9 @@ class RecipeEntry(Strict):
 
     With `by` = "shooting" friction is refined by shooting: `free` names the blocks (where it is
     missing, friction, and of inertia, delay and bias those that show something), `fixed`
-    parameters that stay, `priors` standard deviations of blocks; `start` is the one-step recipe
-    that it begins with; its other keys are those of the `Settings` of shooting.
+    parameters that stay, `priors` standard deviations of blocks; `start` is the one-step or
+    calibrated recipe whose friction it begins with; its other keys are those of the `Settings` of
+    shooting.
 
     With `by` = "inverse_dynamics" it is fitted to the balance of torques, with the same keys;
     friction, base parameters, delay and bias are free where `free` is missing, and its other keys
@@ -161,17 +163,20 @@ def _misplaced(key: str, home: str, form: str) -> str:
 
 
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
-    """Recipes of their tables; shooting may begin with a one-step recipe that stands beside it."""
+    """Recipes of their tables; shooting may begin with one that stands beside it."""
     steps = {entry.name: _one_step(entry) for entry in entries if entry.form == "one_step"}
-    return [recipe_of(entry, steps) for entry in entries]
+    starts: dict[str, Start] = {**RECIPES, CALIBRATED.name: CALIBRATED, **steps}
+    calibrated = [recipe_of(entry, steps) for entry in entries if entry.form == "calibrated"]
+    starts |= {r.name: r for r in calibrated if isinstance(r, CalibratedRecipe)}
+    return [starts.get(entry.name) or recipe_of(entry, starts) for entry in entries]
 
 
 def recipe_of(
     entry: RecipeEntry,
-    one_step: Mapping[str, Recipe] | None = None,
+    beside: Mapping[str, Start] | None = None,
     held: KnownCalibration | None = None,
 ) -> Method:
-    """Recipe of its table; `one_step` has those that it may name.
+    """Recipe of its table; `beside` has those that it may name.
 
     held : a calibration in place of that of a model file
 
@@ -185,8 +190,8 @@ def recipe_of(
     entry.check_keys()
     if held is None and entry.known is not None:
         held = known_calibration(friction_of(Path(entry.known)), entry.known)
-    steps = {**RECIPES, **(one_step or {})}
-    return (_calibrated if entry.form == "calibrated" else _refining)(entry, steps, held)
+    starts = {**RECIPES, CALIBRATED.name: CALIBRATED, **(beside or {})}
+    return (_calibrated if entry.form == "calibrated" else _refining)(entry, starts, held)
 
 
 def _one_step(entry: RecipeEntry) -> Recipe:
@@ -211,7 +216,7 @@ def _one_step(entry: RecipeEntry) -> Recipe:
 
 
 def _refining(
-    entry: RecipeEntry, steps: Mapping[str, Recipe], held: KnownCalibration | None
+    entry: RecipeEntry, starts: Mapping[str, Start], held: KnownCalibration | None
 ) -> Method:
     """Shooting or inverse dynamics with the blocks and settings of its table.
 
@@ -219,17 +224,17 @@ def _refining(
     where a motor's torque is sampled.
     """
     method, kind = _REFINING[entry.form]
-    start = _step_named(entry.start or INTEGRAL.name, steps, f"{entry.where}: start")
+    name, where = entry.start or INTEGRAL.name, f"{entry.where}: start"
     usual = [b for b in method.blocks if held is None or b.enters == "friction"]
     blocks = _blocks(entry, usual, entry.priors or {}, entry.where)
     settings = kind.build(entry.keys(kind), entry.where)
     if isinstance(method, Shooting):
-        return Shooting(entry.name, blocks, settings, start, held)
-    return InverseDynamics(entry.name, blocks, settings, start)
+        return Shooting(entry.name, blocks, settings, _start_named(name, starts, where), held)
+    return InverseDynamics(entry.name, blocks, settings, _step_named(name, starts, where))
 
 
 def _calibrated(
-    entry: RecipeEntry, steps: Mapping[str, Recipe], held: KnownCalibration | None
+    entry: RecipeEntry, starts: Mapping[str, Start], held: KnownCalibration | None
 ) -> CalibratedRecipe:
     """The recipe that `like` names, on data corrected by a calibration, held or of its table."""
     calibration, like, where = entry.calibration, entry.like, f"{entry.where}, calibration"
@@ -240,7 +245,7 @@ def _calibrated(
         raise InputError(
             f"{entry.where}: the key {lost!r} is missing; calibration and like go together"
         )
-    step = _step_named(like, steps, f"{entry.where}: like")
+    step = _step_named(like, starts, f"{entry.where}: like")
     if calibration is None:
         shooting = Shooting(blocks=(), held=held)
         return CalibratedRecipe(entry.name, step, shooting, Frictionless(), PARTS)
@@ -315,12 +320,19 @@ def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, t
     return {block: tuple(names) for block, names in parts.items()}
 
 
-def _step_named(name: str, steps: Mapping[str, Recipe], where: str) -> Recipe:
+def _start_named(name: str, starts: Mapping[str, Start], where: str) -> Start:
     if name in _REFINING:
+        raise InputError(f"{where} = {name!r} must be a one-step recipe, or a calibrated one")
+    if name not in starts:
+        raise InputError(f"recipe {name!r} is unknown; {nearest(name, starts)}")
+    return starts[name]
+
+
+def _step_named(name: str, starts: Mapping[str, Start], where: str) -> Recipe:
+    step = _start_named(name, starts, where)
+    if not isinstance(step, Recipe):
         raise InputError(f"{where} = {name!r} must be a one-step recipe")
-    if name not in steps:
-        raise InputError(f"recipe {name!r} is unknown; {nearest(name, steps)}")
-    return steps[name]
+    return step
 
 
 def recipe_named(name: str) -> Method:

@@ -111,7 +111,7 @@ def prepare_benchmarks(
     benchmarks = {task.benchmark.dataset.name: task.benchmark for task in tasks}
     recipes: dict[str, dict[str, Method]] = {name: {} for name in benchmarks}
     for task in tasks:
-        if task.recipe.calibrator is None or not _is_kept(task, kept):
+        if task.recipe.calibrated is None or not _is_kept(task, kept):
             recipes[task.benchmark.dataset.name][task.recipe.name] = task.recipe
     return {
         name: prepare_benchmark(benchmark, list(recipes[name].values()), jobs or cpu_count())
@@ -232,7 +232,7 @@ def _effort(task: Task) -> tuple[bool, bool, int]:
     """
     law: Law | None = getattr(task.identifier, "law", None)
     weights = len(law.names) if law is not None and law.is_network else 0
-    shoots = task.recipe.needs_intervals and task.recipe.calibrator is None
+    shoots = task.recipe.scheme == "shooting"
     return not task.identifier.fixed, shoots, weights
 
 

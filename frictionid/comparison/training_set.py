@@ -102,16 +102,15 @@ def _calibrated(
     """The training set with the calibrations of the recipes; equal ones are estimated once."""
     estimated: dict[str, tuple[Calibration, tuple[str, ...]]] = {}
     calibrations, determined = {}, {}
-    for recipe in recipes:
-        if recipe.calibrator is not None:
-            key = repr(recipe.calibrator)
-            if key not in estimated:
-                estimated[key] = _of_folds(data, recipe.calibrator, folds, jobs)
-            calibration, blocks = estimated[key]
-            calibrations[recipe.name] = part_of_calibration(calibration, recipe.corrects)
-            determined[recipe.name] = sum(
-                block not in PARTS or block in recipe.corrects for block in blocks
-            )
+    for recipe in {r.name: r for r in (recipe.calibrated for recipe in recipes) if r}.values():
+        key = repr(recipe.calibrator)
+        if key not in estimated:
+            estimated[key] = _of_folds(data, recipe.calibrator, folds, jobs)
+        calibration, blocks = estimated[key]
+        calibrations[recipe.name] = part_of_calibration(calibration, recipe.corrects)
+        determined[recipe.name] = sum(
+            block not in PARTS or block in recipe.corrects for block in blocks
+        )
     views = {
         name: calibrated_views(data.prepared, calibration, len(data.interval_weights))
         for name, calibration in calibrations.items()

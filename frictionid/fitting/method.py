@@ -16,7 +16,7 @@ class Method(Protocol):
 
     steps : the one-step recipe that a fit uses or begins with, and others whose problems it needs
     needs_intervals : whether a fit needs the intervals of the measured angles
-    calibrator : the recipe that estimates the calibration a fit needs, or None
+    calibrated : the recipe on corrected data that a fit is or begins with, or None
     scheme : "euler", "integral", "shooting" or "inverse dynamics"
     corrects : parts of the calibration that correct the data
     """
@@ -28,7 +28,7 @@ class Method(Protocol):
     @property
     def needs_intervals(self) -> bool: ...
     @property
-    def calibrator(self) -> CalibratedRecipe | None: ...
+    def calibrated(self) -> CalibratedRecipe | None: ...
     @property
     def scheme(self) -> str: ...
     @property

@@ -42,7 +42,7 @@ class Recipe:
     scheme: str
     velocity_threshold: float | None = 0.0
     needs_intervals: ClassVar[bool] = False
-    calibrator: ClassVar[None] = None
+    calibrated: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class Recipe:
         """The one-step recipes whose problems a fit needs."""
         return (self,)
 
-    def friction(
+    def friction_of(
         self, identifier: Identifier, data: TrainingData, seed: int
     ) -> tuple[Friction, Problem]:
         """The identifier's friction (F + 1, n, P) of the folds and of all data, and its problem."""
@@ -78,7 +78,7 @@ class Recipe:
 
     def fit(self, identifier: Identifier, data: TrainingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data; InputError where that fails."""
-        friction, problem = self.friction(identifier, data, seed)
+        friction, problem = self.friction_of(identifier, data, seed)
         weights = data.weights[self.name][-1]
         return one_step_fit(friction, problem, weights, intervals=not identifier.fixed)
 

@@ -68,7 +68,12 @@ class CalibratedRecipe:
     @property
     def steps(self) -> tuple[Recipe, ...]:
         """The one-step recipes whose problems a fit needs."""
-        return (self.step, self.by.start)
+        return (self.step, *self.by.start.steps)
+
+    @property
+    def calibrated(self) -> CalibratedRecipe:
+        """The recipe itself."""
+        return self
 
     @property
     def calibrator(self) -> CalibratedRecipe:
@@ -108,6 +113,28 @@ class CalibratedRecipe:
         friction = self.friction.fit(problem, weights[rows], 0)
         return refine_folds(friction, data.intervals, self.by, data.interval_weights[rows])
 
+    def friction_of(
+        self, identifier: Identifier, data: ShootingData, seed: int
+    ) -> tuple[Friction, Problem]:
+        """The friction (F + 1, n, P) of the folds and of all data, and the problem of all data.
+
+        Friction has the calibrations of the folds.
+
+        Raises
+        ------
+        InputError
+            Where the fit fails, or gives folds different laws.
+        """
+        weights, parts = data.weights[self.step.name], list(data.corrected(self))
+        problems = {int(fold): problem for folds, problem in parts for fold in folds}
+        each = [problems[fold] for fold in range(len(weights))]
+        friction = identifier.fit_each(each, weights, seed)
+        if friction is None:
+            friction = _one_by_one(identifier, parts, weights, seed)
+        friction = checked(friction, identifier, each[-1], weights)
+        calibration = data.calibrations[self.name]
+        return with_units_of(data.mechanism, replace(friction, calibration=calibration)), each[-1]
+
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, with their calibrations.
 
@@ -118,16 +145,8 @@ class CalibratedRecipe:
         """
         if identifier.fixed:
             return self.step.fit(identifier, data, seed)
-        weights, parts = data.weights[self.step.name], list(data.corrected(self))
-        problems = {int(fold): problem for folds, problem in parts for fold in folds}
-        each = [problems[fold] for fold in range(len(weights))]
-        friction = identifier.fit_each(each, weights, seed)
-        if friction is None:
-            friction = _one_by_one(identifier, parts, weights, seed)
-        friction = checked(friction, identifier, each[-1], weights)
-        calibration = data.calibrations[self.name]
-        friction = with_units_of(data.mechanism, replace(friction, calibration=calibration))
-        fit = one_step_fit(friction, each[-1], weights[-1])
+        friction, problem = self.friction_of(identifier, data, seed)
+        fit = one_step_fit(friction, problem, data.weights[self.step.name][-1])
         return replace(fit, beside=data.determined[self.name])
 
 

@@ -105,29 +105,54 @@ class ShootingData(TrainingData, Protocol):
         ...
 
 
+class Start(Protocol):
+    """What shooting begins with: a `Recipe`, or a `CalibratedRecipe`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def steps(self) -> tuple[Recipe, ...]: ...
+    @property
+    def calibrated(self) -> Any: ...
+
+    def friction_of(self, identifier: Identifier, data: Any, seed: int) -> tuple[Friction, Problem]:
+        """The identifier's friction (F + 1, n, P) of the folds and of all data, and its problem."""
+        ...
+
+    def fit(self, identifier: Identifier, data: Any, seed: int) -> Fit:
+        """The identifier's friction of all folds and of all data."""
+        ...
+
+
 @dataclass(frozen=True)
 class Shooting:
     """Friction refined by shooting, from the fit of a one-step recipe.
 
     blocks : what is free: friction, and the delay where a motor's torque is sampled
-    settings : windows, noise, iterations; start : the recipe it begins with
+    settings : windows, noise, iterations
+    start : the recipe whose friction it begins with; beside what is free, its calibration does not
+        count
     held : calibration of another fit, held but for the blocks that are free, which it informs
     """
 
     name: str = "shooting"
     blocks: tuple[ParameterBlock, ...] = DEFAULT_BLOCKS
     settings: Settings = Settings()
-    start: Recipe = INTEGRAL
+    start: Start = INTEGRAL
     held: KnownCalibration | None = None
     needs_intervals: ClassVar[bool] = True
     scheme: ClassVar[str] = "shooting"
-    calibrator: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
 
     @property
     def steps(self) -> tuple[Recipe, ...]:
-        """The one-step recipes whose problems a fit needs: the one that it begins with."""
-        return (self.start,)
+        """The one-step recipes whose problems a fit needs: those of the one that it begins with."""
+        return self.start.steps
+
+    @property
+    def calibrated(self) -> Any:
+        """The calibrated recipe that a fit begins with, or None."""
+        return self.start.calibrated
 
     def fit(self, identifier: Identifier, data: ShootingData, seed: int) -> Fit:
         """The identifier's friction of all folds and of all data, refined unless it is fixed.
@@ -139,7 +164,8 @@ class Shooting:
         """
         if identifier.fixed:
             return self.start.fit(identifier, data, seed)
-        first, _ = self.start.friction(identifier, data, seed)
+        first, _ = self.start.friction_of(identifier, data, seed)
+        first = replace(first, calibration=None)
         return refine_folds(first, data.intervals, self, data.interval_weights)
 
 

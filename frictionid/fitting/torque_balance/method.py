@@ -44,7 +44,7 @@ class InverseDynamics:
     start: Recipe = INTEGRAL
     needs_intervals: ClassVar[bool] = True
     scheme: ClassVar[str] = "inverse dynamics"
-    calibrator: ClassVar[None] = None
+    calibrated: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
 
     @property

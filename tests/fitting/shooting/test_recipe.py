@@ -168,7 +168,7 @@ def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeyp
         ({"free": ["friction"], "fixed": ["inertia.x"]}, "of a free block"),
         ({"free": ["friction"], "fixed": ["coulomb"]}, "must be inertia.NAME or friction.NAME"),
         ({"free": ["friction"], "priors": {"gain": 0.1}}, "prior of block 'gain', which is not"),
-        ({"start": "shooting"}, "must be a one-step recipe"),
+        ({"start": "shooting"}, "must be a one-step recipe, or"),
         ({"scheme": "euler"}, "scheme belongs to one-step recipes"),
         ({"windows": [0.3, 0.1]}, "must grow"),
         ({"by": None, "name": "integral", "free": ["friction"]}, 'free needs by = "shooting"'),
