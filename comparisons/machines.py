@@ -7,8 +7,8 @@ report/machines; the table is made of all that is finished there. By hand nothin
 data sets:
 
 - families: laws without memory, a sparse sum, a static and a recurrent network, published models;
-- recipes: `calibrated` for all, `shooting` for the laws; of arms whose controller is in no log
-  `integral` and `inverse_dynamics`, since without it predictions drift off;
+- recipes: `calibrated` for all, `shooting` from there for laws and the sparse sum; of arms whose
+  controller is in no log `integral` and `inverse_dynamics`, since without it predictions drift off;
 - samples at least 10 ms apart; horizons of 0.1 to 1 s, judged after 0.5 s, of these arms 0.05 to
   0.2 s, judged after 0.1 s;
 - folds of whole recordings, or six of time where there are fewer than five recordings.
@@ -42,7 +42,7 @@ from frictionid.files import plain
 HERE = Path(__file__).parent
 DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
 LAWS = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
-LEARNED = ("sindy", "mlp", "lstm")
+NETWORKS = ("mlp", "lstm")
 APART, FEW, BLOCKS = 0.01, 5, 6
 
 
@@ -79,16 +79,18 @@ MACHINES = {
 
 def suite_of(machine: Machine, dataset: Dataset) -> Suite:
     """The suite of a machine, as a file beside this one would have it."""
-    one_step, refined = (
-        ("integral", "inverse_dynamics") if machine.held else ("calibrated", "shooting")
-    )
+    one_step, refined = "calibrated", {"name": "shooting", "start": "calibrated"}
+    if machine.held:
+        one_step, refined = "integral", {"name": "inverse_dynamics"}
     name, recordings = machine.name, dataset.recordings
     driven = any(bool(np.any(r.torque.value)) for r in recordings)
     dense = min(float(np.median(np.diff(r.angle.time))) for r in recordings) < APART
     # what follows the motors' torque explains anything beside an arm's free inertias
     laws = LAWS if driven and not machine.held else LAWS[:-1]
-    identifiers: list[dict[str, Any]] = [{"kind": law} for law in laws]
-    identifiers += [{"kind": kind, "recipes": [one_step]} for kind in ("none", *LEARNED)]
+    of_both = laws if machine.held else (*laws, "sindy")
+    of_one = ("none", *NETWORKS) if not machine.held else ("none", "sindy", *NETWORKS)
+    identifiers: list[dict[str, Any]] = [{"kind": kind} for kind in of_both]
+    identifiers += [{"kind": kind, "recipes": [one_step]} for kind in of_one]
     for model in machine.published:
         file = f"../data/{name}/{model}.json"
         identifiers.append({"kind": "published", "name": model, "file": file})
@@ -101,7 +103,7 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
         "datasets": [
             {"path": f"../data/{name}", "tests": [f"../data/{test}" for test in machine.tests]}
         ],
-        "recipes": [{"name": one_step}, {"name": refined}],
+        "recipes": [{"name": one_step}, refined],
         "identifiers": identifiers,
     }
     return Suite.model_validate(table | ({"sample_time": APART} if dense else {}))

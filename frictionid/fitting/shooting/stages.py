@@ -23,7 +23,7 @@ from frictionid.fitting.parameters.parameter_block import (
     with_excess,
     with_values,
 )
-from frictionid.fitting.shooting.data_checks import check_blocks, check_data, telling
+from frictionid.fitting.shooting.data_checks import check_blocks, check_data, explained, telling
 from frictionid.fitting.shooting.gauss_newton import Solution, cost_rise, solve
 from frictionid.fitting.shooting.networks import (
     as_given,
@@ -54,7 +54,8 @@ _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
 _KEPT = 0.8  # of the windows that count
 # Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
-_MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
+_MANY, _HALF = 0.75, 0.5  # of the windows that count
+_LONGER = 3.0  # times the windows' length where there are fewer, or the motion is not explained
 _FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
@@ -138,7 +139,8 @@ def begun(
 ) -> tuple[Stage, Settings]:
     """The fitted stage, without what a rough fit of all of it shows to be idle; its settings.
 
-    Where the rough fit loses many windows, these are made longer, unless their length was given.
+    Where the rough fit loses many windows, or does not explain the motion, these are made longer,
+    unless their length was given: what fits a wrong model best depends on how far it predicts.
     """
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
     if law.is_network:
@@ -147,18 +149,31 @@ def begun(
     half = (settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
     stage = solved(stage, intervals, rough, use)
-    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
-        longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
-        try:
-            stage = solved(stage, intervals, replace(rough, windows=longer), use)
-            settings = replace(settings, windows=longer)
-        except InputError:  # the recordings are too short for these
-            pass
+    longer = _with_longer_windows(stage, intervals, rough, use)
+    if longer is not None:
+        stage, settings = longer, replace(settings, windows=longer.problem.settings.windows)
     if none_held:
         return stage, settings
     idle = _local_cost(stage).idle((), settings.significance)
     without = _without(stage, idle, intervals, settings, use)
     return without or solved(stage, intervals, settings, use), settings
+
+
+def _with_longer_windows(
+    stage: Stage, intervals: Intervals, settings: Settings, use: Array
+) -> Stage | None:
+    """The stage with longer windows; None where these say nothing else, or are lost themselves."""
+    few = stage.solution.closed.mean() < _MANY
+    given = settings.windows != WINDOWS
+    if given or (not few and explained(stage.problem, stage.solution)):
+        return None
+    windows = tuple(_LONGER * w for w in stage.problem.settings.windows)
+    try:
+        anew = stage._replace(ended=None)
+        longer = solved(anew, intervals, replace(settings, windows=windows), use)
+    except InputError:  # the recordings are too short for these
+        return None
+    return longer if few or longer.solution.closed.mean() > _HALF else None
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:

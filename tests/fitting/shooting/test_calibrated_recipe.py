@@ -122,6 +122,25 @@ def test_recipes_that_ask_the_same_calibration_share_one_for_each_fold(monkeypat
     assert shared["clock"].base is None and shared["by study"].base is not None
 
 
+def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose():
+    """Its terms on data that are late are not those of the truth; refined, its delay is its own."""
+    tables = [
+        {"name": "calibrated"},
+        {"name": "refined", "by": "shooting", "free": ["friction", "delay"], "start": "calibrated"},
+    ]
+    calibrated, refined = recipes_of([RecipeEntry(**table) for table in tables])
+    assert refined.start == calibrated == CALIBRATED
+    benchmark = late_contest()
+    shared = prepare_benchmark(benchmark, [refined])
+    assert list(shared.training.calibrations) == ["calibrated"]
+    first, last = (run(benchmark, SINDy(), r, 0, shared).overall for r in (calibrated, refined))
+    chosen = [np.flatnonzero(friction.theta) for friction in (first, last)]
+    np.testing.assert_array_equal(*chosen)
+    assert last.calibration.delay == pytest.approx(LATE, abs=1e-3)
+    with pytest.raises(InputError, match="like = 'calibrated' must be a one-step recipe"):
+        recipes_of([RecipeEntry(name="twice", like="calibrated", calibration={})])
+
+
 def test_parameters_of_the_calibration_count_for_every_family(results):
     _, shared, plain, corrected = results
     counts = [r.value("effective_parameters", "count") for r in (plain, corrected)]
