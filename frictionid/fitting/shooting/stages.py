@@ -162,18 +162,24 @@ def begun(
 def _with_longer_windows(
     stage: Stage, intervals: Intervals, settings: Settings, use: Array
 ) -> Stage | None:
-    """The stage with longer windows; None where these say nothing else, or are lost themselves."""
-    few = stage.solution.closed.mean() < _MANY
-    given = settings.windows != WINDOWS
-    if given or (not few and explained(stage.problem, stage.solution)):
+    """The stage with longer windows; None where these say nothing else, or are lost themselves.
+
+    Where blocks were asked for, what is not free may be what is not explained, which stays.
+    """
+    few, asked = stage.solution.closed.mean() < _MANY, not any(b.offered for b in stage.blocks)
+    enough = asked or explained(stage.problem, stage.solution)
+    if settings.windows != WINDOWS or (enough and not few):
         return None
     windows = tuple(_LONGER * w for w in stage.problem.settings.windows)
+    anew = stage._replace(ended=None)
     try:
-        anew = stage._replace(ended=None)
         longer = solved(anew, intervals, replace(settings, windows=windows), use)
     except InputError:  # the recordings are too short for these
         return None
-    return longer if few or longer.solution.closed.mean() > _HALF else None
+    if not few and longer.solution.closed.mean() <= _HALF:
+        return None
+    iterations = stage.solution.iterations + longer.solution.iterations
+    return longer._replace(ended=(longer.problem, longer.solution._replace(iterations=iterations)))
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
