@@ -7,6 +7,7 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
 
+import coverage_cases
 from coverage_cases import case_of, sets_of
 
 from frictionid.data.plants import plant_of
@@ -17,15 +18,32 @@ from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction.laws import CoulombViscous
 
 
+def first_of(data):
+    """Coulomb and viscous friction of one step, where fits begin."""
+    problem = training_problem(data, plant_of(data), INTEGRAL)
+    return LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
+
+
 def test_windows_of_other_lengths_give_intervals_that_overlap():
     """Coulomb and viscous friction, fitted to a gear whose friction grows with the load."""
     (data,) = sets_of(case_of("gear_load", "joint"), [1], 8, late=True)
-    problem = training_problem(data, plant_of(data), INTEGRAL)
-    first = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
     found = [
-        refine(first, data, (FrictionBlock(), InertiaBlock()), Settings(windows=windows))
+        refine(first_of(data), data, (FrictionBlock(), InertiaBlock()), Settings(windows=windows))
         for windows in ((0.1, 0.2), (0.1, 0.3, 1.0))
     ]
     short, long = (f.covariance.interval(0.95) for f in found)
     assert "what is fitted does not explain the motion" in " ".join(found[1].diagnostics.warnings)
     assert ((short[:, 0] < long[:, 1]) & (long[:, 0] < short[:, 1])).all()
+
+
+def test_windows_are_longer_where_what_is_offered_does_not_explain_the_motion(monkeypatch):
+    """As if they had been given; not where blocks are asked for, which says what is left out."""
+    monkeypatch.setitem(coverage_cases.NOISE, "joint", 1e-4)
+    (data,) = sets_of(case_of("gear_load", "joint"), [1], 8, late=True)
+    lengths, asked = Settings(windows=(0.25, 0.5, 1.0)), (FrictionBlock(), InertiaBlock())
+    first = first_of(data)
+    found, given = refine(first, data), refine(first, data, settings=lengths)
+    short = refine(first, data, asked)
+    assert [f.diagnostics.windows for f in (found, given, short)] == [24, 24, 72]
+    off = np.abs(found.covariance.values - given.covariance.values)
+    assert (off < 0.1 * given.covariance.error).all()
