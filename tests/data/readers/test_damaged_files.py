@@ -25,7 +25,7 @@ from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 
-def refused(read, path, content, given_settings, words):
+def assert_refused(read, path, content, given_settings, words):
     """Check that a file is refused with some words."""
     path.write_bytes(content)
     with pytest.raises(InputError, match=words):
@@ -82,7 +82,7 @@ MARKER_MISTAKES = {
 @pytest.mark.parametrize(("changes", "words"), MARKER_MISTAKES.values(), ids=MARKER_MISTAKES)
 def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, changes, words):
     merged = {k: v for k, v in {**MARKERS, **changes}.items() if v is not None}
-    refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
+    assert_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
 
 
 # --- Files ---------------------------------------------------------------------------------------
@@ -114,13 +114,15 @@ LOGS = {
 
 @pytest.mark.parametrize(("content", "words"), LOGS.values(), ids=LOGS)
 def test_a_damaged_log_is_one_clear_line(tmp_path, content, words):
-    refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
+    assert_refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
 
 
 def test_a_log_without_the_asked_phase_is_refused(tmp_path):
     for passive, phase in ((0, "passive"), (60, "driven")):
         asked = {**MOTOR, "phase": phase}
-        refused(read_bam, tmp_path / "a.json", bam_bytes(passive=passive), asked, f"0 {phase} pha")
+        assert_refused(
+            read_bam, tmp_path / "a.json", bam_bytes(passive=passive), asked, f"0 {phase} pha"
+        )
 
 
 CARRIAGE = described(
@@ -153,7 +155,7 @@ CARRIAGES = {
 
 @pytest.mark.parametrize(("content", "words"), CARRIAGES.values(), ids=CARRIAGES)
 def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
-    refused(read_carriage, tmp_path / "a.mat", content, {}, words)
+    assert_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
 
 
 MAT_COLUMNS = {
@@ -187,14 +189,14 @@ TABLES = {
 
 @pytest.mark.parametrize(("content", "words"), TABLES.values(), ids=TABLES)
 def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, content, words):
-    refused(read_markers, tmp_path / "0.csv", content, BARE, words)
+    assert_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
 
 def test_unreadable_files_are_named(tmp_path):
     for read, given_settings in ((read_bam, MOTOR), (read_markers, BARE)):
         with pytest.raises(InputError, match="cannot be read"):
             read(tmp_path / "nowhere.csv", given_settings)
-    refused(read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file")
+    assert_refused(read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file")
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------

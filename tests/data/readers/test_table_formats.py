@@ -37,7 +37,7 @@ def load(folder, kind, pattern="*.csv", **tables):
     return load_dataset(folder)
 
 
-def refused(words, *arguments, **tables):
+def assert_refused(words, *arguments, **tables):
     with pytest.raises(InputError, match=words):
         load(*arguments, **tables)
 
@@ -116,7 +116,7 @@ def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
 def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
     (tmp_path / "a.csv").write_bytes(recorder())
     names = {**DRIVE["columns"], "time": "Time"}
-    refused(
+    assert_refused(
         r"'0x6077' stands behind the time 'Time\[2\]', which differs from 'Time'",
         *(tmp_path, "drive_recorder"),
         **{**DRIVE, "columns": {**names, "velocity": "606Ch"}},
@@ -136,7 +136,7 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
     np.testing.assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
     np.testing.assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
     del own["actuator"]["time"]
-    refused(
+    assert_refused(
         r"'0x607A' stands behind the time 'Time', which differs from 'Time\[2\]'.*\[actuator\]",
         *(tmp_path, "drive_recorder"),
         **own,
@@ -166,7 +166,7 @@ DRIVE_MISTAKES = {
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, changes, words):
     (tmp_path / "a.csv").write_bytes(recorder())
     tables = {key: value for key, value in {**DRIVE, **changes}.items() if value is not None}
-    refused(words, tmp_path, "drive_recorder", **tables)
+    assert_refused(words, tmp_path, "drive_recorder", **tables)
 
 
 DRIVE_FILES = {
@@ -182,7 +182,7 @@ DRIVE_FILES = {
 @pytest.mark.parametrize(("content", "words"), DRIVE_FILES.values(), ids=DRIVE_FILES)
 def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
     (tmp_path / "a.csv").write_bytes(content)
-    refused(words, tmp_path, "drive_recorder", **DRIVE)
+    assert_refused(words, tmp_path, "drive_recorder", **DRIVE)
 
 
 # --- UR RTDE --------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ RTDE_MISTAKES = {
 @pytest.mark.parametrize(("tables", "words"), RTDE_MISTAKES.values(), ids=RTDE_MISTAKES)
 def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, tables, words):
     (tmp_path / "a.csv").write_bytes(rtde())
-    refused(words, tmp_path, "rtde", **tables)
+    assert_refused(words, tmp_path, "rtde", **tables)
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
@@ -330,7 +330,7 @@ LEROBOT_MISTAKES = {
 @pytest.mark.parametrize(("changes", "words"), LEROBOT_MISTAKES.values(), ids=LEROBOT_MISTAKES)
 def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, changes, words):
     lerobot(tmp_path)
-    refused(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
+    assert_refused(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"features": 3}', b'{"features": {"a": 1}}'])
@@ -338,10 +338,10 @@ def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
     lerobot(tmp_path)
     (tmp_path / "meta" / "info.json").write_bytes(content)
     arguments = (tmp_path, "lerobot", "data/*/*.parquet")
-    refused(r"info\.json does not describe features; copy it again", *arguments, **LEROBOT)
+    assert_refused(r"info\.json does not describe features; copy it again", *arguments, **LEROBOT)
     (tmp_path / "meta" / "info.json").unlink()
     (tmp_path / "meta").rmdir()
-    refused("no folder above has meta/info.json", *arguments, **LEROBOT)
+    assert_refused("no folder above has meta/info.json", *arguments, **LEROBOT)
 
 
 # --- The pages that explain them ------------------------------------------------------------------
