@@ -246,8 +246,9 @@ def bounded(H: Array, g: Array, low: Array, high: Array) -> Array:
     """
     base = np.clip(np.zeros_like(g), low, high)
     g, low, high = g - np.einsum("bij,bj->bi", H, base), low - base, high - base
-    eye = np.eye(g.shape[-1])
+    eye, fixed = np.eye(g.shape[-1]), low >= high
     side = np.where((low >= 0) & (g < 0), -1, np.where((high <= 0) & (g > 0), 1, 0))
+    side = np.where(fixed, 1, side)
     for turn in range(_TURNS):
         free = (side == 0) * 1.0
         held = np.select([side < 0, side > 0], [low, high], 0.0)
@@ -256,7 +257,7 @@ def bounded(H: Array, g: Array, low: Array, high: Array) -> Array:
         pull = (g - np.einsum("bij,bj->bi", H, held)) * free
         d = np.linalg.solve(A, pull[..., None])[..., 0] + held
         change = _change(side, d, g - np.einsum("bij,bj->bi", H, d), low, high)
-        wrong = change != side
+        wrong = (change != side) & ~fixed
         if not wrong.any():
             break
         if turn >= _BLOCKS:

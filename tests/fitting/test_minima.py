@@ -114,3 +114,18 @@ def test_fits_that_end_sooner_are_as_alone():
         alone = minimum(problem, begin[None], under, 100, tolerance=1e-12)
         assert alone.iterations <= together.iterations
         np.testing.assert_allclose(x, alone.x[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parameters_without_room_are_as_if_they_were_not_there(seed):
+    """Most of them fixed, and all nearly alike: the others are where the smaller problem is."""
+    rng = np.random.default_rng(seed)
+    J = rng.normal(size=(600, 20)) @ rng.normal(size=(20, 200)) + 0.01 * rng.normal(size=(600, 200))
+    H, g = J.T @ J, J.T @ rng.normal(size=600)
+    room = rng.random(200) < 0.15
+    low, high = np.where(room, -0.5, 0.0), np.where(room, 0.5, 0.0)
+    d = bounded(H[None], g[None], low[None], high[None])[0]
+    at = np.flatnonzero(room)
+    small = bounded(H[None][:, at[:, None], at], g[None, at], low[None, at], high[None, at])[0]
+    assert not d[~room].any()
+    np.testing.assert_allclose(d[at], small, atol=1e-6)

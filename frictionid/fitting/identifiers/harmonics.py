@@ -36,14 +36,14 @@ _BLIND, _GAIN = 1e-9, 1e-6
 
 def by_evidence(
     law: Law, problem: Problem, weights: Array, equal: Groups = ()
-) -> tuple[Law, Array]:
+) -> tuple[Law, Array | None]:
     """The law with the harmonics that any joint of any fold shows, and which are absent, (F, n, P).
 
-    As it is where none are to be chosen. Equal joints have what one of them shows.
+    As it is, and None, where none are to be chosen. Equal joints have what one of them shows.
     """
     part = auto_part(law)
     if part is None:
-        return law, np.zeros(1, dtype=bool)
+        return law, None
     has = harmonics(part, problem, weights)
     for group in equal:
         joints = np.array(group) - 1

@@ -75,7 +75,8 @@ class LeastSquares(Identifier):
         weights = normalised(weights, problem)
         form, absent = by_evidence(self.law, problem, weights, self.equal)
         settings = Given(self.bounds, self.prior, self.equal)
-        law = Linearised.within(form, problem, weights, settings).without(absent)
+        law = Linearised.within(form, problem, weights, settings)
+        law = law if absent is None else law.decided(absent)
         return replace(law.friction(self._fitted(law, weights)), law=form)
 
     def _fitted(self, law: Linearised, weights: Array) -> Array:

@@ -59,14 +59,13 @@ class Linearised(NamedTuple):
             law.sharpened() if problem.masked else law, problem, constraints, constraints.tie
         )
 
-    def without(self, absent: Array) -> Linearised:
-        """The same with some parameters (F, n, P) held at zero, which friction has not."""
-        if not absent.any():
-            return self
+    def decided(self, absent: Array) -> Linearised:
+        """The same with optional terms decided: absent ones (F, n, P) are zero, others free."""
         limits = self.constraints
         assert limits is not None
         low, high = (np.where(absent, 0.0, x) for x in (limits.low, limits.high))
-        deviation, size = (np.where(absent, np.inf, x) for x in (limits.deviation, limits.size))
+        deviation = np.where(absent, np.inf, limits.deviation)
+        size = np.where([p.optional for p in self.law.parameters], np.inf, limits.size)
         held = replace(limits, low=low, high=high, deviation=deviation, size=size)
         return self._replace(constraints=held)
 
