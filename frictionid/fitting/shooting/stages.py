@@ -152,11 +152,22 @@ def begun(
     longer = _with_longer_windows(stage, intervals, rough, use)
     if longer is not None:
         stage, settings = longer, replace(settings, windows=longer.problem.settings.windows)
+    if not explained(stage.problem, stage.solution):
+        stage = stage._replace(blocks=tuple(map(_not_held, stage.blocks)))
     if none_held:
         return stage, settings
     idle = _local_cost(stage).idle((), settings.significance)
     without = _without(stage, idle, intervals, settings, use)
     return without or solved(stage, intervals, settings, use), settings
+
+
+def _not_held(block: ParameterBlock) -> ParameterBlock:
+    """The block, its base parameters free even if their intervals are wide.
+
+    Where the motion is not explained intervals hold the errors of the model, and say little of what
+    the data tell.
+    """
+    return replace(block, offered=False) if block.enters == "base" else block
 
 
 def _with_longer_windows(
