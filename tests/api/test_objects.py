@@ -184,9 +184,10 @@ def test_a_late_torque_is_no_friction(data):
     assert abs(fast.frame.set_index("parameter").value["viscous"] - 0.010) > 0.001
 
 
-def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(one_step, bench, tmp_path):
+def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(one_step, data, tmp_path):
     one_step.save(tmp_path / "one_step.json")
-    for other in (fid.load_model(tmp_path / "one_step.json"), bench["stribeck"].fit):
+    compared = fid.compare(data, ["stribeck"], folds=3, recipes="integral", horizons=[0.5])
+    for other in (fid.load_model(tmp_path / "one_step.json"), compared["stribeck"].fit):
         for column in ("value", "low_95", "high_95"):
             np.testing.assert_allclose(other.frame[column], one_step.frame[column], rtol=1e-5)
 
@@ -239,7 +240,7 @@ def test_a_calibration_may_be_a_fit(data, shot):
 
 
 def test_a_comparison_has_frames_and_a_verdict(bench):
-    assert list(bench) == [(n, "integral") for n in ("none", "stribeck", "sindy")]
+    assert list(bench) == [(n, "shooting") for n in ("none", "stribeck", "sindy")]
     frame = bench.frame.set_index("identifier")
     error = frame["rollout_angle_median_1s"]
     assert error["stribeck"] < 0.2 * error["none"]
