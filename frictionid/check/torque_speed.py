@@ -83,8 +83,8 @@ def limit_findings(
     pairs = [(r, s) for r, s in zip(dataset.recordings, motion, strict=True) if r.servo is not None]
     for j in map(int, np.flatnonzero(dataset.mechanism.driven)):
         shares = [share for r, s in pairs if (share := _share(r, s)) is not None]
-        if shares:
-            share = np.concatenate(shares)[:, j]
+        share = np.concatenate(shares)[:, j] if shares else np.zeros(0)
+        if share.any():  # a motor that is never on says nothing
             code = "motor_limit" if (share >= _AT_LIMIT).any() else "motor_below_limit"
             numbers = {"at": float((share >= _AT_LIMIT).mean()), "most": float(share.max())}
             yield finding(code, numbers, {}, j + 1)
