@@ -212,7 +212,7 @@ def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
     write_suite(place)
     with pytest.raises(InputError, match=r"suit\.toml: no such suite; did you mean .*suite\.toml"):
         load_suite(place / "suit.toml")
-    with pytest.raises(InputError, match="tiny cannot be read"):
+    with pytest.raises(InputError, match="tiny is a folder without suite.toml; name a suite"):
         load_suite(place / "tiny")
 
 
