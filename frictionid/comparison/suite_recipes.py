@@ -17,7 +17,7 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.calibrated_recipe import PARTS
-from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
+from frictionid.fitting.shooting.recipe import KnownCalibration, Start, known_calibration
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 
 from .registry import (
@@ -30,7 +30,6 @@ from .registry import (
     friction_of,
 )
 
-Start = Recipe | CalibratedRecipe
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))
@@ -165,10 +164,9 @@ def _misplaced(key: str, home: str, form: str) -> str:
 def recipes_of(entries: Sequence[RecipeEntry]) -> list[Method]:
     """Recipes of their tables; shooting may begin with one that stands beside it."""
     steps = {entry.name: _one_step(entry) for entry in entries if entry.form == "one_step"}
-    starts: dict[str, Start] = {**RECIPES, CALIBRATED.name: CALIBRATED, **steps}
     calibrated = [recipe_of(entry, steps) for entry in entries if entry.form == "calibrated"]
-    starts |= {r.name: r for r in calibrated if isinstance(r, CalibratedRecipe)}
-    return [starts.get(entry.name) or recipe_of(entry, starts) for entry in entries]
+    starts = {r.name: r for r in calibrated if isinstance(r, CalibratedRecipe)}
+    return [recipe_of(entry, {**steps, **starts}) for entry in entries]
 
 
 def recipe_of(
@@ -190,7 +188,7 @@ def recipe_of(
     entry.check_keys()
     if held is None and entry.known is not None:
         held = known_calibration(friction_of(Path(entry.known)), entry.known)
-    starts = {**RECIPES, CALIBRATED.name: CALIBRATED, **(beside or {})}
+    starts: dict[str, Start] = {**RECIPES, CALIBRATED.name: CALIBRATED, **(beside or {})}
     return (_calibrated if entry.form == "calibrated" else _refining)(entry, starts, held)
 
 

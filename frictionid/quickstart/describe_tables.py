@@ -253,8 +253,8 @@ def _corrected(draft: Draft, dataset: Dataset, *, blind: bool) -> Draft:
     text = kinds[best.kind].text
     if guesses is None and motor is None:
         remark = f"frictionid check: {text}"
-        told = remark in draft.evidence
-        return draft if told else replace(draft, evidence=(*draft.evidence, remark))
+        repeated = remark in draft.evidence
+        return draft if repeated else replace(draft, evidence=(*draft.evidence, remark))
     evidence = (*draft.evidence, f"corrected: {text}")
     return replace(
         draft, guesses=guesses or draft.guesses, motor=motor or draft.motor, evidence=evidence

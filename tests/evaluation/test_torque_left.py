@@ -67,9 +67,9 @@ def test_an_angle_that_jumps_is_no_torque(data, arm):
     frame = wrist.frame(arm, 8.0)
     joint = frame.columns.get_loc("q2")
     frame.iloc[700:750, joint] = frame.iloc[700, joint]
-    stuck = left(wrist.dataset(arm, frame), TRUTH)
-    assert (stuck["left"] < 0.1).all()  # else .3
-    np.testing.assert_allclose(stuck["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)
+    frozen = left(wrist.dataset(arm, frame), TRUTH)
+    assert (frozen["left"] < 0.1).all()  # else .3
+    np.testing.assert_allclose(frozen["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)
 
 
 def test_the_shown_torque_is_measured_and_friction_fills_the_rest(data):

@@ -137,6 +137,8 @@ def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose():
     chosen = [np.flatnonzero(friction.theta) for friction in (first, last)]
     np.testing.assert_array_equal(*chosen)
     assert last.calibration.delay == pytest.approx(LATE, abs=1e-3)
+    (named,) = recipes_of([RecipeEntry(name="calibrated", by="shooting")])
+    assert isinstance(named, Shooting)  # a name does not make a recipe of it
     with pytest.raises(InputError, match="like = 'calibrated' must be a one-step recipe"):
         recipes_of([RecipeEntry(name="twice", like="calibrated", calibration={})])
 
