@@ -54,8 +54,7 @@ _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
 _KEPT = 0.8  # of the windows that count
 # Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
-_MANY, _HALF = 0.75, 0.5  # of the windows that count
-_LONGER = 3.0  # times the windows' length where there are fewer, or the motion is not explained
+_MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
 _FOLLOWS = 1e-3  # [sizes]: how near a parameter stays to those that it is like
 _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarithms agree
 
@@ -139,8 +138,7 @@ def begun(
 ) -> tuple[Stage, Settings]:
     """The fitted stage, without what a rough fit of all of it shows to be idle; its settings.
 
-    Where the rough fit loses many windows, or does not explain the motion, these are made longer,
-    unless their length was given: what fits a wrong model best depends on how far it predicts.
+    Where the rough fit loses many windows, these are made longer, unless their length was given.
     """
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
     if law.is_network:
@@ -149,9 +147,13 @@ def begun(
     half = (settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
     stage = solved(stage, intervals, rough, use)
-    longer = _with_longer_windows(stage, intervals, rough, use)
-    if longer is not None:
-        stage, settings = longer, replace(settings, windows=longer.problem.settings.windows)
+    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
+        longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
+        try:
+            stage = solved(stage, intervals, replace(rough, windows=longer), use)
+            settings = replace(settings, windows=longer)
+        except InputError:  # the recordings are too short for these
+            pass
     if not explained(stage.problem, stage.solution):
         stage = stage._replace(blocks=tuple(map(_not_held, stage.blocks)))
     if none_held:
@@ -168,29 +170,6 @@ def _not_held(block: ParameterBlock) -> ParameterBlock:
     the data tell.
     """
     return replace(block, offered=False) if block.enters == "base" else block
-
-
-def _with_longer_windows(
-    stage: Stage, intervals: Intervals, settings: Settings, use: Array
-) -> Stage | None:
-    """The stage with longer windows; None where these say nothing else, or are lost themselves.
-
-    Where blocks were asked for, what is not free may be what is not explained, which stays.
-    """
-    few, asked = stage.solution.closed.mean() < _MANY, not any(b.offered for b in stage.blocks)
-    enough = asked or explained(stage.problem, stage.solution)
-    if settings.windows != WINDOWS or (enough and not few):
-        return None
-    windows = tuple(_LONGER * w for w in stage.problem.settings.windows)
-    anew = stage._replace(ended=None)
-    try:
-        longer = solved(anew, intervals, replace(settings, windows=windows), use)
-    except InputError:  # the recordings are too short for these
-        return None
-    if not few and longer.solution.closed.mean() <= _HALF:
-        return None
-    iterations = stage.solution.iterations + longer.solution.iterations
-    return longer._replace(ended=(longer.problem, longer.solution._replace(iterations=iterations)))
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:

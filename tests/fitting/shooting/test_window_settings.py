@@ -36,14 +36,12 @@ def test_windows_of_other_lengths_give_intervals_that_overlap():
     assert ((short[:, 0] < long[:, 1]) & (long[:, 0] < short[:, 1])).all()
 
 
-def test_windows_are_longer_where_what_is_offered_does_not_explain_the_motion(monkeypatch):
-    """As if they had been given; not where blocks are asked for, which says what is left out."""
+def test_base_parameters_stay_free_where_the_motion_is_not_explained(monkeypatch):
+    """Intervals hold the errors of the model; at nominal values these would be larger."""
     monkeypatch.setitem(coverage_cases.NOISE, "joint", 1e-4)
-    (data,) = sets_of(case_of("gear_load", "joint"), [1], 8, late=True)
-    lengths, asked = Settings(windows=(0.25, 0.5, 1.0)), (FrictionBlock(), InertiaBlock())
-    first = first_of(data)
-    found, given = refine(first, data), refine(first, data, settings=lengths)
-    short = refine(first, data, asked)
-    assert [f.diagnostics.windows for f in (found, given, short)] == [24, 24, 72]
-    off = np.abs(found.covariance.values - given.covariance.values)
-    assert (off < 0.1 * given.covariance.error).all()
+    (data,) = sets_of(case_of("gear_load", "joint"), [3], 4, late=True)
+    found = refine(first_of(data), data)
+    assert "what is fitted does not explain the motion" in " ".join(found.diagnostics.warnings)
+    free = {p.name for p in found.covariance.parameters if p.tolerance > 0}
+    assert {"inertia", "gravity"} <= free
+    assert not any("stays at" in warning for warning in found.diagnostics.warnings)
