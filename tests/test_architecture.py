@@ -267,3 +267,9 @@ def test_the_checker_finds_a_planted_violation(files, expected, tmp_path):
 
 def test_the_list_of_layers_names_each_once():
     assert len(set(LAYERS)) == len(LAYERS)
+
+
+def test_no_two_test_files_have_one_name():
+    """pytest imports them by their names, and refuses the second where it sees both."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))

@@ -7,8 +7,9 @@ alike. With d the distance above an edge h in units of the torque's noise, a sha
 
 The likeliest edge of a grid is drawn to the samples that are near it. Its peak or its fall is
 reached where samples pile up on it: five times as many as in a band as wide beside it, in three
-stretches, at speeds that differ. A torque that only has its crests there, as a sine does, has twice
-as many. A command that steps to one level looks like a peak.
+stretches between which the torque changes its sign, at speeds that differ. A torque that only has
+its crests there, as a sine does, has twice as many. A command that steps to one level looks like a
+peak.
 """
 
 from __future__ import annotations
@@ -192,7 +193,8 @@ def _piled(samples: _Samples, d: Array, part: Array, fastest: float) -> Array | 
     on, beside = part & (np.abs(d) < 2.0), part & (d > -6.0) & (np.abs(d) > 2.0)
     edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
     long = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= _LENGTH]
-    if len(long) < _STRETCHES or on.sum() < _PILED * beside.sum():
+    stretches = {int(samples.stretch[a]) for a, _ in long}  # a torque that stands still has one
+    if len(stretches) < _STRETCHES or on.sum() < _PILED * beside.sum():
         return None
     low, high = np.quantile(samples.w[on], [0.05, 0.95])
     if high - low < _SPREAD * fastest:

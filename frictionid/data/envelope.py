@@ -21,7 +21,7 @@ class Envelope(NamedTuple):
     """Peak torque [N m], knee and no-load speed [rad/s] at the joint, one or (n,).
 
     >>> motor = Envelope(peak=2.0, knee=10.0, no_load=20.0)
-    >>> motor.stall, motor.slope
+    >>> float(motor.stall), float(motor.slope)
     (4.0, 0.2)
     >>> motor.top(np.array([-30.0, 0.0, 10.0, 15.0, 20.0, 25.0]))
     array([ 2.,  2.,  2.,  1.,  0., -1.])
@@ -53,8 +53,9 @@ def of_motor(
 
     limit : of the torque [N m], as the current has one
 
-    >>> of_motor(10.0, K=0.5, R=2.0, limit=2.0)
-    Envelope(peak=2.0, knee=4.0, no_load=20.0)
+    >>> motor = of_motor(10.0, K=0.5, R=2.0, limit=2.0)
+    >>> float(motor.peak), round(float(motor.knee), 9), motor.no_load
+    (2.0, 4.0, 20.0)
     """
     stall, no_load = K * volts / R, volts / K
     peak = np.minimum(limit, stall)
