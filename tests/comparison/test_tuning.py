@@ -27,7 +27,7 @@ OWN = """
 from dataclasses import dataclass, replace
 from frictionid.errors import InputError
 from frictionid import Identifier
-from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.identifiers import Linear
 from frictionid.friction.laws import CoulombViscous
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Scaled(Identifier):
     def fit(self, problem, weights, seed):
         if self.mood == "bad":
             raise InputError("in no mood to fit")
-        fitted = LeastSquares(CoulombViscous()).fit(problem, weights, seed)
+        fitted = Linear(CoulombViscous()).fit(problem, weights, seed)
         return replace(fitted, theta=self.factor * fitted.theta)
 """
 FACTOR = {"factor": {"low": 0.0, "high": 2.0}}
@@ -52,10 +52,10 @@ def place(tmp_path_factory):
     return folder
 
 
-def benchmark(split=Split(count=3), recordings=None, **changes):
+def benchmark(split=Split(count=3), recordings=None):
     data = dataset(**({} if recordings is None else {"recordings": recordings}))
     folds = make_folds(data.recordings, split)
-    return Benchmark(data, folds, Protocol((0.3,), every=0.5, **changes))
+    return Benchmark(data, folds, Protocol((0.1,), every=0.5))
 
 
 def tuning_task(place, own=None, search=None, **settings):
@@ -74,6 +74,7 @@ def suite(place, search=None, tuning=None, **entry):
         [
             ("identifiers", [{"kind": "none"}, {**identifier, **entry}]),
             ("recipes", [{"name": "integral"}]),
+            ("horizons", [0.1]),
             ("tune", tuning or {"trials": 2, "nested": False, "folds": 2}),
         ],
     )
@@ -133,7 +134,7 @@ def test_choices_whole_numbers_and_rollouts(place, tmp_path):
         },
     )
     own = TuningTask(benchmark(), "spline", entry, INTEGRAL, 0, place)
-    objective = Objective(score="rollout_angle", horizon=0.3)
+    objective = Objective(score="rollout_angle", horizon=0.1)
     (result,) = tune([own], Tuning(trials=3, folds=2, nested=False, objective=objective), tmp_path)
     for trial in result.trials:
         assert trial.settings["degree"] in (1, 2, 3) and 0 < trial.value < 0.1
@@ -193,7 +194,7 @@ def test_samples_keep_their_own_deviations(place, tmp_path, kind):
         sigma = 1e-4 * (1.0 + np.arange(len(r.angle.time))[:, None] % 3)
         return replace(r, angle=r.angle._replace(sigma=sigma))
 
-    own = benchmark(Split(count=3, kind=kind, gap=0.1))
+    own = benchmark(Split(count=2, kind=kind, gap=0.1))
     own = replace(
         own, dataset=replace(own.dataset, recordings=tuple(map(deviating, own.dataset.recordings)))
     )
@@ -225,10 +226,17 @@ def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
 # --- Interruptions -------------------------------------------------------------------------------
 
 
+SEVEN = Tuning(trials=7, folds=2, nested=False, samplers=["tpe"])
+
+
+@pytest.fixture(scope="module")
+def whole(place, tmp_path_factory):
+    """A search that nothing interrupts."""
+    return tune([tuning_task(place)], SEVEN, tmp_path_factory.mktemp("whole"))
+
+
 @pytest.mark.parametrize("after", [1, 7])
-def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, after):
-    tuning = Tuning(trials=7, folds=2, nested=False, samplers=["tpe"])
-    whole = tune([tuning_task(place)], tuning, tmp_path / "whole")
+def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, whole, after):
     finished = []
 
     def stop(name):
@@ -237,9 +245,9 @@ def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        tune([tuning_task(place)], tuning, tmp_path / "part", done=stop)
+        tune([tuning_task(place)], SEVEN, tmp_path / "part", done=stop)
     again = []
-    resumed = tune([tuning_task(place)], tuning, tmp_path / "part", resume=True, done=again.append)
+    resumed = tune([tuning_task(place)], SEVEN, tmp_path / "part", resume=True, done=again.append)
     assert values(resumed) == values(whole) and len(again) == 7
 
 

@@ -1,6 +1,7 @@
 """The report: its numbers are those of the scores, whatever the names, lost values and gaps."""
 
 import io
+import json
 import re
 import shutil
 import subprocess
@@ -36,8 +37,20 @@ ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "æ
 
 @pytest.fixture(scope="module")
 def typical(tmp_path_factory):
-    """A report of a folder made by hand."""
-    return made.built(made.typical(tmp_path_factory.mktemp("typical")))
+    """A report of a folder made by hand, with blank pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        made.leave_blank(patch)
+        return made.built(made.typical(tmp_path_factory.mktemp("typical")))
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """A report with pictures, without rollouts or examples; settings of Matplotlib stay."""
+    task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
+    folder, before = tmp_path_factory.mktemp("bare"), dict(matplotlib.rcParams)
+    made.built(made.write(folder, [task]))
+    assert dict(matplotlib.rcParams) == before
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -83,12 +96,15 @@ def blank(monkeypatch):
 # --- The same results, the same files ----------------------------------------------------------
 
 
-def test_a_report_made_elsewhere_has_the_same_bytes(typical, tmp_path):
-    shutil.copytree(typical / "tasks", tmp_path / "moved" / "tasks")
-    for name in ("provenance.json", "datasets.json"):
-        shutil.copy(typical / name, tmp_path / "moved")
-    made.built(tmp_path / "moved")
-    assert made.contents(tmp_path / "moved") == made.contents(typical)
+@pytest.mark.parametrize("name", ["typical", "bare"])
+def test_a_report_made_elsewhere_has_the_same_bytes(name, tmp_path, request, monkeypatch):
+    first, moved = request.getfixturevalue(name), tmp_path / "moved"
+    if name == "typical":
+        made.leave_blank(monkeypatch)
+    shutil.copytree(first / "tasks", moved / "tasks")
+    for file in ("provenance.json", "datasets.json"):
+        shutil.copy(first / file, moved)
+    assert made.contents(made.built(moved)) == made.contents(first)
 
 
 @pytest.mark.parametrize("content", ["nothing", "no task"])
@@ -98,12 +114,6 @@ def test_a_folder_without_results_is_the_users_mistake(content, tmp_path):
         shutil.rmtree(tmp_path / "tasks")
     with pytest.raises(InputError, match=re.escape(str(tmp_path))):
         load_results(tmp_path)
-
-
-def test_settings_of_matplotlib_stay(tmp_path):
-    before = dict(matplotlib.rcParams)
-    made.built(made.write(tmp_path, [made.task("a", {"made": made.rows(0.3, 0.2)}, motions=False)]))
-    assert dict(matplotlib.rcParams) == before
 
 
 def test_importing_the_report_does_not_load_matplotlib():
@@ -171,6 +181,11 @@ def test_parameters_are_those_of_the_models(computed):
     assert set(table[table["identifier"] == "truth"]["parameter"]) > {"viscous", "peak_positive"}
 
 
+def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_only(computed):
+    true = json.loads((computed / "datasets.json").read_text())["tiny"]["true_parameters"]
+    assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
+
+
 def test_what_no_recipe_changes_stands_once(typical):
     names = [model.name for model in made.section(typical).models]
     assert names == ["none", "stribeck (study)", "stribeck (integral)", "paper", "truth"]
@@ -230,12 +245,11 @@ def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
     assert "â€“" in capsys.readouterr().out
 
 
-def test_without_rollouts_or_examples_the_rest_is_there(tmp_path):
-    task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
-    made.built(made.write(tmp_path, [task]))
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {
-        f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("pdf", "svg")
-    }
+def test_without_rollouts_or_examples_the_rest_is_there(bare):
+    names = {f"{name}--made.{kind}" for name in ("one_step", "curves") for kind in ("pdf", "svg")}
+    assert {path.name for path in (bare / "figures").iterdir()} == names
+    for path in (bare / "figures").iterdir():
+        assert path.read_bytes().startswith(b"%PDF" if path.suffix == ".pdf" else b"<?xml")
 
 
 @pytest.mark.usefixtures("blank")
@@ -266,8 +280,9 @@ def odd(tmp_path_factory):
         made.task(name, {"my|rig": made.rows(0.3, 0.2, curve=0.1)}, dataset="my|rig", fit="$fit_")
         for name in ODD
     ]
-    made.built(made.write(folder, tasks, title="A *title* | <b>"))
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        made.leave_blank(patch)
+        return made.built(made.write(folder, tasks, title="A *title* | <b>"))
 
 
 def test_odd_names_stand_in_markdown_as_they_are(odd):
@@ -301,9 +316,8 @@ def test_every_figure_is_drawn_whatever_the_names(odd, computed):
             drawn = (image < 0.9).any(axis=-1)
             halves = [half.mean() for half in np.array_split(drawn, 2, axis=1)]
             assert min(halves) > 0.005, picture.stem
-            path = folder / "figures" / f"{picture.stem}.pdf"
-            assert path.read_bytes().startswith(b"%PDF")
-            assert b"<svg" in path.with_suffix(".svg").read_bytes()
+            for kind in ("pdf", "svg"):
+                assert (folder / "figures" / f"{picture.stem}.{kind}").exists()
 
 
 def pictures_of(folder):

@@ -16,7 +16,7 @@ from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
 from frictionid.report.figures.curves import friction_curves, spread_caption, spreads
-from frictionid.report.figures.style import drawing, styles
+from frictionid.report.figures.style import drawing, rendered, styles
 
 
 @pytest.fixture(scope="module")
@@ -76,15 +76,17 @@ def test_without_a_truth_the_members_are_drawn(tmp_path):
     words = spread_caption(section)
     assert "The 5 members of wide" in words and "no interval" in words
     with drawing():
-        assert len(spreads(section, styles(section.models))) == 1
+        (picture,) = spreads(section, styles(section.models))
+        assert len(rendered(picture, ["pdf"])["pdf"]) > 1000
 
 
-def test_the_page_shows_the_picture_and_says_what_members_are(tmp_path):
+def test_the_page_shows_the_picture_and_says_what_members_are(tmp_path, monkeypatch):
+    made.leave_blank(monkeypatch)
     gathered(tmp_path, ensemble())
     made.built(tmp_path)
     assert 'href="figures/members--made.svg"' in (tmp_path / "index.html").read_text()
     assert "The 5 members of wide differ by their initial weights" in made.words(tmp_path)
-    assert (tmp_path / "figures" / "members--made.pdf").stat().st_size > 1000
+    assert (tmp_path / "figures" / "members--made.pdf").exists()
 
 
 def test_without_an_ensemble_nothing_is_drawn_or_told(tmp_path):

@@ -202,7 +202,8 @@ def test_speeds_are_those_of_the_recordings(compared):
 
 
 def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
-    file = tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
+    changes = [("recipes", [{"name": "integral"}]), ("identifiers", [{"kind": "none"}])]
+    file = tiny.write_suite(tmp_path, changes)
     assert load_suite(file).protocol.loops is None and Protocol().loops is None
     tiny.compare_into(file, tmp_path / "out")
     made.undraw(monkeypatch)

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import result_folders as made
-from fixtures import tiny_pendulums as tiny
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
@@ -227,7 +226,8 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
 # --- The page ----------------------------------------------------------------------------------
 
 
-def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path):
+def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path, monkeypatch):
+    made.leave_blank(monkeypatch)
     refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
     tasks = [
         made.task(name, {"made": made.rows(0.3, error, curve=0.1)}, refined=refined)
@@ -284,7 +284,8 @@ def test_strong_correlations_have_a_frame_and_all_parameters_a_name(tmp_path):
     assert groups == ["friction\njoint 1", "friction\njoint 2"]
 
 
-def test_many_parameters_have_a_picture_and_a_short_table(tmp_path):
+def test_many_parameters_have_a_picture_and_a_short_table(tmp_path, monkeypatch):
+    made.leave_blank(monkeypatch)
     many = [made.parameter("friction", f"number {k}", 1.0, 0.1, joint=k % 2) for k in range(60)]
     many.sort(key=lambda entry: entry["joint"])
     text = page(tmp_path, made.shot(many))
@@ -327,14 +328,6 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
     text = page(tmp_path, refined)
     assert "at its bound" in text
     assert (tmp_path / "figures" / "correlation--made--law.svg").stat().st_size > 1000
-
-
-def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_only(tmp_path):
-    tiny.write_suite(tmp_path, [("recipes", [{"name": "integral"}])])
-    tiny.compare_into(tmp_path / "suite.toml", tmp_path / "out")
-    about = json.loads((tmp_path / "out" / "datasets.json").read_text())["tiny"]
-    true = about["true_parameters"]
-    assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
 
 
 def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
