@@ -1,4 +1,4 @@
-"""Numerics under stress: small versions of comparisons/stress.py, the table of docs/stress.md."""
+"""Numerics under stress: small versions of comparisons/stress.py, the table of docs/failures.md."""
 
 import sys
 from functools import cache
