@@ -330,16 +330,14 @@ def test_required_recordings_may_not_be_skipped(
         )
 
 
-@pytest.mark.parametrize("name", ["docs/results.md", "docs/shooting.md", "docs/mechanisms.md"])
-def test_the_examples_of_the_pages_run(monkeypatch, name):
-    path = ROOT / name
-    assert path.exists()
+def test_the_examples_of_the_page_of_mechanisms_run(monkeypatch):
+    path = ROOT / "docs" / "mechanisms.md"
     monkeypatch.chdir(ROOT)
     # a fence ends what an example prints, as an empty line would
     text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)
-    example = doctest.DocTestParser().get_doctest(text, {}, name, str(path), 0)
+    example = doctest.DocTestParser().get_doctest(text, {}, path.name, str(path), 0)
     said = []
     outcome = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(
         example, out=said.append
     )
-    assert outcome.failed == 0, "".join(said)
+    assert outcome.attempted > 5 and outcome.failed == 0, "".join(said)
