@@ -14,7 +14,7 @@ Every card is made by the defaults, from public recordings:
   judged by a free run of the last one (see `go2.py`), then fitted to all;
 - published models: as they stand, judged on our recordings. These may have been fitted to them.
 
-Without names all cards are made that are not there, and all are run in MuJoCo. Prints the tables of
+Without names all cards are made that are not there, and all are run in MuJoCo. Prints their tables, figures of which are in
 docs/machine_cards.md and draws its picture.
 """
 
@@ -240,7 +240,7 @@ def small(friction: Friction) -> Friction:
 
 
 def table() -> Iterator[str]:
-    """The table of docs/machine_cards.md."""
+    """The table of cards; docs/machine_cards.md has it without titles and licences."""
     yield "| card | machine | law | held out | without friction | of what | licence |"
     yield "| --- | --- | --- | ---: | ---: | --- | --- |"
     for name in shipped_names("machines"):

@@ -4,7 +4,7 @@
 
 Models are fitted to some recordings and predict others 1 s ahead, from the states that a filter
 estimates, under logged torques or targets: by our physics step, in MuJoCo by the file as it is, and
-with the callback beside it. The table of docs/export.md is what this prints. The published M6 of
+with the callback beside it. docs/export.md has rows of this table. The published M6 of
 the servo stands beside ours: read by its own file format, and replayed in MuJoCo in the same way.
 """
 

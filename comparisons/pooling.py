@@ -1,6 +1,6 @@
 """How often the intervals of pooled models hold what they are to hold.
 
-    python comparisons/pooling.py            # the first table of docs/pooling.md, a minute
+    python comparisons/pooling.py            # meta-analyses, a minute
     python comparisons/pooling.py 100        # and simulated rigs, 100 sets: 20 minutes
 
 First meta-analyses of specimens drawn from a normal distribution, with estimates whose standard

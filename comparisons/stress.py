@@ -1,6 +1,6 @@
 """Numerics under stress: what harms a friction curve and its intervals, and what `check` says.
 
-    python comparisons/stress.py [SEEDS] [--only WORD]    # the table of docs/failures.md
+    python comparisons/stress.py [SEEDS] [--only WORD]    # figures of docs/failures.md
 
 Simulated acrobots with set-valued Stribeck friction, as in `coverage.py`, are recorded under one
 stress each: other rates, noise, encoders, glitches, what is lost or does not move. Stribeck

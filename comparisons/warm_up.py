@@ -1,6 +1,6 @@
 """How well friction of a joint that warms up is found, with its temperature and without.
 
-    python comparisons/warm_up.py 20     # the table of docs/pooling.md, a minute of processor time
+    python comparisons/warm_up.py 20     # figures of docs/pooling.md, a minute of processor time
 
 A simulated pendulum with set-valued friction and an integrator of its own warms up from 15 to
 48 degC in each of two recordings of 30 s; its Coulomb level falls by 0.8 % and its viscous friction
