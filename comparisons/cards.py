@@ -14,8 +14,8 @@ Every card is made by the defaults, from public recordings:
   judged by a free run of the last one (see `go2.py`), then fitted to all;
 - published models: as they stand, judged on our recordings. These may have been fitted to them.
 
-Without names all cards are made that are not there, and all are run in MuJoCo. Prints their tables, figures of which are in
-docs/machine_cards.md and draws its picture.
+Without names all cards are made that are not there, and all are run in MuJoCo. Prints their tables,
+whose figures docs/machine_cards.md has, and draws its picture.
 """
 
 from __future__ import annotations
