@@ -11,6 +11,7 @@ from fixtures.tiny_pendulums import compare_into, dataset, write_suite
 from scipy.integrate import solve_ivp
 
 import frictionid as fid
+from frictionid.api.sensitivity import sensitivity_of_suite
 from frictionid.comparison.results import load_results
 from frictionid.comparison.sensitivity.study import training_and_test, with_and_without_inertia
 from frictionid.comparison.sensitivity.variations import (
@@ -144,32 +145,34 @@ def test_wrong_settings_end_in_one_line():
 def suite(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sensitivity")
     chosen = {**NONE, "parameters": ["mass"], "levels": [0.1], "delay": [-0.01, 0.01]}
-    return write_suite(folder, [("sensitivity", chosen), ("recipes.0", None)])
+    changes = [("sensitivity", chosen), ("recipes.0", None), ("horizons", [0.1])]
+    return write_suite(folder, changes)
 
 
-def test_the_command_writes_a_page_and_computes_nothing_twice(suite, monkeypatch, capsys):
-    code, out, _ = run_command(
-        monkeypatch, capsys, suite.parent, "sensitivity", suite.name, "--jobs", 1
-    )
-    assert code == 0
-    folder = next((suite.parent / "report").iterdir())
+@pytest.fixture(scope="module")
+def studied(suite):
+    """Frame and page of the suite's study."""
+    return sensitivity_of_suite(suite, out=suite.parent / "report" / "small-sensitivity", jobs=1)
+
+
+def test_the_command_writes_a_page_and_computes_nothing_twice(studied, suite, monkeypatch, capsys):
+    folder = studied[1].parent
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.name[0] != "."}
     kinds = {p.suffix for p in before}
     assert {".md", ".csv", ".png", ".pdf", ".tex", ".json"} <= kinds
-    assert "torque delay" in out
     times = {p: p.stat().st_mtime_ns for p in (folder / "fits").iterdir()}
-    code, out, _ = run_command(
-        monkeypatch, capsys, suite.parent, "sensitivity", suite.name, "--json"
-    )
+    words = monkeypatch, capsys, suite.parent, "sensitivity", suite.name
+    code, out, _ = run_command(*words, "--json")
     assert code == 0
     assert len(json.loads(out)["fits"]) == len(times)
     assert {p: p.stat().st_mtime_ns for p in times} == times
     assert {p: p.read_bytes() for p in before} == before
+    monkeypatch.setattr("frictionid.api.sensitivity.sensitivity_of_suite", lambda *_, **__: studied)
+    code, out, _ = run_command(*words)
+    assert code == 0 and "torque delay" in out
 
 
-def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(suite, monkeypatch, capsys):
-    words = "sensitivity", suite.name, "--jobs", 1, "--replace"
-    assert run_command(monkeypatch, capsys, suite.parent, *words)[0] == 0
+def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(studied, suite):
     folder = suite.parent / "report" / "small"
     compare_into(suite, folder)
     results = load_results(folder)
@@ -177,11 +180,13 @@ def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(suite, monke
     names = names_of([section])
     stems = [picture.stem for picture in beside(results, section, names)]
     assert stems == [f"{kind}--tiny--coulomb_viscous" for kind in ("tornado", "amounts")]
-    provenance = suite.parent / "report" / "small-sensitivity" / "provenance.json"
-    document = json.loads(provenance.read_text())
+    provenance = studied[1].parent / "provenance.json"
+    before = provenance.read_text()
+    document = json.loads(before)
     document["data"]["tiny"] = {"00.csv": "of other recordings"}
     provenance.write_text(json.dumps(document))
     assert list(beside(results, section, names)) == []
+    provenance.write_text(before)
 
 
 def test_unknown_names_end_in_one_line(suite, monkeypatch, capsys):
