@@ -11,7 +11,8 @@ import frictionid as fid
 
 sys.path.append(str(ROOT / "comparisons"))
 
-from stress import LAW, METHODS, STRESSES, found_by, of_torques, recorded
+from outliers import error_of
+from stress import LAW, METHODS, STRESSES, THIN, of_torques, recorded
 
 SEEDS = (1, 2)
 BOTH = pytest.mark.parametrize("method", METHODS)
@@ -25,15 +26,24 @@ def pairs(name):
 
 
 @cache
+def fitted(method, name, seed=SEEDS[0]):
+    """Fit of a stressed set."""
+    stressed, _ = pairs(name)[SEEDS.index(seed)]
+    return fid.fit(stressed, LAW, method=method, sample_time=THIN[method])
+
+
 def error(method, name):
     """Mean curve error of all joints and seeds."""
-    return np.mean([found_by(method, *pair).error for pair in pairs(name)])
+    each = zip(SEEDS, pairs(name), strict=True)
+    return np.mean([error_of(fitted(method, name, s).friction, clean) for s, (_, clean) in each])
 
 
 @BOTH
 def test_single_precision_fits_as_double_precision(method):
-    rough, fine = pairs("single precision")[0]
-    single, double = (fid.fit(data, LAW, method=method).friction.theta for data in (rough, fine))
+    rough, _ = pairs("single precision")[0]
+    single, double = (
+        fitted(method, name).friction.theta for name in ("single precision", "nothing")
+    )
     assert rough.recordings[0].angle.value.dtype == np.float32
     assert single.dtype == np.float64
     np.testing.assert_allclose(single, double, rtol=2e-3)
@@ -62,11 +72,10 @@ def test_joints_that_stand_still_are_refused_in_a_line(method, name, words):
 
 
 def test_10_hz_are_named_and_what_they_cannot_tell_is_not_identified():
-    data, clean = pairs("10 Hz")[0]
+    (data, clean), fit = pairs("10 Hz")[0], fitted("one_step", "10 Hz")
     assert "slow_sampling" in set(fid.check(data).findings.kind)
-    found = found_by("one_step", data, clean)
-    assert found.error.max() > 0.1
-    assert not found.identified.all()
+    assert error_of(fit.friction, clean).max() > 0.1
+    assert not fit.frame.identified.all()
 
 
 @pytest.mark.parametrize(("name", "named"), [("torque logged as zero", True), ("nothing", False)])
@@ -89,7 +98,6 @@ def test_free_decays_are_no_torques_that_were_not_logged():
         ("5 % of angles off by 1 rad", "angle_outliers"),
         ("5 % of angles off by 0.05 rad", "angle_outliers"),
         ("5 % of torques off by 1 N m", "torque_outliers"),
-        ("20 Hz", "slow_sampling"),
         ("10 Hz", "slow_sampling"),
         ("angle 1 constant", "constant_angle"),
         ("angle 2 constant", "constant_angle"),
