@@ -1,6 +1,5 @@
-"""What work costs, in counts and memory: laws that hold on any machine, however busy it is."""
+"""What work costs, in counts: laws that hold on any machine, however busy it is."""
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,12 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares, Linear
-from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
-from frictionid.friction import Friction, along
+from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
+from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.mechanics.plant import Plant
 
 THETA = np.array([[0.16, 0.004], [0.05, 0.001]])
-LINEAR = 4.4  # times the memory, for four times the samples
 
 
 @pytest.fixture(scope="module")
@@ -28,40 +26,8 @@ def acrobot():
     return load_dataset(ROOT / "data" / "acrobot_clean")
 
 
-def peak(work):
-    """Most memory [bytes] that a piece of work has at once; loops are compiled before."""
-    work()
-    tracemalloc.start()
-    try:
-        work()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-
-
 def recordings(dataset, count):
     return replace(dataset, recordings=dataset.recordings[:count])
-
-
-@pytest.mark.parametrize("recipe", [STUDY, INTEGRAL], ids=["study", "integral"])
-def test_memory_of_one_step_problems_grows_with_the_samples_at_most(acrobot, recipe):
-    def work(count):
-        some = recordings(acrobot, count)
-        states = recipe.states([r.angle for r in some.recordings])
-        return lambda: training_problem(some, plant_of(some), recipe, states=states)
-
-    assert peak(work(24)) < LINEAR * peak(work(6))
-
-
-def test_memory_of_residuals_grows_with_the_samples_at_most(acrobot):
-    friction = Friction(CoulombViscous(), THETA)
-
-    def work(count):
-        some = recordings(acrobot, count)
-        problem = training_problem(some, plant_of(some), INTEGRAL)
-        return lambda: problem.residual(along(friction, problem.nodes))
-
-    assert peak(work(24)) < LINEAR * peak(work(6))
 
 
 class Counted:

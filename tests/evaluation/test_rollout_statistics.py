@@ -31,15 +31,6 @@ def test_errors_are_norms_of_all_joints_and_distances_of_each():
     assert {(row.score, row.horizon_s) for row in rows} == {("rollout_angle", 0.5)}
 
 
-def test_the_error_of_a_rollout_is_the_norm_over_its_joints():
-    for errors in ([[0.3, 0.4]], [[-0.3, 0.4], [0.5, 0.0], [0.0, -0.5]]):
-        rows = list(rollout_scores(*made_up(errors), np.zeros((1, len(errors)))))
-        for statistic in ("median", "q90"):
-            found = select(rows, statistic=statistic)
-            assert found["all", "all"] == pytest.approx(0.5)
-            assert found["0.0", "all"] == pytest.approx(0.5)
-
-
 def test_statistics_are_numpys_while_all_is_finite():
     rng = np.random.default_rng(4)
     for size in (1, 2, 3, 10, 57):
