@@ -129,11 +129,7 @@ def _edge(samples: _Samples, fastest: float) -> Parts:
     few, top = samples.every(_FEW), float(np.quantile(samples.torque, 0.999))
     if not top > 0:
         return None, None, None
-    peaks = top - np.array([0.0, 1.0, 3.0]) * samples.sigma
-    grid = np.meshgrid(peaks, _KNEES * fastest, _BEYOND * fastest, indexing="ij")
-    peak, knee, beyond = (x.ravel() for x in grid)
-    edges = list(map(Envelope, peak, knee, knee + beyond))
-    edge = edges[int(np.argmax([_log_likelihood(few, edge).sum() for edge in edges]))]
+    edge = _likeliest(few, top - np.array([0.0, 1.0, 3.0]) * samples.sigma, fastest)
     for _ in range(_ROUNDS):
         edge = _nearer(samples, edge)
     return _estimated(samples, edge, fastest)
@@ -151,11 +147,29 @@ def _nearer(samples: _Samples, edge: Envelope) -> Envelope:
     return Envelope(peak, (stall - peak) / slope, stall / slope)
 
 
-def _log_likelihood(samples: _Samples, edge: Envelope) -> Array:
-    h = np.maximum(edge.top(samples.w), 0.0)
-    d = (samples.torque - h) / samples.sigma
+def _likeliest(samples: _Samples, peaks: Array, fastest: float) -> Envelope:
+    """The likeliest edge of a grid; samples slower than its knee see its peak only."""
+    order = np.argsort(samples.w)
+    torque, w = samples.torque[order] / samples.sigma, samples.w[order]
+    likelihoods = []
+    for peak in peaks:
+        slower = np.append(0.0, np.cumsum(_log_likelihood(torque, peak / samples.sigma)))
+        for knee in _KNEES * fastest:
+            first = int(np.searchsorted(w, knee))
+            edges = Envelope(peak, knee, knee + _BEYOND[:, None] * fastest)
+            top = np.maximum(edges.top(w[first:]), 0.0) / samples.sigma
+            likelihoods.append(slower[first] + _log_likelihood(torque[first:], top).sum(axis=1))
+    shape = len(peaks), len(_KNEES), len(_BEYOND)
+    i, j, k = np.unravel_index(int(np.argmax(likelihoods)), shape)
+    knee = float(_KNEES[j] * fastest)
+    return Envelope(float(peaks[i]), knee, knee + float(_BEYOND[k] * fastest))
+
+
+def _log_likelihood(torque: Array, top: Array) -> Array:
+    """Of torques (S,) under an edge (..., S), both in units of the noise."""
+    d = torque - top
     on = np.exp(-0.5 * d**2) / np.sqrt(2 * np.pi)
-    below = ndtr(-d) / (h / samples.sigma + 1.0)
+    below = ndtr(-d) / (top + 1.0)
     return np.log(_SHARE * on + (1.0 - _SHARE) * below + _OUTLIERS)
 
 
