@@ -76,7 +76,7 @@ def one_step(data):
 
 @pytest.fixture(scope="module")
 def bench(data):
-    return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=5, horizons=[0.5, 1.0])
+    return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=3, horizons=[0.5, 1.0])
 
 
 def test_frames_and_files_give_identical_fits(stribeck, folder):
@@ -249,7 +249,7 @@ def test_a_comparison_has_frames_and_a_verdict(bench):
     assert repr(bench) == str(bench.summary())
     assert "<table>" in bench._repr_html_()
     model = bench["stribeck"]
-    assert model.folds.theta.shape == (5, 1, 4) and model.friction.theta.shape == (1, 4)
+    assert model.folds.theta.shape == (3, 1, 4) and model.friction.theta.shape == (1, 4)
     assert set(bench.scores.identifier) == {"none", "stribeck", "sindy"}
 
 
@@ -264,7 +264,7 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path, monk
     leave_blank(monkeypatch)
     suite = tmp_path / "suite.toml"
     suite.write_text(
-        f'name = "s"\nhorizons = [0.5, 1.0]\n[folds]\ncount = 5\n'
+        f'name = "s"\nhorizons = [0.5, 1.0]\n[folds]\ncount = 3\n'
         f'[[datasets]]\npath = "{folder}"\n[[recipes]]\nname = "shooting"\n'
         '[[identifiers]]\nkind = "stribeck"\n'
     )
@@ -281,8 +281,8 @@ def test_a_suite_gives_the_numbers_of_the_function(bench, folder, tmp_path, monk
 def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
     leave_blank(monkeypatch)
     models, out = ["none", Own], tmp_path / "out"
-    written = fid.compare(data, models, folds=3, horizons=[0.5], folder=out)
-    memory = fid.compare(data, models, folds=3, horizons=[0.5])
+    written = fid.compare(data, models, folds=2, horizons=[0.5], folder=out)
+    memory = fid.compare(data, models, folds=2, horizons=[0.5])
     pd.testing.assert_frame_equal(written.frame, memory.frame)
     read = fid.load_comparison(out, laws=[Own])
     for bench in (written, read):
@@ -291,17 +291,16 @@ def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
     with pytest.raises(fid.InputError, match="is no comparison|holds no comparison|holds"):
         (tmp_path / "other").mkdir()
         (tmp_path / "other" / "mine.txt").write_text("mine")
-        fid.compare(data, ["none"], folds=3, horizons=[0.5], folder=tmp_path / "other")
+        fid.compare(data, ["none"], folds=2, horizons=[0.5], folder=tmp_path / "other")
 
 
 def test_figures_are_figures(bench, shot, data):
     made = [bench.plot(kind) for kind in ("rollout", "rollouts", "curves", "motion", "one_step")]
     made += [shot.plot(kind) for kind in ("friction", "motion", "correlation")]
     made += [fid.check(data).plot(kind) for kind in ("residual", "coverage", "motion")]
-    made += bench.figures().values()
-    for figure in made:
+    assert all(figure._repr_png_()[:4] == b"\x89PNG" for figure in made)
+    for figure in (*made, *bench.figures().values()):
         assert isinstance(figure, Figure) and figure.axes
-        assert figure._repr_png_()[:4] == b"\x89PNG"
     import matplotlib._pylab_helpers as windows
 
     assert not windows.Gcf.figs  # no window, no list of pyplot
@@ -341,7 +340,7 @@ def test_a_law_of_ones_own_is_fitted_compared_saved_and_read(data, tmp_path):
         fid.load_model(tmp_path / "own.json")
     loaded = fid.load_model(tmp_path / "own.json", laws=[Own])
     np.testing.assert_array_equal(loaded.friction.theta, fit.friction.theta)
-    bench = fid.compare(data, [Own, Own(width=0.1)], folds=3, horizons=[0.5])
+    bench = fid.compare(data, [Own, Own(width=0.1)], folds=2, horizons=[0.5])
     assert [name for name, _ in bench] == ["Own 1", "Own 2"]
 
 
