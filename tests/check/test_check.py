@@ -242,8 +242,9 @@ def test_the_command_prints_everything_as_json_and_draws(monkeypatch, capsys, tm
     assert made == ["coverage.png", "motion.png", "residual.png"]
 
 
-@pytest.mark.parametrize("samples", [2, 3, 12, 600])
-@pytest.mark.parametrize("speed", [0.0, 3.0])
+@pytest.mark.parametrize(
+    ("samples", "speed"), [(2, 3.0), (3, 0.0), (12, 0.0), (12, 3.0), (600, 0.0)]
+)
 def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, tmp_path):
     t = np.arange(samples) / 60
     q, u = np.sin(speed * t)[:, None], np.cos(7 * t)[:, None]
@@ -251,9 +252,8 @@ def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, 
     verdict = check(dataset)
     json.loads(as_json(verdict))
     assert len(write_pictures(verdict, tmp_path)) == 3
-    if samples < 600 or speed == 0.0:
-        assert verdict.level == "unusable"
-        assert verdict.findings[0].kind == "missing_excitation"
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].kind == "missing_excitation"
 
 
 def test_recordings_of_another_machine_are_not_called_good():
