@@ -173,15 +173,35 @@ class Choice(NamedTuple):
     best : the reference; None where no model is finite, or too few recordings are held out
     losses : of all models against it, None of itself and of models that diverged
     standings : "best", "diverged", or those of the losses
-    simplest : the simplest model that is not shown to be practically worse
-    adequate : the simplest one that is shown to be not practically worse
+    order : places from the simplest model to the most complex one
+    lacking : models that count as worse because they lack a parameter that the data identify
+    preferred : model that is taken whatever the order, see `preferring`
     """
 
     best: int | None = None
     losses: tuple[Loss | None, ...] = ()
     standings: tuple[str, ...] = ()
-    simplest: int | None = None
-    adequate: int | None = None
+    order: tuple[int, ...] = ()
+    lacking: tuple[int, ...] = ()
+    preferred: int | None = None
+
+    @property
+    def kept(self) -> list[int]:
+        """Models that are not practically worse: the preferred one, then from the simplest."""
+        first = [] if self.preferred is None else [self.preferred]
+        kept = [i for i in self.order if self.standings[i] not in ("worse", "diverged")]
+        return first + kept
+
+    @property
+    def simplest(self) -> int | None:
+        """The simplest model that is not shown to be practically worse."""
+        return next(iter(self.kept), None)
+
+    @property
+    def adequate(self) -> int | None:
+        """The simplest model that is shown to be not practically worse."""
+        fine = (i for i in self.kept if self.standings[i] != "undecided" or i == self.preferred)
+        return next(fine, None)
 
     @property
     def recommended(self) -> int | None:
@@ -235,32 +255,42 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
         against.factor.standing if against else "best" if i == best else "diverged"
         for i, against in enumerate(losses)
     )
-    order = [int(i) for i in np.lexsort((level, complexity, last))]
-    kept = [i for i in order if standings[i] not in ("worse", "diverged")]
-    shown = [i for i in kept if standings[i] != "undecided"]
-    return Choice(best, losses, standings, kept[0], shown[0])
+    order = tuple(int(i) for i in np.lexsort((level, complexity, last)))
+    return Choice(best, losses, standings, order)
 
 
 def preferring(
     choice: Choice, names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
 ) -> Choice:
-    """The choice, where errors cannot tell it from a richer law, by what the data identify.
+    """The choice, where errors cannot tell laws apart, by what the data identify.
 
-    A law that has all parameters of the chosen one, and that is undecided against the reference, is
-    chosen where the data identify one that it adds: few recordings scatter more than a parameter's
-    own interval.
+    Few recordings scatter more than a parameter's interval. A law that is undecided is compared
+    with those that have all of its identified parameters and are not worse. More than a tenth farther off, it
+    counts as worse where the data identify a parameter that one of them adds; less than a tenth, as
+    adequate where the reference adds none that they identify. Of undecided laws that add an
+    identified parameter to the chosen one the nearest to the reference is preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
+    standings, lacking = list(choice.standings), []
+    for i in choice.kept:
+        against, mine = choice.losses[i], shown[i] or names[i]
+        richer = [k for k in choice.kept if mine < names[k]]
+        if standings[i] != "undecided" or against is None or not mine or not richer:
+            continue
+        identified = any(shown[k] - names[i] for k in richer)
+        if against.factor.value > 1.0 + REGION and identified:
+            standings[i] = "worse"
+            lacking.append(i)
+        elif against.factor.value <= 1.0 + REGION and not identified and choice.best in richer:
+            standings[i] = "adequate"
+    choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
     if choice.recommended is None:
         return choice
     mine = names[choice.recommended]
-    richer = [
-        i
-        for i, standing in enumerate(choice.standings)
-        if standing == "undecided" and mine and mine < names[i] and shown[i] - mine
-    ]
-    if not richer:
-        return choice
-    place = min(richer, key=lambda i: choice.losses[i].factor.value)  # type: ignore[union-attr]
-    return choice._replace(simplest=place, adequate=place)
+    near = {
+        i: against.factor.value
+        for i, against in enumerate(choice.losses)
+        if against and standings[i] == "undecided" and mine and mine < names[i] and shown[i] - mine
+    }
+    return choice._replace(preferred=min(near, key=near.__getitem__)) if near else choice

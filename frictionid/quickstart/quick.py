@@ -55,6 +55,7 @@ class Candidate:
     standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
         too few folds hold out motion
     loss : against it, None of itself
+    lacks : whether it counts as worse as it lacks a parameter that the data identify
     refined : what its fit to all data estimated
     """
 
@@ -65,6 +66,7 @@ class Candidate:
     curves: Array
     standing: str = ""
     loss: Loss | None = None
+    lacks: bool = False
     refined: Estimates | None = None
 
 
@@ -232,6 +234,7 @@ def candidates_of(
             curves=result.curves,
             standing=choice.standings[i] if choice.standings else "",
             loss=choice.losses[i] if choice.losses else None,
+            lacks=i in choice.lacking,
             refined=refined[i],
         )
         for i, ((name, result), by_fold) in enumerate(zip(results.items(), folds, strict=True))

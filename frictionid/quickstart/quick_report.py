@@ -79,6 +79,10 @@ def verdict(result: Quick) -> list[str]:
         if worse
         else f"No other law is practically worse than {best.name}."
     )
+    if lacking := ", ".join(c.name for c in result.candidates if c.lacks):
+        out.append(
+            f"Errors do not tell {lacking} from it; a parameter that these data identify does."
+        )
     others = {c.name: c.refined for c in result.candidates if c.refined and c is not chosen}
     if result.refined and (sentence := added(result.refined, others)):
         out.append(sentence)

@@ -129,3 +129,39 @@ def test_of_laws_that_errors_cannot_tell_apart_the_one_with_an_identified_parame
     assert preferring(choice, [levels, peak], [levels, peak]).recommended == 1
     assert preferring(choice, [levels, peak], [levels, levels]).recommended == 0
     assert preferring(choice, [peak, levels], [peak, levels]).recommended == 0
+
+
+def scattered(share):
+    """A simple law that one recording of five shows to be farther off, undecided."""
+    group = GROUP % 5
+    shown = np.where(group == 0, share, 0.0)[:, None]
+    simple = StartErrors(NOISE + shown * (apart(1.0).error - NOISE), group)
+    return choose([StartErrors(NOISE, group), simple], np.array([8.0, 4.0]))
+
+
+@pytest.mark.parametrize(
+    ("share", "peak_is_identified", "recommended"),
+    [(0.06, True, 0), (0.06, False, None), (0.035, False, 1), (0.035, True, None)],
+)
+def test_errors_and_intervals_that_agree_decide_what_errors_cannot(
+    share, peak_is_identified, recommended
+):
+    """A tenth farther off without a parameter that is identified, or near without one that is."""
+    choice = scattered(share)
+    assert choice.standings[1] == "undecided" and choice.recommended is None
+    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
+    settled = preferring(choice, [peak, levels], [peak if peak_is_identified else levels, levels])
+    assert settled.recommended == recommended
+    assert settled.lacking == ((1,) if recommended == 0 else ())
+    loss = levels | {"loss"}  # of which the data identify the levels
+    assert preferring(choice, [peak, loss], [peak, levels]).recommended == (
+        0 if share > 0.05 else None
+    )
+    disjoint = frozenset({"knots"})
+    assert preferring(choice, [disjoint, levels], [disjoint, levels]) == choice
+
+
+def test_a_law_that_errors_show_to_be_adequate_stays_so_beside_an_identified_parameter():
+    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
+    choice = choose([BEST, apart(0.005)], np.array([8.0, 4.0]))
+    assert preferring(choice, [peak, levels], [peak, levels]) == choice
