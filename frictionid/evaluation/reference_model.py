@@ -265,10 +265,10 @@ def preferring(
     """The choice, where errors cannot tell laws apart, by what the data identify.
 
     Few recordings scatter more than a parameter's interval. A law that is undecided is compared
-    with those that have all of its identified parameters and are not worse. More than a tenth farther off, it
-    counts as worse where the data identify a parameter that one of them adds; less than a tenth, as
-    adequate where the reference adds none that they identify. Of undecided laws that add an
-    identified parameter to the chosen one the nearest to the reference is preferred.
+    with those that have all of its identified parameters and are not worse. More than a tenth
+    farther off, it counts as worse where the data identify a parameter that one of them adds; less
+    than a tenth, as adequate where the reference adds none that they identify. Of undecided laws
+    that add an identified parameter to the chosen one the nearest to the reference is preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
