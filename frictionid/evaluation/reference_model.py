@@ -203,6 +203,11 @@ class Choice(NamedTuple):
         fine = (i for i in self.kept if self.standings[i] != "undecided" or i == self.preferred)
         return next(fine, None)
 
+    def distance(self, place: int) -> float:
+        """Factor by which a model is farther off than the reference."""
+        against = self.losses[place]
+        return against.factor.value if against else 1.0
+
     @property
     def recommended(self) -> int | None:
         """The model that the rule recommends; None where these data cannot tell."""
@@ -268,29 +273,29 @@ def preferring(
     with those that have all of its identified parameters and are not worse. More than a tenth
     farther off, it counts as worse where the data identify a parameter that one of them adds; less
     than a tenth, as adequate where the reference adds none that they identify. Of undecided laws
-    that add an identified parameter to the chosen one the nearest to the reference is preferred.
+    that add an identified parameter to the chosen one, and are nearer to the reference than it, the
+    nearest is preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
     standings, lacking = list(choice.standings), []
     for i in choice.kept:
-        against, mine = choice.losses[i], shown[i] or names[i]
+        mine = shown[i] or names[i]
         richer = [k for k in choice.kept if mine < names[k]]
-        if standings[i] != "undecided" or against is None or not mine or not richer:
+        if standings[i] != "undecided" or not mine or not richer:
             continue
         identified = any(shown[k] - names[i] for k in richer)
-        if against.factor.value > 1.0 + REGION and identified:
+        is_far = choice.distance(i) > 1.0 + REGION
+        if is_far and identified:
             standings[i] = "worse"
             lacking.append(i)
-        elif against.factor.value <= 1.0 + REGION and not identified and choice.best in richer:
+        elif not is_far and not identified and choice.best in richer:
             standings[i] = "adequate"
     choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
     if choice.recommended is None:
         return choice
     mine = names[choice.recommended]
-    near = {
-        i: against.factor.value
-        for i, against in enumerate(choice.losses)
-        if against and standings[i] == "undecided" and mine and mine < names[i] and shown[i] - mine
-    }
-    return choice._replace(preferred=min(near, key=near.__getitem__)) if near else choice
+    richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]
+    undecided = [i for i in richer if standings[i] == "undecided"]
+    nearest = min([choice.recommended, *undecided], key=choice.distance)
+    return choice if nearest == choice.recommended else choice._replace(preferred=nearest)
