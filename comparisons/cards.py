@@ -239,13 +239,19 @@ def small(friction: Friction) -> Friction:
 # --- Page ----------------------------------------------------------------------------------------
 
 
+def judged() -> Iterator[Machine]:
+    """The cards of which there are recordings, see `published_servos.py` for the others."""
+    for card in map(fid.machine, shipped_names("machines")):
+        if card.held_out is not None:
+            yield card
+
+
 def table() -> Iterator[str]:
     """The table of cards; docs/machine_cards.md has it without titles and licences."""
     yield "| card | machine | law | held out | without friction | of what | licence |"
     yield "| --- | --- | --- | ---: | ---: | --- | --- |"
-    for name in shipped_names("machines"):
-        card = fid.machine(name)
-        held = card.held_out
+    for card in judged():
+        name, held = card.name, card.held_out
         law = card.fit.law + (", published" if card.published else "")
         sizes = (f"{x:.3g} {held.unit}" for x in (held.error, held.without))
         columns = (f"`{name}`", card.title, law, *sizes, held.what, card.licence)
@@ -257,8 +263,8 @@ def engine_table() -> Iterator[str]:
     yield "| card | law | what MJCF cannot hold | mean | median | error in MuJoCo | ours |"
     yield "| --- | --- | --- | ---: | ---: | ---: | ---: |"
     with TemporaryDirectory() as folder:
-        for name in shipped_names("machines"):
-            card = fid.machine(name)
+        for card in judged():
+            name = card.name
             if card.mechanism is None:
                 continue
             done = fid.export(
@@ -274,7 +280,7 @@ def engine_table() -> Iterator[str]:
 
 def picture() -> Any:
     """Friction over velocity of all machines, joints together, with 95 % bands where known."""
-    cards = [fid.machine(name) for name in shipped_names("machines")]
+    cards = list(judged())
     sets = list(dict.fromkeys(card.dataset for card in cards))
     figure, panels = panel_grid(len(sets), 3, 2.2, 0.1)
     for axes, dataset in zip(panels, sets, strict=True):

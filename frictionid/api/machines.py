@@ -49,7 +49,8 @@ class Machine:
         With the identified inertias; None of robots that a file describes, which is not shipped.
     drive : PositionControl or None
         Position control at the joints, of servos.
-    held_out : HeldOut
+    held_out : HeldOut or None
+        None where no recordings of it are public.
     nearest : Nearest or None
         Of laws that most engines do not hold.
     verdict : str
@@ -67,7 +68,7 @@ class Machine:
     joints: tuple[str, ...]
     mechanism: Mechanism | None
     drive: PositionControl | None
-    held_out: HeldOut
+    held_out: HeldOut | None
     nearest: Nearest | None
     verdict: str
     published: bool
@@ -85,16 +86,14 @@ class Machine:
 
     def __repr__(self) -> str:
         held, count = self.held_out, len(self.recordings)
-        lines = (
-            f"{self.name}: {self.title}",
-            repr(self.fit),
-            f"held out: {held.error:.3g} {held.unit}, without friction {held.without:.3g} "
-            f"({held.what})",
-            self.verdict,
-            f"{self.dataset}: {count} recording{'s' * (count > 1)}, {self.seconds:g} s; "
-            f"licence: {self.licence}",
-        )
-        return "\n".join(lines)
+        lines = [f"{self.name}: {self.title}", repr(self.fit), self.verdict]
+        if held is not None:
+            lines += [
+                f"held out: {held.error:.3g} {held.unit}, without friction {held.without:.3g} "
+                f"({held.what})",
+                f"{self.dataset}: {count} recording{'s' * (count > 1)}, {self.seconds:g} s",
+            ]
+        return "\n".join([*lines, f"licence: {self.licence}"])
 
 
 def machine(name: str) -> Machine:
@@ -115,14 +114,14 @@ def machine(name: str) -> Machine:
     card: dict[str, Any] = read_json(path)["machine"]
     mechanism, drive = card.pop("mechanism"), card.pop("drive")
     numbers: dict[str, Any] = {k: np.asarray(v, dtype=float)[()] for k, v in (drive or {}).items()}
-    nearest = card.pop("nearest", None)
+    nearest, held = card.pop("nearest", None), card.pop("held_out")
     listed: dict[str, Any] = {key: tuple(card.pop(key)) for key in ("joints", "recordings")}
     return Machine(
         name=name,
         fit=Fit(friction_of(path)),
         mechanism=mechanism_of(mechanism) if mechanism else None,
         drive=PositionControl(**numbers) if drive else None,
-        held_out=HeldOut(**card.pop("held_out")),
+        held_out=HeldOut(**held) if held else None,
         nearest=Nearest(np.array(nearest["theta"]), nearest["cost"]) if nearest else None,
         **listed,
         **card,
@@ -132,8 +131,8 @@ def machine(name: str) -> Machine:
 def machines() -> pd.DataFrame:
     """The machines that `machine` knows, a line for each by its name.
 
-    Columns: title, law, joints (their number), error and without (held out, see the card), unit,
-    published, licence.
+    Columns: title, law, joints (their number), error and without (held out, see the card; NaN
+    without recordings), unit, published, licence.
 
     Examples
     --------
@@ -143,7 +142,7 @@ def machines() -> pd.DataFrame:
     columns = ["title", "law", "joints", "error", "without", "unit", "published", "licence"]
     rows = {}
     for card in map(machine, shipped_names("machines")):
-        held = card.held_out
+        held = card.held_out or HeldOut(np.nan, np.nan, "", "")
         about = (card.title, card.fit.law, len(card.joints), held.error, held.without, held.unit)
         rows[card.name] = [*about, card.published, card.licence]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns)

@@ -14,13 +14,17 @@ NAMES = shipped_names("machines")
 def test_a_card_is_a_model_with_all_that_it_should_say(name):
     card = fid.machine(name)
     assert card.friction.n == len(card.joints)
-    assert 0 < card.held_out.error < card.held_out.without
     for text in (card.title, card.verdict, card.licence, card.origin, card.citation):
         assert text
-    assert card.recordings and card.seconds > 0
+    if card.held_out is None:
+        assert card.published and not card.recordings
+    else:
+        assert 0 < card.held_out.error < card.held_out.without
+        assert f"{card.held_out.error:.3g}" in repr(card)
+        assert card.recordings and card.seconds > 0
     same = fid.load_model(f"machine:{name}").friction
     np.testing.assert_array_equal(same.theta, card.friction.theta)
-    assert name in repr(card) and f"{card.held_out.error:.3g}" in repr(card)
+    assert name in repr(card)
     if not card.published:
         friction = card.fit.frame[card.fit.frame.block == "friction"]
         assert np.isfinite(friction[friction.identified]["low_95"]).all()
@@ -41,5 +45,5 @@ def test_the_list_has_a_line_for_each():
 
 
 def test_unknown_machines_are_refused_with_the_nearest():
-    with pytest.raises(InputError, match="machine:xl330_m2: no such machine; did you mean xl330_m"):
-        fid.machine("xl330_m2")
+    with pytest.raises(InputError, match="machine:xl330_m7: no such machine; did you mean xl330_m"):
+        fid.machine("xl330_m7")
