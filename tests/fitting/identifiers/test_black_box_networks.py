@@ -7,19 +7,15 @@ import pytest
 from fixtures.black_box_pendulum import acceleration, pendulum
 
 from frictionid.comparison.cross_validate import compare
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import unit_inertia_plant
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.fitting.identifiers import BlackBox, check_identifier
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
-from frictionid.fitting.networks.network import Network, StateNetwork
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import along
-from frictionid.friction.laws import StateLSTM, StateMLP, check_law, members_of
-from frictionid.friction.model_files import load_model, save_model
+from frictionid.friction.laws import StateLSTM, StateMLP, check_law
 
 KINDS = ["blackbox_mlp", "blackbox_lstm"]
 # Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].
@@ -42,10 +38,6 @@ def compared(kind):
     return result
 
 
-def small(kind, epochs):
-    return BlackBox(StateNetwork(Network(SMALL[kind], epochs=epochs)))
-
-
 def test_the_acceleration_of_a_pendulum_is_learned(kind):
     nodes = training_problem(pendulum(), unit_inertia_plant(pendulum()), INTEGRAL).nodes
     true = acceleration(*nodes.inputs[:3])
@@ -61,24 +53,11 @@ def test_it_predicts_what_was_held_out(kind):
     assert np.isnan(result.curves).all()  # it is no friction curve
 
 
-def test_it_keeps_to_the_protocols(kind):
+def test_it_keeps_to_the_contract_of_laws(kind):
     check_law(SMALL[kind], level=False)
-    check_identifier(small(kind, epochs=2))
 
 
 def test_problems_with_masked_rows_are_refused(kind):
     problem = mask_stiction(synthetic_problem(1), 1.0)
     with pytest.raises(InputError, match="velocity_threshold = 0"):
         box(kind).fit(problem, np.ones((1, len(problem.r))), 0)
-
-
-def test_an_ensemble_is_the_mean_of_its_members_from_a_file_too(kind, tmp_path):
-    problem = synthetic_problem(1)
-    ensemble = identifier_named(kind, {"members": 2, "epochs": 1})
-    friction = ensemble.fit(problem, np.ones((1, len(problem.r))), 0)[0]
-    each = along(members_of(friction), problem.nodes)
-    assert np.abs(each[0] - each[1]).max() > 0
-    np.testing.assert_allclose(along(friction, problem.nodes), each.mean(axis=0), rtol=1e-12)
-    save_model(friction, tmp_path / "box.json", LAWS)
-    back = load_model(tmp_path / "box.json", LAWS)
-    assert back.law == friction.law and np.array_equal(back.theta, friction.theta)

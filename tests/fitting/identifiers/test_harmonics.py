@@ -11,9 +11,7 @@ import pandas as pd
 import pytest
 
 import frictionid as fid
-from frictionid.comparison.cross_validate import compare
 from frictionid.data.plants import plant_of
-from frictionid.evaluation.folds import Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.harmonics import harmonics, with_harmonics
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
@@ -48,12 +46,12 @@ def wave(friction, k):
     return np.hypot(cos, sin), np.arctan2(-sin, cos)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_those_of_the_truth_are_chosen(seed):
     assert chosen(dataset(WAVES, seed), Cogging("auto")) == (6, 12)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     "law", [Cogging("auto"), Ripple(harmonics="auto")], ids=["cogging", "ripple"]
 )
@@ -94,15 +92,6 @@ def test_each_fold_chooses_by_its_own_rows():
     assert fit.theta[0].all() and not fit.theta[1, 0, 2:].any()
     alone = LeastSquares(CoulombViscous()).fit(problem, (~first)[None] + 0.0, 0)
     np.testing.assert_allclose(fit.theta[1, 0, :2], alone.theta[0, 0], rtol=1e-6)
-
-
-def test_a_comparison_chooses_in_every_fold_and_scores_what_is_held_out():
-    data = dataset(WAVES)
-    models = {"plain": LeastSquares(CoulombViscous()), "waves": LeastSquares(LAW)}
-    results = compare(data, models, make_folds(data.recordings, Split(count=4)))
-    errors = {name: r.value("rollout_angle", "median", 0.5) for (name, _), r in results.items()}
-    assert errors["waves"] < 0.3 * errors["plain"]
-    assert results["waves", "integral"].friction.law == with_harmonics(LAW, (6, 12))
 
 
 def test_other_joints_keep_to_what_they_show():

@@ -8,7 +8,7 @@ import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
 
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear, check_identifier
+from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
@@ -19,17 +19,16 @@ LAWS_ = (Spline(KNOTS), Spline(KNOTS, 1), Spline(KNOTS, symmetric=False), Table(
 ALL = pytest.mark.parametrize("law", LAWS_, ids=["spline", "hats", "sided", "table"])
 
 
-def drawn(law, n=2):
-    """Parameters whose level stays above zero."""
-    theta = 0.01 * np.random.default_rng(0).normal(size=(n, len(law.names)))
+def drawn(law):
+    """Parameters of two joints whose level stays above zero."""
+    theta = 0.01 * np.random.default_rng(0).normal(size=(2, len(law.names)))
     level = [not name.startswith("rise") for name in law.names]
     return theta + 0.2 * np.array(level)
 
 
 @ALL
-@pytest.mark.parametrize("n", [1, 2])
-def test_truth_in_truth_out(law, n):
-    theta = drawn(law, n)
+def test_truth_in_truth_out(law):
+    theta = drawn(law)
     problem = explained_by(law, theta)
     found = Linear(law).fit(problem, everything(problem), 0)
     np.testing.assert_allclose(found.theta[0], theta, rtol=1e-6, atol=1e-9)
@@ -49,11 +48,6 @@ def test_it_is_least_squares_by_another_route(law):
 
 def rng(seed):
     return np.random.default_rng(seed)
-
-
-@ALL
-def test_it_keeps_to_the_contract(law):
-    check_identifier(Linear(law))
 
 
 @pytest.mark.parametrize("seed", range(4))

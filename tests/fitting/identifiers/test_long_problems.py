@@ -76,7 +76,7 @@ def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
 def test_more_rows_need_little_more_memory(monkeypatch):
     monkeypatch.setattr(linearised, "_ROWS", 2_000)
     peaks, rows = [], []
-    for times in (50, 100):
+    for times in (25, 50):
         problem = _repeated(synthetic_problem(1), times)
         weights = np.ones((1, len(problem.r)))
         tracemalloc.start()

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
+from fixtures.learned_laws import costs_of_rows, drawn
 
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import LeastSquares, check_identifier
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.cells import CompiledCells
 from frictionid.fitting.networks.network import Network
@@ -20,21 +21,9 @@ FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 SMALL = Network(LSTM(3, hidden=(4,)), epochs=3, batch=40, targets=12)
 
 
-def drawn(law, folds=3, n=2, seed=0):
-    rng = np.random.default_rng(seed)
-    theta = law.initial_parameters(np.full((folds, n, 2), [0.1, 5.0]), rng)
-    return theta + 0.5 * rng.standard_normal(theta.shape) * (np.array(law.units) == "1")
-
-
-@pytest.mark.parametrize("odd", [False, True])
-@pytest.mark.parametrize("free", [False, True])
-def test_it_keeps_to_the_contract_of_laws(odd, free):
-    check_law(LSTM(2, hidden=(2,), odd=odd, dissipative=not free, monotone_tail=not free))
-
-
-def test_a_free_network_keeps_to_the_contract_too():
-    check_law(FREE)
-    check_identifier(replace(SMALL, law=FREE), joints=(2,))
+@pytest.mark.parametrize("law", [LSTM(2, hidden=(2,)), LSTM(2, hidden=(2,), odd=True), FREE])
+def test_it_keeps_to_the_contract_of_laws(law):
+    check_law(law)
 
 
 def test_a_free_network_makes_friction_of_the_samples_alone():
@@ -174,24 +163,8 @@ def test_cost_of_the_pieces_is_that_of_the_rows(law):
     found = pieces.cost(stack.tensor(theta), items) * pieces.items * pieces.rows_per_item
     memories = memory_along(Friction(law, theta), problem.nodes)
     assert len(memories[0]) == 2 * law.cells * (1 + law.odd)
-    scale = (weights > 0).sum(1) / (weights @ (problem.r**2).sum(1))
-    exact = [
-        scale[f] * cost(problem, weights[f : f + 1], Friction(law, theta[f : f + 1]))[0]
-        for f in range(3)
-    ]
+    exact = costs_of_rows(problem, weights, law, theta)
     np.testing.assert_allclose(found, exact, rtol=1e-4)
-
-
-def test_it_finds_what_a_static_law_cannot():
-    theta = np.array([[0.05, 0.12, 1.5, 0.01, 0.1]])
-    problem = explained_by(FilmLag(), theta, 5e-4, np.random.default_rng(0))
-    weights = everything(problem)
-    static = LeastSquares(Stribeck()).fit(problem, weights, 0)
-    learner = Network(LSTM(4, hidden=(8,)), epochs=300, batch=120, rate=2e-2, patience=300)
-    learner = replace(learner, targets=20)
-    found = learner.fit(problem, weights, 0)
-    assert found.law.sample_time == pytest.approx(0.02)
-    assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)
 
 
 def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():
@@ -206,3 +179,21 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
     assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
     with pytest.raises(InputError, match="burn_in = 100000 samples .* longest recording"):
         replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)
+
+
+@pytest.mark.parametrize(
+    "learner",
+    [
+        Network(LSTM(4, hidden=(8,)), epochs=300, batch=120, rate=2e-2, patience=300, targets=20),
+        Network(WindowMLP(8), epochs=300, batch=60, patience=300),
+    ],
+    ids=["lstm", "window_mlp"],
+)
+def test_memory_finds_what_a_static_law_cannot(learner):
+    theta = np.array([[0.05, 0.12, 1.5, 0.01, 0.1]])
+    problem = explained_by(FilmLag(), theta, 5e-4, np.random.default_rng(0))
+    weights = everything(problem)
+    static = LeastSquares(Stribeck()).fit(problem, weights, 0)
+    found = learner.fit(problem, weights, 0)
+    assert found.law.sample_time == pytest.approx(0.02)
+    assert cost(problem, weights, found) < 0.5 * cost(problem, weights, static)

@@ -30,21 +30,10 @@ def test_it_is_the_same_in_every_fold_whatever_data_weights_and_seed():
     again = Published(OTHERS).fit(other, np.ones((3, len(problem.r))), 5)
     np.testing.assert_array_equal(found.theta, np.broadcast_to(NUMBERS, (3, 2, 2)))
     np.testing.assert_array_equal(again.theta, found.theta)
-
-
-def test_it_brings_its_law_its_parameters_and_where_it_comes_from():
-    problem = synthetic_problem(2)
-    found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
-    assert found.law is OTHERS.law
-    assert found.parameters == {"m1": 0.5}
+    assert (found.law, found.parameters) == (OTHERS.law, {"m1": 0.5})
     assert found.provenance.notes == {"source": "a paper"}
-
-
-def test_nobody_can_change_the_published_numbers_through_a_fit():
-    problem = synthetic_problem(2)
-    found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
-    found.theta[...] = 0.0
-    np.testing.assert_array_equal(OTHERS.theta, [[0.3, 0.01], [0.1, 0.02]])
+    found.theta[...] = 0.0  # nobody can change the published numbers through a fit
+    assert OTHERS.theta.all()
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from sklearn.neighbors import KNeighborsRegressor
 
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import Regressor, check_identifier
+from frictionid.fitting.identifiers import Regressor
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.identifiers.regressor import NAMED, estimator_named, torques
 from frictionid.fitting.one_step.residual import mask_stiction
@@ -82,15 +82,6 @@ def test_the_curve_holds_beyond_the_data_and_friction_does_not_drive():
     assert (fit(driving)[0].curve(w) * w[:, None] >= 0).all()
 
 
-@pytest.mark.parametrize(
-    "estimator",
-    [RIDGE, KNeighborsRegressor(5), estimator_named("gradient_boosting", {"n_estimators": 10})],
-    ids=["ridge", "knn", "boosting"],
-)
-def test_it_keeps_to_the_contract(estimator):
-    check_identifier(Regressor(estimator, bins=50))
-
-
 def test_the_seed_goes_to_the_estimator():
     problem = explained_by(Stribeck(), TRUTH, 1e-3, np.random.default_rng(0))
     forest = estimator_named("random_forest", {"n_estimators": 5})
@@ -119,14 +110,11 @@ def test_with_angle_and_torque_it_sees_what_a_curve_cannot():
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_with_other_inputs_it_keeps_to_the_contract_and_is_not_saved(tmp_path):
-    identifier = Regressor(KNeighborsRegressor(5), ("w", "q", "u"))
-    check_identifier(identifier)
+def test_with_other_inputs_it_is_not_saved(tmp_path):
     problem = synthetic_problem(2)
-    weights = synthetic_weights(problem)
-    found = identifier.fit(problem, weights, 0)
+    found = fit(problem, KNeighborsRegressor(5), synthetic_weights(problem), inputs=("w", "q", "u"))
     torque = along(found, problem.nodes)
-    for f in range(len(weights)):
+    for f in range(len(torque)):
         np.testing.assert_array_equal(along(found[f], problem.nodes), torque[f])
     with pytest.raises(InputError, match="cannot be saved: regressors of more than the velocity"):
         save_model(found, tmp_path / "model.json", LAWS)

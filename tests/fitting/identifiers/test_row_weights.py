@@ -32,7 +32,7 @@ def test_rows_that_count_twice_are_rows_that_stand_there_twice():
     np.testing.assert_allclose(one.theta, two.theta, rtol=1e-8)
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e-12, 1e12, 1e307])
+@pytest.mark.parametrize("size", [1e-300, 1e307])
 def test_the_size_of_weights_does_not_matter(size):
     problem = synthetic_problem(2)
     weights = synthetic_weights(problem)

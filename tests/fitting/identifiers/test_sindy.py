@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import driven_pendulum
 from fixtures.exact_problems import cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
 from pysindy import FourierLibrary, PolynomialLibrary
@@ -16,7 +17,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.errors import InputError
 from frictionid.files import read_json
-from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, check_identifier
+from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.one_step_fit import one_step_fit
@@ -27,8 +28,7 @@ from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs, along, at_rest
 from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate, write_dataset
-from frictionid.simulate import Stribeck as SimulatedStribeck
+from frictionid.simulate import write_dataset
 
 LAW = Library()
 COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
@@ -156,13 +156,6 @@ def test_ensembles_say_how_often_a_term_is_there():
     np.testing.assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
 
 
-@pytest.mark.parametrize(
-    "settings", [{}, {"optimizer": "sr3"}, {"search_sets": False}, {"ensemble": 3}], ids=str
-)
-def test_it_keeps_to_the_contract(settings):
-    check_identifier(SINDy(Library(velocities=(0.5, 1.5, 5.0)), **settings))
-
-
 def test_the_law_keeps_to_the_contract_with_all_candidates():
     check_law(replace(EVERYTHING, direction=False, harmonics=()))
     check_law(EVERYTHING, level=False)
@@ -184,20 +177,8 @@ def test_shooting_frees_its_terms_only():
     assert on_support((FrictionBlock(),), whole) == (FrictionBlock(),)
 
 
-def recorded():
-    """A pendulum with Coulomb and viscous friction."""
-    runs = tuple(
-        Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
-        for k in range(4)
-    )
-    curve = Curve((0.02,), (0.02,), (0.002,))
-    told = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
-    camera = Camera(samples=80, angle_noise=0.0016)
-    return simulate(Rig("pendulum", told, SimulatedStribeck(curve), camera, runs), 5)
-
-
 def test_each_fold_is_refined_on_the_terms_that_it_has():
-    dataset = recorded()
+    dataset = driven_pendulum(80, 4)
     law = Library(velocities=(1.0,), widths=(), powers=(1, 2))
     own = ({"sign": 0.03, "viscous": 0.001}, {"sign": 0.03, "drag": 1e-4}, {"sign": 0.03})
     start = Friction(law, np.stack([theta_of(law, one) for one in own]))
@@ -218,7 +199,7 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
 
 
 def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
-    write_dataset(recorded(), tmp_path / "data")
+    write_dataset(driven_pendulum(80, 4), tmp_path / "data")
     model = tmp_path / "model.json"
     words = ["fit", tmp_path / "data", "--identifier", "sindy", "--by", "one_step", "--out", model]
     monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])

@@ -6,18 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
-from frictionid.evaluation import Protocol, Split, make_folds, prepare, prepared_for, score_model
-from frictionid.fitting.identifiers import BlackBox, SparseDynamics, check_identifier
+from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
+from frictionid.fitting.identifiers import BlackBox, SparseDynamics
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.method import check_method
-from frictionid.fitting.one_step.residual import mask_stiction
-from frictionid.fitting.shooting import Shooting
 from frictionid.friction import Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
@@ -67,8 +63,7 @@ def test_what_it_finds_predicts_as_the_truth_does():
     assert q[-1] == pytest.approx(angle, abs=0.01)
 
 
-def test_it_keeps_to_the_contract():
-    check_identifier(BlackBox(SparseDynamics(degree=1)))
+def test_it_keeps_to_the_contract_of_laws():
     check_law(StateLibrary(joints=2, degree=2), level=False)
 
 
@@ -102,13 +97,6 @@ def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path):
         load_model(tmp_path / "box.json", LAWS)
 
 
-def test_a_comparison_holds_it_out_like_any_other():
-    folds = make_folds(pendulum().recordings, Split(count=2))
-    (result,) = compare(pendulum(), {"box": BOX}, folds, protocol=Protocol((0.25,))).values()
-    assert result.value("rollout_angle", "median", 0.25) < 0.01
-    assert np.isnan(result.curves).all()  # it is no friction curve
-
-
 def test_monomials_are_products_of_their_variables():
     law = StateLibrary(joints=2, degree=3)
     rng = np.random.default_rng(0)
@@ -118,17 +106,6 @@ def test_monomials_are_products_of_their_variables():
     assert np.allclose(f["w1^2*u2"], w[:, 0] ** 2 * u[:, 1])
     assert not {"cos1^2", "s1^2", "u1^2", "u1*u2"} & set(f)
     assert len(law.units) == len(f) == len(set(f))
-
-
-def test_what_has_no_physics_is_not_refined():
-    with pytest.raises(InputError, match="shooting needs the physics"):
-        check_method(Shooting(), BOX)
-
-
-def test_rows_that_are_open_at_rest_are_refused():
-    problem = mask_stiction(synthetic_problem(1), 1.0)
-    with pytest.raises(InputError, match="velocity_threshold = 0"):
-        BOX.fit(problem, np.ones((1, len(problem.r))), 0)
 
 
 def test_more_joints_than_it_knows_change_nothing():

@@ -39,10 +39,9 @@ def fit(law, problem, weights):
 
 
 @BOTH
-@pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("velocity", [0.5, 1.1, 3.0])
-def test_truth_in_truth_out(law, n, velocity):
-    theta = TRUTH[law][:n].copy()
+def test_truth_in_truth_out(law, velocity):
+    theta = TRUTH[law].copy()
     theta[:, law.names.index("stribeck_velocity")] *= velocity
     problem = explained_by(law, theta)
     np.testing.assert_allclose(
@@ -50,19 +49,8 @@ def test_truth_in_truth_out(law, n, velocity):
     )
 
 
-@BOTH
-def test_every_start_in_the_valley_leads_to_the_truth(law):
-    place = law.names.index("stribeck_velocity")
-    near = [start for start in law.initial if 0.25 < start[place] / 1.5 < 3.0]
-    assert len(near) >= 5
-    problem = explained_by(law, TRUTH[law][:1])
-    for start in near:
-        found = fit(with_initial(law, start), problem, everything(problem))
-        np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
-
-
 @EACH
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
     noise, theta = 0.01 if law == PLAIN else 5e-4, TRUTH[law]
     problem = explained_by(law, theta, noise, np.random.default_rng(seed))
@@ -82,7 +70,7 @@ def test_each_fold_is_scipys_least_squares(law):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
     rng = np.random.default_rng(seed)
     theta = TRUTH[law] * rng.uniform(-0.5, 1.0, TRUTH[law].shape)  # half of it outside the bounds
@@ -115,11 +103,9 @@ def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_l
 def test_without_a_dip_in_the_data_stribeck_is_coulomb_viscous():
     problem = explained_by(CoulombViscous(), [[0.1, 0.02], [0.05, 0.01]])
     found = fit(SYMMETRIC, problem, everything(problem))
-    w = problem.nodes.inputs.w
     torque = along(found, problem.nodes)[0]
     exact = CoulombViscous().torque(np.array([[0.1, 0.02], [0.05, 0.01]]), problem.nodes.inputs, ())
     np.testing.assert_allclose(torque, exact, atol=1e-9)
-    assert w.shape == torque.shape
 
 
 def test_data_that_are_alike_in_both_directions_give_both_the_same_levels():
@@ -143,16 +129,13 @@ def test_the_best_start_is_no_worse_than_any_one_start():
             assert best <= cost(problem, weights, one) * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("n", [1, 2])
 @pytest.mark.parametrize("shape", ["tanh", "arctan"])
-@pytest.mark.parametrize(
-    "theta", [TRUTH[PLAIN], 10 * TRUTH[PLAIN], TRUTH[PLAIN] * [1.0, 0.0], TRUTH[PLAIN] * [0.0, 1.0]]
-)
-def test_levels_of_all_sizes_come_out(n, shape, theta):
-    law = CoulombViscous(width=0.05, shape=shape)
-    problem = explained_by(law, theta[:n])
+@pytest.mark.parametrize("factor", [10.0, [1.0, 0.0], [0.0, 1.0]])
+def test_levels_of_all_sizes_come_out(shape, factor):
+    law, theta = CoulombViscous(width=0.05, shape=shape), TRUTH[PLAIN] * factor
+    problem = explained_by(law, theta)
     found = fit(law, problem, everything(problem))
-    np.testing.assert_allclose(found.theta[0], theta[:n], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-9, atol=1e-12)
 
 
 def test_a_level_of_an_arctangent_is_its_level_at_high_speed():

@@ -41,8 +41,7 @@ def with_wild_torques(data, share, size, rng):
     return replace(data, recordings=tuple(recordings)), masks
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
-@pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize(("share", "hold"), [(0.01, "previous"), (0.1, "linear")])
 def test_torques_that_the_motion_denies_are_replaced_by_their_neighbours(clean, share, hold):
     held = tuple(replace(r, torque=r.torque._replace(hold=hold)) for r in clean.recordings)
     data = replace(clean, recordings=held)
