@@ -1,7 +1,5 @@
 """Mechanisms without links: a linear axis, and two masses with a spring between them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,8 +20,6 @@ from frictionid.mechanics import (
     pendulum,
     two_mass_axis,
 )
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, simulate
-from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.drive_logs import LooseAxis
 
 
@@ -103,24 +99,6 @@ def test_both_masses_together_are_a_pendulum():
     M, h = axis.dynamics(axis.base(axis.nominal()), q, 0 * q)
     one, of_one = whole.dynamics(whole.base(whole.nominal()), q[:1], 0 * q[:1])
     np.testing.assert_allclose((M @ a - h).sum(), (one @ a[:1] - of_one).sum())
-
-
-def test_friction_of_motor_and_load_and_the_stiffness_come_out():
-    machine = {"kind": "two_mass_axis", "parameters": NUMBERS}
-    friction = TrueStribeck(Curve((0.10, 0.05), (0.10, 0.05), (0.01, 0.02)))
-    runs = tuple(
-        Run(f"{k}", (0.0, 0.0), (), (Sine(0.8, f),)) for k, f in enumerate((1.3, 5.0, 9.0))
-    )
-    rig = Rig("axis", machine, friction, Camera(600, 400.0, 1e-4), runs, substeps=8)
-    believed = {**NUMBERS, "stiffness": 1.1 * NUMBERS["stiffness"], "load_inertia": 0.05}
-    data = replace(simulate(rig), mechanism=two_mass_axis(**believed))
-    blocks = {"free": ["inertia"], "fixed": ["inertia.motor_inertia"]}
-    frame = fid.fit(data, "coulomb_viscous", method="shooting", **blocks).frame
-    found = frame["value"].to_numpy()
-    np.testing.assert_allclose(found[:4], [0.10, 0.01, 0.05, 0.02], rtol=0.05)
-    np.testing.assert_allclose(
-        found[4:6], [NUMBERS["load_inertia"], NUMBERS["stiffness"]], rtol=0.01
-    )
 
 
 def test_the_gears_press_beyond_the_gap_and_not_within_it():

@@ -11,7 +11,6 @@ from frictionid.mechanics import (
     Mechanism,
     acrobot,
     check_mechanism,
-    double_pendulum,
     linear_axis,
     unit_inertia,
 )
@@ -112,14 +111,3 @@ def test_a_wrong_part_is_named(part, message):
 def test_facts_that_contradict_each_other_are_named(change, message):
     with pytest.raises(AssertionError, match=message):
         check_mechanism(replace(wrong(""), **change))
-
-
-def test_units_follow_from_those_of_the_positions():
-    axis, arm = linear_axis(), double_pendulum()
-    assert (axis.position_units, axis.velocity_units, axis.torque_units) == (
-        ("m",),
-        ("m/s",),
-        ("N",),
-    )
-    assert arm.velocity_units == ("rad/s", "rad/s")
-    assert arm.torque_units == ("N m", "N m")

@@ -11,7 +11,6 @@ from fixtures.paths import ROOT
 from fixtures.random_machines import assert_close
 
 from frictionid import load_dataset
-from frictionid.arrays import solve, times
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -29,12 +28,6 @@ from frictionid.mechanics import (
     from_bodies,
 )
 from frictionid.simulate import write_dataset as write
-
-MJCF = """<mujoco><compiler angle="radian"/><option gravity="0 -{g} 0"><flag contact="disable"/>
-</option><worldbody><body><joint type="slide" axis="1 0 0"/>
-<inertial pos="0 0 0" mass="{cart}" diaginertia="1 1 1"/>
-<body><joint type="hinge" axis="0 0 1"/><inertial pos="0 {down} 0" mass="{mass}"
-diaginertia="{inertia} {inertia} {inertia}"/></body></body></worldbody></mujoco>"""
 
 
 @pytest.fixture(scope="module")
@@ -65,22 +58,6 @@ def test_units_are_those_of_each_joint_and_base_parameter():
         "inertia+length^2*mass": "kg m^2",
         "g*length*mass": "N m",
     }
-
-
-def test_mujoco_agrees_on_the_cart_pole():
-    mujoco = pytest.importorskip("mujoco", reason="an engine that others wrote")
-    rng = np.random.default_rng(0)
-    m = cart_pole().with_values({"cart": 0.8, "mass": 0.3, "length": 0.25, "inertia": 0.004})
-    v = m.nominal()
-    model = mujoco.MjModel.from_xml_string(MJCF.format(**v, down=-v["length"]))
-    data = mujoco.MjData(model)
-    q, w, u = rng.normal(size=(3, 20, 2)) * np.array([1.0, 2.0])
-    terms = m.terms(m.base({}), q, w)
-    a = solve(terms.M, terms.h + times(m.B, u))
-    for k in range(20):
-        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[k], w[k], u[k] * m.motors
-        mujoco.mj_forward(model, data)
-        assert_close(a[k], data.qacc, 1e-9)
 
 
 def test_one_step_fits_and_shooting_find_the_friction_of_both_joints(recorded):

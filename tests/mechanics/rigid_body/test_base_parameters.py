@@ -8,7 +8,7 @@ from frictionid.arrays import times
 from frictionid.mechanics import urdf
 from frictionid.mechanics.rigid_body.base_parameters import regressor
 
-SEEDS = range(4)
+SEEDS = range(2)
 
 
 def robot(tmp_path, seed, n=5, serial=False):

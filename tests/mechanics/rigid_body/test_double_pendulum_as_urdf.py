@@ -1,17 +1,8 @@
 """The double pendulum as a URDF has the numbers of the built-in one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from frictionid import load_dataset
-from frictionid.data.plants import plant_of
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.parameters import DelayBlock, FrictionBlock
-from frictionid.fitting.shooting import Settings, refine
-from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import double_pendulum, urdf
 
 PARAMETERS = {"m1": 0.6, "m2": 0.4, "l1": 0.25, "r1": 0.12, "r2": 0.15, "I1": 0.013, "I2": 0.012}
@@ -71,23 +62,3 @@ def test_a_centre_of_mass_beside_the_link_and_a_rotor_have_parameters_of_their_o
         *("mx_upper", "mz_upper", "Iyy_upper"),
         *("mx_lower", "mz_lower", "Iyy_lower", "rotor_elbow"),
     )
-
-
-def test_whole_fits_are_the_same(both):
-    """One step and shooting on recordings of another machine, so that friction has much to do."""
-    recorded = load_dataset("acrobot_clean")
-    start = LeastSquares(CoulombViscous())
-    found = []
-    for mechanism in both:
-        table = {**mechanism.table, "driven": [False, True]}
-        data = replace(recorded, recordings=recorded.recordings[9:11], mechanism=table)
-        problem = training_problem(data, plant_of(data), INTEGRAL)
-        one_step = start.fit(problem, np.ones((1, len(problem.r))), 0)[0]
-        settings = Settings(windows=(0.2,), iterations=3)
-        shooting = refine(one_step, data, (FrictionBlock(), DelayBlock()), settings)
-        found.append((problem.r, problem.G, one_step.theta, shooting.friction.theta))
-        found[-1] += (shooting.calibration.delay,)
-    # the fit of one step ends where its cost would fall by less than 1e-11
-    within = (1e-11, 1e-11, 1e-7, 1e-9, 1e-9)
-    for one, other, tolerance in zip(*found, within, strict=True):
-        np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)

@@ -16,16 +16,24 @@ COUNT = 30
 UP = np.array([0.0, 0.0, 9.81])
 
 
-@pytest.fixture(params=[(0, 1, True, 0), (2, 6, True, 0), (4, 7, False, 2)], ids=str)
-def case(request, tmp_path):
-    """Mechanism on a floating base, random motions, and the generator."""
+@pytest.fixture(
+    params=[(0, 1, True, 0), (2, 6, True, 0), (4, 7, False, 2)], ids=str, scope="module"
+)
+def robot(request, tmp_path_factory):
+    """File, and the mechanism on a floating base."""
     seed, n, serial, fixed = request.param
     rng = np.random.default_rng(seed)
-    path = tmp_path / "robot.urdf"
+    path = tmp_path_factory.mktemp("robot") / "robot.urdf"
     path.write_text(urdf_text(random_robot(rng, n, serial, fixed)))
     joints = urdf(path).joints
     rotors = {f"rotor_{name}": float(rng.uniform(0, 1)) for name in joints}
-    return path, urdf(path, joints=joints, floating=True).with_values(rotors), rng
+    return path, urdf(path, joints=joints, floating=True).with_values(rotors)
+
+
+@pytest.fixture
+def case(robot):
+    """File, mechanism, and a generator."""
+    return *robot, np.random.default_rng(1)
 
 
 def inverse_dynamics(mechanism, p, q, w, a):

