@@ -70,7 +70,7 @@ def recorded(name, seed, seconds=1.5, stop=9.0):
     parts, x = [np.array([[0.2], [0.0]])], np.array([0.2, 0.0])
     for on, clock in ((1.0, time[: last + 1]), (0.0, time[last:])):
         if len(clock) > 1:
-            span, limits = (clock[0], clock[-1]), dict(rtol=1e-9, atol=1e-11)
+            span, limits = (clock[0], clock[-1]), dict(rtol=1e-7, atol=1e-9)
             found = solve_ivp(slope, span, x, args=(on,), t_eval=clock[1:], **limits).y
             parts.append(found)
             x = found[:, -1]

@@ -35,10 +35,16 @@ from frictionid.evaluation import (
     true_friction,
     with_parameters,
 )
+from frictionid.evaluation.predicted_motion import memory_at
 from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction
 
 HORIZONS = (0.1, 0.3)
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    return prepare(dataset(), Protocol(horizons=HORIZONS))
 
 
 def starts_of(data, states=None, horizons=HORIZONS, every=0.25, begin=0.15):
@@ -121,23 +127,11 @@ def test_starts_know_nothing_of_what_comes_later():
         np.testing.assert_array_equal(before.q[early], other.q[early])
         np.testing.assert_array_equal(before.w[early], other.w[early])
         friction = Friction(FilmLag(), np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1)))
-        known = [predict(plant_of(data)[s.recording], friction, s).q[0] for s in (before, other)]
-        np.testing.assert_array_equal(known[0][early], known[1][early])
+        memory, late_memory = (memory_at(friction, starts)[0] for starts in (before, other))
+        np.testing.assert_array_equal(memory[early], late_memory[early])
         # and the disturbance is one that is felt
         assert np.abs(before.w[~early] - other.w[~early]).max() > 0.1
-
-
-def test_memory_at_the_start_knows_nothing_of_what_comes_later():
-    from frictionid.evaluation.predicted_motion import memory_at
-
-    data = dataset()
-    late = tuple(disturbed(r, 0.8) for r in data.recordings)
-    both = [starts_of(d) for d in (data, replace(data, recordings=late))]
-    early = times_of(both[0], data) < 0.8 - 1e-9
-    theta = np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1))
-    known, other = (memory_at(Friction(FilmLag(), theta), s)[0] for s in both)
-    np.testing.assert_array_equal(known[early], other[early])
-    assert np.abs(known - other)[~early].max() > 0.1
+        assert np.abs(memory - late_memory)[~early].max() > 0.1
 
 
 @pytest.mark.parametrize(("every", "begin"), [(0.25, 0.15), (0.1, 0.0), (0.4, 0.31)])
@@ -245,19 +239,17 @@ def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
     assert (found == -1).any() == (kind != "shuffled" or (starts.last < 0).any())
 
 
-def test_blocks_shorter_than_a_horizon_are_refused():
+def test_blocks_shorter_than_a_horizon_are_refused(prepared):
     data = dataset()
-    prepared = prepare(data, Protocol(horizons=HORIZONS))
     folds = make_folds(data.recordings, Split(count=100, kind="blocks"))
     with pytest.raises(InputError, match=r"no fold holds out 0\.3 s of motion.*fewer folds"):
         initial_state_folds(prepared.initial_states, folds, prepared.causal)
 
 
 @pytest.mark.parametrize("kind", ["recordings", "blocks"])
-def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
+def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(prepared, kind):
     data = dataset()
     folds = make_folds(data.recordings, Split(count=4, kind=kind))
-    prepared = prepare(data, Protocol(horizons=HORIZONS))
     friction = Friction(CoulombViscous(), np.array([[[0.0, 0.1 * f]] for f in range(4)]))
     rows, *_ = score_folds(friction, friction[0], prepared, folds)
     held_out, starts = lines(rows), prepared.initial_states
@@ -280,8 +272,6 @@ def test_each_start_is_predicted_by_the_friction_that_has_not_seen_it(kind):
     ids=["film lag", "sampled"],
 )
 def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
-    from frictionid.evaluation.predicted_motion import memory_at
-
     data = dataset()
     starts = starts_of(data)
     S = len(starts.recording)
@@ -325,8 +315,7 @@ def _cold(starts):
     return starts.nodes._replace(inputs=calm)
 
 
-def test_one_step_scores_remember_along_the_recording_too():
-    prepared = prepare(dataset(), Protocol(horizons=HORIZONS))
+def test_one_step_scores_remember_along_the_recording_too(prepared):
     friction = Friction(FilmLag(), np.array([[0.03, 0.01, 1.0, 0.004, 0.08]]))
     rows, *_ = score_model(friction, prepared)
     residual = prepared.euler.residual(along(friction, prepared.euler.nodes))
@@ -347,8 +336,7 @@ def test_a_friction_that_drives_the_motion_away_is_counted_and_not_an_error():
 # --- Models that bring their own mechanism, pictures ---------------------------------------------
 
 
-def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew():
-    prepared = prepare(dataset(), Protocol(horizons=HORIZONS))
+def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew(prepared):
     heavy = with_parameters(prepared, {"mass": 0.4})
     assert heavy.estimated is prepared.estimated and with_parameters(prepared, {}) is prepared
     told = dataset(mechanism={**PENDULUM, "parameters": {"mass": 0.4, "length": 0.2}})
@@ -360,9 +348,8 @@ def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew()
         with_parameters(prepared, {"mas": 0.4})
 
 
-def test_examples_are_predictions_beside_what_was_measured():
+def test_examples_are_predictions_beside_what_was_measured(prepared):
     data = dataset()
-    prepared = prepare(data, Protocol(horizons=HORIZONS))
     folds = make_folds(data.recordings, Split(count=4, kind="blocks"))
     friction = true_friction(TRUTH)
     for motions in (
