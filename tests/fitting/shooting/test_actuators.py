@@ -18,7 +18,7 @@ ACTUATOR = {
 
 
 @cache
-def frames(rig, gains=("soft", "stiff"), runs=2, seconds=6.0):
+def frames(rig, gains=("soft", "stiff"), runs=2, seconds=4.0):
     names = [(name, run) for name in gains for run in range(runs)]
     logs = [
         rig.log(*GAINS[n], seed=31 * k + run, seconds=seconds) for k, (n, run) in enumerate(names)
@@ -63,7 +63,7 @@ def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
 
 
 def test_without_the_backlash_the_fit_says_that_it_would_show():
-    fit, found = fitted(dataset(frames(LOOSE, runs=3, seconds=4.0), LOOSE), "target_delay")
+    fit, found = fitted(dataset(frames(LOOSE), LOOSE), "target_delay")
     assert any("Not free, and would show: 'backlash'" in w for w in fit.convergence.warnings)
     assert abs(found["friction", "coulomb"] / LOOSE.coulomb - 1) > 0.3
 
@@ -80,14 +80,13 @@ def test_a_gain_set_that_was_held_out_is_predicted_as_well_as_those_that_were_fi
     assert error(other) < 1.5 * error(fit.data) and error(other) < np.radians(0.5)
 
 
-@pytest.mark.parametrize("late", [0.002, 0.012])
-def test_a_late_target_is_found_and_passes_for_no_viscous_friction(late):
+@pytest.mark.parametrize(("late", "gains"), [(0.002, "stiff"), (0.012, "soft")])
+def test_a_late_target_is_found_and_passes_for_no_viscous_friction(late, gains):
     rig = ServoPendulum(viscous=0.0, delay=late)
-    for gains in GAINS:
-        coulomb, viscous, delay = found_of(dataset(frames(rig, (gains,)), rig, **_gains(gains)))
-        assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
-        assert delay == pytest.approx(late, abs=1e-3)
-        assert abs(viscous) < 0.05 * rig.coulomb  # [N m] at 1 rad/s
+    coulomb, viscous, delay = found_of(dataset(frames(rig, (gains,)), rig, **_gains(gains)))
+    assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
+    assert delay == pytest.approx(late, abs=1e-3)
+    assert abs(viscous) < 0.05 * rig.coulomb  # [N m] at 1 rad/s
 
 
 def _gains(name):
@@ -104,7 +103,8 @@ def test_a_late_target_that_is_taken_for_a_late_torque_is_not_found():
 
 def test_a_limit_of_the_torque_is_kept():
     rig = ServoPendulum(limit=0.8)
-    data = dataset(frames(rig, ("stiff",)), rig, **_gains("stiff"), limit=0.8)
+    logs = frames(rig, ("stiff",), seconds=6.0)
+    data = dataset(logs, rig, **_gains("stiff"), limit=0.8)
     torque = data.recordings[0].torque.value
     assert np.mean(np.abs(torque) == 0.8) > 0.03
     coulomb, viscous, delay = found_of(data)
@@ -114,10 +114,10 @@ def test_a_limit_of_the_torque_is_kept():
 
 
 def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
-    own = dict(frames(LOOSE))
     said = "targets are taken to act when they are logged"
     for late in (0.0, 0.01):
-        fit = fid.fit(dataset(own, LOOSE, delay=late), "coulomb_viscous", method="one_step")
+        data = dataset(frames(LOOSE), LOOSE, delay=late)
+        fit = fid.fit(data, "coulomb_viscous", method="one_step")
         assert any(said in s for s in fit.friction.provenance.torque) == (late == 0.0)
         assert (said in repr(fit)) == (said in fit._repr_html_()) == (late == 0.0)
 
@@ -179,33 +179,27 @@ def test_two_payloads_show_friction_that_grows_with_the_load():
 
 
 K, R, SUPPLY = 0.4, 3.0, 7.4
-LOG = ServoPendulum().log(5.0, K * K / R, seed=4, seconds=4.0)
-RATE = 0.7 * np.cos(3 * LOG["t"])
-MORE = 0.05 * np.sin(LOG["t"])
+CONTROLLERS = [
+    dict(output="voltage", P=5.0 * R / K, kt=K / 20, R=R, gear=20.0),
+    dict(output="duty", P=5.0 * R / K / SUPPLY, kt=K, R=R, supply="vin", limit=100.0),
+    dict(output="current", P=5.0 / 0.8 / K, D=K / R / 0.8, kt=K, efficiency=0.8),
+    dict(output="torque", P=5.0, D=K * K / R, target_velocity="rate", feedforward="more"),
+]
 
 
-@pytest.mark.parametrize(
-    ("frame", "actuator"),
-    [
-        (LOG, dict(output="voltage", P=5.0 * R / K, kt=K / 20, R=R, gear=20.0)),
-        (LOG, dict(output="duty", P=5.0 * R / K / SUPPLY, kt=K, R=R, supply="vin", limit=100.0)),
-        (LOG, dict(output="current", P=5.0 / 0.8 / K, D=K / R / 0.8, kt=K, efficiency=0.8)),
-        (
-            {**LOG, "target": LOG["target"] - (K * K / R * RATE + MORE) / 5.0},
-            dict(output="torque", P=5.0, D=K * K / R, target_velocity="rate", feedforward="more"),
-        ),
-    ],
-    ids=["voltage", "duty", "current", "mit"],
-)
-def test_all_outputs_of_a_controller_lead_to_the_same_friction(frame, actuator):
+@pytest.mark.parametrize("actuator", CONTROLLERS, ids=lambda table: table["output"])
+def test_all_outputs_of_a_controller_lead_to_the_same_friction(actuator):
     """The same motion, as the log of each controller that would have made it."""
     rig = ServoPendulum()
-    frame = pd.DataFrame({**frame, "vin": SUPPLY, "rate": RATE, "more": MORE})
+    log = pd.DataFrame(rig.log(5.0, K * K / R, seed=4, seconds=4.0)).assign(vin=SUPPLY)
+    log = log.assign(rate=0.7 * np.cos(3 * log["t"]), more=0.05 * np.sin(log["t"]))
+    if "feedforward" in actuator:
+        log["target"] -= (K * K / R * log["rate"] + log["more"]) / 5.0
     machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
     data = fid.Dataset.from_frames(
-        frame, machine, time="t", angle="q", actuator=dict(target="target", **actuator)
+        log, machine, time="t", angle="q", actuator=dict(target="target", **actuator)
     )
-    coulomb, viscous, delay = found_of(data)
+    coulomb, viscous, delay = found_of(data, "target_delay")
     assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
     assert viscous == pytest.approx(rig.viscous, rel=0.05)
     assert delay == pytest.approx(rig.delay, abs=1e-3)

@@ -26,14 +26,12 @@ LATE = 0.012  # [s]
 FEW = Settings(iterations=4)
 BY = Shooting(blocks=(FrictionBlock(), DelayBlock()), settings=FEW)
 RUBS = LeastSquares(CoulombViscous())
+CORRECTED = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
 
 
 def late_contest(kind="recordings"):
     """Pendulums whose torque was logged too early by some milliseconds."""
-    early = [
-        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
-    ]
-    data = tiny.dataset(recordings=tuple(early))
+    data = tiny.dataset(recordings=tiny.late(LATE))
     split = Split(count=3, kind=kind)
     return Benchmark(data, make_folds(data.recordings, split), Protocol((0.3,), every=0.5))
 
@@ -41,10 +39,9 @@ def late_contest(kind="recordings"):
 @pytest.fixture(scope="module")
 def results():
     benchmark = late_contest()
-    corrected = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    shared = prepare_benchmark(benchmark, [INTEGRAL, corrected])
+    shared = prepare_benchmark(benchmark, [INTEGRAL, CORRECTED])
     plain = run(benchmark, RUBS, INTEGRAL, 0, shared)
-    return benchmark, shared, plain, run(benchmark, RUBS, corrected, 0, shared)
+    return benchmark, shared, plain, run(benchmark, RUBS, CORRECTED, 0, shared)
 
 
 def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
@@ -70,7 +67,7 @@ def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
     for i in held:
         recordings[i] = tiny.disturbed(recordings[i], 0.3)
     other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
-    again = run(other, RUBS, CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",)))
+    again = run(other, RUBS, CORRECTED)
     assert again.friction.calibration.delay[1] == corrected.friction.calibration.delay[1]
     np.testing.assert_array_equal(again.friction.theta[1], corrected.friction.theta[1])
     assert abs(again.friction.calibration.delay[0] - corrected.friction.calibration.delay[0]) > 1e-4
@@ -78,7 +75,7 @@ def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
 
 def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
     benchmark = late_contest("shuffled")
-    recipe = CalibratedRecipe("corrected", STUDY, BY, RUBS, use=("delay",))
+    recipe = replace(CORRECTED, step=STUDY)
     shared = prepare_benchmark(benchmark, [recipe])
     assert np.ptp(shared.training.calibrations["corrected"].delay) == 0.0
     found = run(benchmark, RUBS, recipe, 0, shared)
@@ -94,46 +91,51 @@ def heavy_contest():
 
 
 def test_the_built_in_calibration_is_right_within_its_intervals():
-    data = prepare_benchmark(heavy_contest(), [CALIBRATED]).training
-    covariance = CALIBRATED.estimate(data, -1).covariance
+    data = prepare_benchmark(heavy_contest(), [CALIBRATED.by]).training
+    overall = CALIBRATED.estimate(data, -1)
+    covariance = overall.covariance
     names = [p.name for p in covariance.parameters]
     truth = {"torque delay": LATE, "inertia": tiny.INERTIA, "gravity": tiny.GRAVITY}
     for name, value in truth.items():
         low, high = covariance.interval()[names.index(name)]
         assert low < value < high and high - low < 0.1 * value
-    overall = data.calibrations["calibrated"][-1]
-    np.testing.assert_allclose(overall.base, [tiny.INERTIA, tiny.GRAVITY], rtol=0.02)
+    np.testing.assert_allclose(overall.calibration.base, [tiny.INERTIA, tiny.GRAVITY], rtol=0.02)
 
 
-def test_recipes_that_ask_the_same_calibration_share_one_for_each_fold(monkeypatch):
+@pytest.fixture(scope="module")
+def alike():
+    """Recipes that ask the same calibration, what is prepared for them, and fits on the way."""
     calls, fit = [], Flexible.fit
-    monkeypatch.setattr(Flexible, "fit", lambda *x: calls.append(x) or fit(*x))
     tables = [
         {"name": "calibrated"},
         {"name": "by study", "like": "study", "calibration": {}},
         {"name": "clock", "like": "integral", "calibration": {"use": ["delay"]}},
+        {"name": "refined", "by": "shooting", "free": ["friction", "delay"], "start": "calibrated"},
     ]
     recipes = recipes_of([RecipeEntry(**table) for table in tables])
-    assert recipes[0] == CALIBRATED
-    shared = prepare_benchmark(late_contest(), recipes).training.calibrations
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Flexible, "fit", lambda *x: calls.append(x) or fit(*x))
+        shared = prepare_benchmark(late_contest(), recipes)
+    return recipes, shared, calls
+
+
+def test_recipes_that_ask_the_same_calibration_share_one_for_each_fold(alike):
+    (calibrated, *others, refined), shared, calls = alike
+    assert refined.start == calibrated == CALIBRATED
     assert len(calls) == 4  # three folds, and all data
-    for recipe in recipes[1:]:
+    shared = shared.training.calibrations
+    assert list(shared) == ["calibrated", "by study", "clock"]
+    for recipe in others:
         np.testing.assert_array_equal(shared[recipe.name].delay, shared["calibrated"].delay)
     assert shared["clock"].base is None and shared["by study"].base is not None
 
 
-def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose():
+def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose(alike):
     """Its terms on data that are late are not those of the truth; refined, its delay is its own."""
-    tables = [
-        {"name": "calibrated"},
-        {"name": "refined", "by": "shooting", "free": ["friction", "delay"], "start": "calibrated"},
-    ]
-    calibrated, refined = recipes_of([RecipeEntry(**table) for table in tables])
-    assert refined.start == calibrated == CALIBRATED
-    benchmark = late_contest()
-    shared = prepare_benchmark(benchmark, [refined])
-    assert list(shared.training.calibrations) == ["calibrated"]
-    first, last = (run(benchmark, SINDy(), r, 0, shared).overall for r in (calibrated, refined))
+    (calibrated, *_, refined), shared, _ = alike
+    first, last = (
+        run(late_contest(), SINDy(), r, 0, shared).overall for r in (calibrated, refined)
+    )
     chosen = [np.flatnonzero(friction.theta) for friction in (first, last)]
     np.testing.assert_array_equal(*chosen)
     assert last.calibration.delay == pytest.approx(LATE, abs=1e-3)
@@ -152,8 +154,7 @@ def test_parameters_of_the_calibration_count_for_every_family(results):
 
 def test_what_is_finished_is_not_calibrated_anew(results, tmp_path):
     benchmark, _, _, corrected = results
-    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    task = Task(benchmark, "rubs", RUBS, recipe, 0)
+    task = Task(benchmark, "rubs", RUBS, CORRECTED, 0)
     write_sealed(tmp_path / task.file, document(task, corrected, LAWS))
     (prepared,) = prepare_benchmarks([task], kept=[tmp_path]).values()
     assert not prepared.training.calibrations
@@ -161,16 +162,14 @@ def test_what_is_finished_is_not_calibrated_anew(results, tmp_path):
 
 def test_no_friction_is_left_as_it_is(results):
     benchmark, shared, _, _ = results
-    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    assert run(benchmark, Frictionless(), recipe, 0, shared).friction.calibration is None
+    assert run(benchmark, Frictionless(), CORRECTED, 0, shared).friction.calibration is None
 
 
 def test_sindy_may_choose_other_terms_in_each_fold(results):
     benchmark, shared, _, _ = results
-    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
     # the recordings hardly decide
     hasty = SINDy(thresholds=(0.02,), search_sets=False, n_standard_errors=0.0)
-    found = run(benchmark, hasty, recipe, 0, shared)
+    found = run(benchmark, hasty, CORRECTED, 0, shared)
     terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
     assert len(set(terms)) > 1 and all(terms)
     np.testing.assert_array_equal(
@@ -189,8 +188,7 @@ def test_sindy_may_choose_other_terms_in_each_fold(results):
 
 def test_sindy_finds_the_terms_once_the_clock_is_right(results):
     benchmark, shared, _, _ = results
-    recipe = CalibratedRecipe("corrected", INTEGRAL, BY, RUBS, use=("delay",))
-    found = run(benchmark, SINDy(), recipe, 0, shared)
+    found = run(benchmark, SINDy(), CORRECTED, 0, shared)
     late = run(benchmark, SINDy(), INTEGRAL, 0, shared)
     has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
     assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]

@@ -50,7 +50,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     assert 0.92 < np.mean(held) < 0.98  # of 1200 cases
 
 
-@pytest.mark.parametrize("recordings", [5, 8, 20])
+@pytest.mark.parametrize("recordings", [5, 20])
 def test_intervals_hold_where_few_recordings_tell_most(recordings):
     """A quarter of the recordings tells some parameter a hundred times as much as the others."""
     rng, held = np.random.default_rng(1), []
@@ -65,7 +65,7 @@ def test_intervals_hold_where_few_recordings_tell_most(recordings):
     assert 0.92 < np.mean(held) < 0.98
 
 
-@pytest.mark.parametrize("largest", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("largest", [1.0, 2.0])
 def test_the_variance_is_that_of_the_noise_on_average(largest):
     """However unequal the recordings: what tells much is not counted twice."""
     rng, ratio, freedom = np.random.default_rng(3), [], []
@@ -81,16 +81,6 @@ def test_the_variance_is_that_of_the_noise_on_average(largest):
         freedom.append(own)
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.06)  # 600 cases
     assert np.all(np.array(freedom) <= RECORDINGS - 1)
-
-
-def test_without_disturbance_the_scatter_is_that_of_the_noise():
-    rng = np.random.default_rng(8)
-    ratio = []
-    for _ in range(100):
-        groups = solved(rng, 0.0)
-        H = groups.H.sum(axis=0)
-        ratio.append(np.diag(scatter(H, groups, groups.cluster)) / np.diag(np.linalg.inv(H)))
-    assert np.mean(ratio) == pytest.approx(1.0, abs=0.25)  # the jackknife errs on the large side
 
 
 def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():

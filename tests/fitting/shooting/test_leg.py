@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ P, D = 20.0, 1.5
 RATE, SECONDS, FINE = 200, 10.0, 50
 
 
+@cache
 def leg(peak: float = 0.0) -> Dataset:
     """One recording, simulated by drift and kick, friction as what stops the joint at most.
 
@@ -44,7 +47,7 @@ def leg(peak: float = 0.0) -> Dataset:
     return Dataset("leg", {"kind": "pendulum", "parameters": rig}, (recording,))
 
 
-@pytest.mark.parametrize("sample_time", [None, 0.01, 0.02])
+@pytest.mark.parametrize("sample_time", [None, 0.02])
 def test_samples_of_any_distance_give_the_same_leg(sample_time):
     free, fixed = ["friction", "inertia", "target_delay"], ["inertia.gravity"]
     fit = fid.fit(

@@ -61,6 +61,7 @@ def test_a_peak_that_is_not_there_leaves_no_velocity():
     machine = Machine(
         *("p", PENDULUM, Truth(Curve((0.06,), (0.06,), (0.01,)))),
         *(Camera(150, angle_noise=0.001), runs),
+        substeps=4,
     )
     first = Friction(Stribeck(), np.array([[0.05, 0.01, 1.0, 0.01]]))
     found = refine(first, simulate(machine, 3), settings=Settings(windows=(0.1, 0.33)))

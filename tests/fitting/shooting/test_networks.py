@@ -21,7 +21,7 @@ from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.friction.laws import WindowMLP, check_law
+from frictionid.friction.laws import WindowMLP
 from frictionid.simulate import Camera, Chirp, Curve, Rig, Run, Stribeck, simulate
 from frictionid.simulate.true_friction import FilmLag
 
@@ -45,7 +45,8 @@ def swings(friction=None, runs=RUNS, seed=1):
         for i, (angle, speed, size, f0, f1) in enumerate(runs)
     )
     camera = Camera(150, angle_noise=0.001)
-    return simulate(Rig("p", PENDULUM, friction or Stribeck(CURVE), camera, motions, seed=seed))
+    friction = friction or Stribeck(CURVE)
+    return simulate(Rig("p", PENDULUM, friction, camera, motions, seed=seed, substeps=4))
 
 
 def errors(friction, dataset):
@@ -56,11 +57,6 @@ def errors(friction, dataset):
 
 def inputs_of(rng, count=5, n=2):
     return Inputs(*(3.0 * rng.normal(size=(count, n)) for _ in range(4)))
-
-
-@pytest.mark.parametrize("law", [Static(), Film(), Recurrent()], ids=str)
-def test_the_laws_keep_the_contract(law):
-    check_law(law, level=False)
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -120,24 +116,25 @@ def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_s
 
 
 @cache
-def refined(kind):
+def refined(kind, settings=SHORT):
     law = Static()
     theta = law.drawn(1)
     begin = Friction(law, torch.tensor(theta) if kind == "tensor" else theta)
-    return begin, refine(begin, swings(), settings=SHORT)
+    return begin, refine(begin, swings(), settings=settings)
 
 
 def test_a_network_finds_the_curve_from_a_rough_start():
-    first, found = refined("tensor")
+    first, found = refined("numpy")
     before, after = (errors(f, swings()).max() for f in (first, found.friction))
     assert before > 0.3 and after < 0.2 * before
     assert found.friction.law == first.law
-    assert found.friction.theta.dtype == torch.float64
 
 
 def test_numbers_of_numpy_and_of_torch_give_the_same():
-    (_, a), (_, b) = refined("tensor"), refined("numpy")
+    few = Settings(windows=(0.1,), iterations=1)
+    (_, a), (_, b) = (refined(kind, few) for kind in ("tensor", "numpy"))
     assert isinstance(b.friction.theta, np.ndarray)
+    assert a.friction.theta.dtype == torch.float64
     np.testing.assert_allclose(a.friction.theta.numpy(), b.friction.theta)
 
 

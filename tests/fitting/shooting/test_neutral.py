@@ -29,7 +29,7 @@ def fitted(law, problem, rows, **settings):
     return LeastSquares(law, **settings).fit(problem, rows, 0)[0]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
     problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
     speeds = np.abs(problem.nodes.inputs.w[problem.stencil])
@@ -41,14 +41,7 @@ def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
     np.testing.assert_allclose(rich.curve(w), plain.curve(w), rtol=0.01)
 
 
-def test_a_direction_without_motion_is_like_the_other_one():
-    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(0))
-    rows = (problem.nodes.inputs.w[problem.stencil] > 0).all(axis=(1, 2))[None] * 1.0
-    up, down, _ = fitted(CoulombViscous(symmetric=False), problem, rows).theta[0]
-    assert up == pytest.approx(down) == pytest.approx(0.1, rel=0.1)
-
-
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_one_way_fast_shows_of_a_rich_law_is_the_law_without_the_rest(seed):
     """Even where the peak has taken the level's place, which the other direction followed then."""
     problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
@@ -93,11 +86,8 @@ def test_a_prior_of_one_step_weighs_what_it_says_beside_the_scatter_of_stretches
 
 def test_shooting_says_what_it_holds_and_how_far_off_that_may_be():
     """Without motor torque nothing shows of the share that a gear loses of it."""
-    still = tuple(
-        replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
-    )
     start = Friction(MotorLoad(), np.array([[0.02, 0.002, 0.2]]))
-    found = refine(start, tiny.dataset(recordings=still), (FrictionBlock(),), SHORT)
+    found = refine(start, tiny.dataset(recordings=tiny.still()), (FrictionBlock(),), SHORT)
     (loss,) = (k for k, p in enumerate(found.covariance.parameters) if "loss" in p.name)
     assert found.friction.theta[0, 2] == found.covariance.values[loss] == 0.0
     assert found.covariance.error[loss] == pytest.approx(0.3)

@@ -2,13 +2,15 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import driven_pendulum
 from fixtures.result_folders import leave_blank
 
 from frictionid.__main__ import main
-from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
+from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.comparison.suite_tasks import tasks_of
@@ -18,17 +20,7 @@ from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction.laws import CoulombViscous
-from frictionid.simulate import (
-    Camera,
-    Curve,
-    Drive,
-    Rig,
-    Run,
-    Sine,
-    Stribeck,
-    simulate,
-    write_dataset,
-)
+from frictionid.simulate import write_dataset
 
 TRUE = np.array([[0.02, 0.002]])
 BOTH = Shooting(
@@ -36,29 +28,20 @@ BOTH = Shooting(
 )
 
 
+@cache
 def dataset():
-    rig = Rig(
-        "pendulum",
-        {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}},
-        Stribeck(Curve((0.02,), (0.02,), (0.002,))),
-        Camera(samples=120, angle_noise=0.0016),
-        tuple(
-            Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
-            for k in range(6)
-        ),
-        drive=Drive(delay=0.01),
-    )
-    return simulate(rig, 5)
+    return driven_pendulum(120, delay=0.01)
 
 
-DATA = dataset()
-FOLDS = make_folds(DATA.recordings, Split(count=3))
-BENCHMARK = Benchmark(DATA, FOLDS, Protocol(horizons=(0.25,)))
+@cache
+def benchmark():
+    folds = make_folds(dataset().recordings, Split(count=3))
+    return Benchmark(dataset(), folds, Protocol(horizons=(0.25,)))
 
 
 @pytest.fixture(scope="module")
 def result():
-    return run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH)
+    return run(benchmark(), LeastSquares(CoulombViscous()), BOTH)
 
 
 def test_friction_inertia_and_delay_come_out_in_every_fold(result):
@@ -71,7 +54,7 @@ def test_friction_inertia_and_delay_come_out_in_every_fold(result):
 
 
 def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
-    before = run(BENCHMARK, LeastSquares(CoulombViscous()), BOTH.start)
+    before = run(benchmark(), LeastSquares(CoulombViscous()), BOTH.start)
     scores = [r.value("rollout_angle_truth", "median", 0.25) for r in (result, before)]
     assert scores[0] < scores[1]
     errors = [np.abs(r.overall.theta - TRUE).max() for r in (result, before)]
@@ -80,12 +63,12 @@ def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
 
 def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
     fold = 1
-    held = [i for i, label in enumerate(FOLDS.labels) if (label == fold).all()]
+    held = [i for i, label in enumerate(benchmark().folds.labels) if (label == fold).all()]
     changed = tuple(
         replace(r, angle=r.angle._replace(value=0.9 * r.angle.value)) if i in held else r
-        for i, r in enumerate(DATA.recordings)
+        for i, r in enumerate(dataset().recordings)
     )
-    other = replace(BENCHMARK, dataset=replace(DATA, recordings=changed))
+    other = replace(benchmark(), dataset=replace(dataset(), recordings=changed))
     again = run(other, LeastSquares(CoulombViscous()), BOTH)
     error = result.refined.covariance.error[:2]
     off = np.abs(again.friction.theta[fold] - result.friction.theta[fold])[0]
@@ -96,20 +79,8 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
     assert (np.abs(again.overall.theta - result.overall.theta)[0] > error).any()
 
 
-def test_all_data_are_fitted_as_refine_fits_them(result):
-    from frictionid.fitting.shooting import refine
-
-    shared = prepare_benchmark(BENCHMARK, [BOTH])
-    start = LeastSquares(CoulombViscous()).fit(
-        shared.training.problems["integral"], shared.training.weights["integral"], 0
-    )[-1]
-    alone = refine(start, DATA, BOTH.blocks, BOTH.settings)
-    np.testing.assert_array_equal(alone.friction.theta, result.overall.theta)
-    np.testing.assert_array_equal(alone.calibration.base, result.overall.calibration.base)
-
-
 def test_given_friction_stays_as_it_is():
-    nothing = run(BENCHMARK, Frictionless(), BOTH)
+    nothing = run(benchmark(), Frictionless(), BOTH)
     assert nothing.refined is None and nothing.friction.calibration is None
 
 
@@ -141,7 +112,7 @@ kind = "coulomb_viscous"
 
 def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, capsys):
     leave_blank(monkeypatch)
-    write_dataset(DATA, tmp_path / "data")
+    write_dataset(dataset(), tmp_path / "data")
     (tmp_path / "s.toml").write_text(SUITE)
     out = tmp_path / "out"
     assert called(monkeypatch, "compare", tmp_path / "s.toml", "--out", out, "--jobs", "1") == 0
@@ -198,7 +169,7 @@ def test_a_recipe_says_what_is_free_fixed_and_known_beforehand():
 
 
 def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
-    write_dataset(DATA, tmp_path / "data")
+    write_dataset(dataset(), tmp_path / "data")
     slow = (
         '[[recipes]]\nname = "slow"\nscheme = "integral"\n'
         'velocity_threshold = 0.01\nstates = {kind = "rts"}\n'
@@ -216,7 +187,7 @@ def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
 
 
 def test_unknown_parameters_to_fix_are_named(tmp_path):
-    write_dataset(DATA, tmp_path / "data")
+    write_dataset(dataset(), tmp_path / "data")
     text = SUITE.replace("windows", 'fixed = ["friction.viscos"]\nwindows')
     (tmp_path / "s.toml").write_text(text)
     tasks = tasks_of(load_suite(tmp_path / "s.toml"), tmp_path / "s.toml")

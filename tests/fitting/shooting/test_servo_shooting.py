@@ -1,6 +1,7 @@
 """Servos in shooting: torque follows from voltage and predicted motion, and kt and R come out."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -43,6 +44,7 @@ RATE, SECONDS, FINE = 200, 3.0, 20
 SHORT = Settings(windows=(0.05, 0.15))
 
 
+@cache
 def simulated(enabled, kt=KT, R=R, noise=2e-4, loss=0.0, seed=0):
     """A servo's pendulum, by drift and kick, friction as what stops it within a kick at most.
 
@@ -51,7 +53,11 @@ def simulated(enabled, kt=KT, R=R, noise=2e-4, loss=0.0, seed=0):
     time = np.arange(int(RATE * SECONDS)) / RATE
     on = np.array([1.0 if e else 0.0 for e in enabled(time)])
     h = 1.0 / RATE / FINE
-    goals = lambda t: np.array([1.2 * np.sin((3 + k) * t + k) * np.cos(1.1 * t) for k in range(3)])  # noqa: E731
+    each = np.arange(3)
+
+    def goals(t):
+        return 1.2 * np.sin((3 + each) * t + each) * np.cos(1.1 * t)
+
     q, w, out = np.array([0.2, 1.0, -0.8]), np.zeros(3), []
     coulomb, viscous = TRUE[0]
     for k, t in enumerate(time):
@@ -94,16 +100,30 @@ def believed(recordings, kt, R):
     )
 
 
-DRIVEN = simulated(lambda t: t >= 0.0)
-# lifted by the motor, then dropped
-DROPPED = simulated(lambda t: t < 1.0)
-BOTH = believed([*DRIVEN, *DROPPED], 1.1 * KT, 0.9 * R)
+def driven():
+    return simulated(np.isfinite)
+
+
+def dropped():
+    """Lifted by the motor, then dropped."""
+    return simulated(one_second)
+
+
+def one_second(t):
+    return t < 1.0
+
+
+@cache
+def both():
+    return believed([*driven(), *dropped()], 1.1 * KT, 0.9 * R)
+
+
 START = Friction(CoulombViscous(), np.array([[0.02, 0.006]]))
 
 
 @pytest.fixture(scope="module")
 def found():
-    return refine(START, BOTH, (FrictionBlock(), ActuatorBlock()), SHORT)
+    return refine(START, both(), (FrictionBlock(), ActuatorBlock()), SHORT)
 
 
 def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_while(found):
@@ -128,7 +148,7 @@ def test_what_is_given_back_has_the_law_that_was_given(found):
 
 def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
     protocol = Protocol(horizons=(0.25,), whole=True)
-    view = with_calibration(prepare(BOTH, protocol), found.calibration)
+    view = with_calibration(prepare(both(), protocol), found.calibration)
     for servo, recording in zip(view.trajectory.servos, view.dataset.recordings, strict=True):
         np.testing.assert_array_equal([servo.kt, servo.R], found.calibration.motor)
         np.testing.assert_allclose(
@@ -141,7 +161,7 @@ def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
 )
 def test_one_constant_is_found_with_the_other_known(fixed, law):
     loss = 0.1 if isinstance(law, MotorLoad) else 0.0
-    logs = simulated(lambda t: t >= 0.0, loss=loss)
+    logs = simulated(np.isfinite, loss=loss)
     known = {"kt": (KT, 1.1 * R), "R": (1.1 * KT, R)}[fixed[0]]
     theta = np.array([[0.02, 0.006, 0.05][: len(law.names)]])
     own = refine(
@@ -158,7 +178,7 @@ def test_one_constant_is_found_with_the_other_known(fixed, law):
 
 def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
     """Two routes to one answer, as long as angles have little noise and few gaps."""
-    logs = believed(DRIVEN, KT, R)
+    logs = believed(driven(), KT, R)
     by_voltage = refine(START, logs, (FrictionBlock(), ActuatorBlock(fixed=("kt", "R"))), SHORT)
     by_torque = refine(START, logs, (FrictionBlock(),), SHORT)
     np.testing.assert_allclose(by_voltage.friction.theta, by_torque.friction.theta, rtol=0.02)
@@ -170,7 +190,7 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
     theta = np.array([[0.02, 0.006, 0.1][: len(law.names)]])
     motor = ActuatorBlock(prior=0.1)
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock(), motor)
-    data = believed([DRIVEN[0], DROPPED[1]], KT, R)
+    data = believed([driven()[0], dropped()[1]], KT, R)
     problem, estimate = prepare_fit(Friction(law, theta), intervals_of(data), blocks, SHORT)
     intervals = problem.intervals
     u = np.concatenate([r.torque.value[:-1, 0] for r in data.recordings])
@@ -198,7 +218,7 @@ def feedback(B):
 
 
 def test_voltage_falls_at_once_where_the_motor_is_switched_off():
-    servo, angle = DROPPED[0].servo, DROPPED[0].angle
+    servo, angle = dropped()[0].servo, dropped()[0].angle
     time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
     emf = KT**2 / R * servo.connected((time[1:] + time[:-1]) / 2)
     motion = ServoMotion(angle, Signal(time, rate))
@@ -218,7 +238,7 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
-    servo, angle = DRIVEN[0].servo, DRIVEN[0].angle
+    servo, angle = driven()[0].servo, driven()[0].angle
     time, rate = angle.time, np.gradient(angle.value, angle.time, axis=0)
     middle = len(time) // 2
     B = np.where(np.arange(len(time) - 1) < middle, 0.5 - 0.1 * way, 0.5 + 0.1 * way)[:, None]
@@ -236,15 +256,14 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     time = np.linspace(0.0, 1.0, 11)
     cubic = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0])
     q, w = cubic(time)[:, None], cubic.deriv()(time)[:, None]
-    recording = simulated(lambda t: t > -1)[0]
-    recording = replace(recording, angle=Signal(time, q, "linear"))
+    recording = replace(driven()[0], angle=Signal(time, q, "linear"))
     motion = ServoMotion.along(recording, States(time, q, w), recording.servo)
     fine = np.linspace(0.0, 1.0, 201)
     np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
 
 
 def test_an_angle_offset_moves_the_goal_too():
-    data = believed(DRIVEN, KT, R)
+    data = believed(driven(), KT, R)
     calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))
     before, after = data.recordings[0], calibrated_dataset(data, calibration).recordings[0]
     time = before.angle.time
@@ -268,32 +287,21 @@ def test_a_model_file_keeps_the_motor(tmp_path, found):
     np.testing.assert_array_equal(again.motor, found.calibration.motor)
 
 
-LEFT_OUT = replace(BOTH, recordings=tuple(replace(r, servo=None) for r in BOTH.recordings))
-ONLY = believed(DRIVEN, KT, R)
-
-
-@pytest.mark.parametrize(
-    ("data", "blocks", "words"),
-    [
-        (LEFT_OUT, (ActuatorBlock(),), "no recording knows the servo .* leave the block out"),
-        (
-            replace(BOTH, recordings=(BOTH.recordings[0], *LEFT_OUT.recordings[1:])),
-            (ActuatorBlock(),),
-            "has a torque and no servo",
-        ),
-        (ONLY, (ActuatorBlock(),), r"only kt/R and the sum of viscous friction and kt\^2/R"),
-        (ONLY, (InertiaBlock(), ActuatorBlock(("kt",))), "all base parameters free: a smaller R"),
-        (BOTH, (GainBlock(), ActuatorBlock()), "a gain of the torque is one of kt/R"),
-        (
-            replace(BOTH, recordings=(*DRIVEN, replace(BOTH.recordings[0], name="other"))),
-            (ActuatorBlock(),),
-            "2 different motors",
-        ),
-    ],
-)
-def test_what_no_data_can_tell_is_refused_in_one_line(data, blocks, words):
-    with pytest.raises(InputError, match=words):
-        prepare_fit(START, intervals_of(data), (FrictionBlock(), *blocks), SHORT)
+def test_what_no_data_can_tell_is_refused_in_one_line():
+    motor, first, *rest = ActuatorBlock(), *both().recordings
+    without = [replace(r, servo=None) for r in (first, *rest)]
+    other = replace(first, name="other")
+    for recordings, blocks, words in (
+        (without, (motor,), "no recording knows the servo .* leave the block out"),
+        ((first, *without[1:]), (motor,), "has a torque and no servo"),
+        (driven(), (motor,), r"only kt/R and the sum of viscous friction and kt\^2/R"),
+        (driven(), (InertiaBlock(), ActuatorBlock(("kt",))), "all base parameters free: a smaller"),
+        (both().recordings, (GainBlock(), motor), "a gain of the torque is one of kt/R"),
+        ((*driven(), other), (motor,), "2 different motors"),
+    ):
+        intervals = intervals_of(replace(both(), recordings=tuple(recordings)))
+        with pytest.raises(InputError, match=words):
+            prepare_fit(START, intervals, (FrictionBlock(), *blocks), SHORT)
 
 
 def test_an_unknown_constant_to_fix_is_named():

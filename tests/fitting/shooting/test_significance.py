@@ -19,7 +19,6 @@ from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 
 START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
-OFFERED = (FrictionBlock(), BiasBlock(), DelayBlock())
 SHORT = Settings(windows=(0.1, 0.3))
 LATE = 0.012  # [s]
 
@@ -75,22 +74,11 @@ def test_what_shows_nothing_is_left_out_as_if_it_had_never_been_offered():
     assert len(kept.covariance.parameters) == 3
 
 
-def test_a_late_torque_keeps_its_delay():
-    early = [
-        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
-    ]
-    found = refine(START, tiny.dataset(recordings=tuple(early)), OFFERED, SHORT)
-    assert [own.block for own in found.diagnostics.dropped] == ["bias"]
-    assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
-
-
-def test_by_default_the_delay_is_offered_where_a_torque_is_sampled():
-    early = tuple(
-        replace(r, torque=r.torque._replace(time=r.torque.time - LATE)) for r in tiny.recordings()
-    )
-    late = tiny.dataset(recordings=early)
+def test_by_default_the_delay_is_offered_where_a_torque_is_sampled_and_stays_where_it_is_late():
+    late = tiny.dataset(recordings=tiny.late(LATE))
     found = refine(START, late, settings=SHORT)
     assert float(found.calibration.delay) == pytest.approx(LATE, abs=1e-3)
+    assert "bias" in [own.block for own in found.diagnostics.dropped]
     recipe = recipe_of(RecipeEntry(name="shooting", by="shooting"))
     assert recipe.blocks == Shooting().blocks == DEFAULT_BLOCKS
     offered = [b.name for b in applicable(DEFAULT_BLOCKS, late)]
@@ -98,9 +86,7 @@ def test_by_default_the_delay_is_offered_where_a_torque_is_sampled():
 
 
 def test_by_default_nothing_is_offered_that_no_recording_shows():
-    still = tuple(
-        replace(r, torque=r.torque._replace(value=0 * r.torque.value)) for r in tiny.recordings()
-    )
+    still = tiny.still()
     goal, on = (Signal(r.angle.time, np.ones((len(r.angle.time), 1))) for r in still[:2])
     servo = Servo(goal, on, gain=4.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
     driven = tuple(replace(r, servo=servo) for r in tiny.recordings())

@@ -35,7 +35,7 @@ def recorded(mechanism, friction, torque, noise, seed=0):
         for k in range(4)
     )
     camera, drive = Camera(1500, 1000.0, noise), Drive(1000.0)
-    return simulate(Rig("slow", mechanism, Truth(curve), camera, runs, drive=drive, substeps=8))
+    return simulate(Rig("slow", mechanism, Truth(curve), camera, runs, drive=drive, substeps=2))
 
 
 def problem_of(data):

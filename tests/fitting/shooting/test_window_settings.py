@@ -26,7 +26,7 @@ def first_of(data):
 
 def test_windows_of_other_lengths_give_intervals_that_overlap():
     """Coulomb and viscous friction, fitted to a gear whose friction grows with the load."""
-    (data,) = sets_of(case_of("gear_load", "joint"), [1], 8, late=True)
+    (data,) = sets_of(case_of("gear_load", "joint"), [1], 5, late=True)
     found = [
         refine(first_of(data), data, (FrictionBlock(), InertiaBlock()), Settings(windows=windows))
         for windows in ((0.1, 0.2), (0.1, 0.3, 1.0))

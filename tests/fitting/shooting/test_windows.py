@@ -30,6 +30,17 @@ def prediction_of(rng, steep=1.0):
     )
 
 
+def alone(rng):
+    """Intervals of two windows of N intervals each, with random angles and nodes."""
+    K = 2 * N
+    before, after = rng.normal(size=(2, K, JOINTS))
+    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
+    intervals = SimpleNamespace(
+        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
+    )
+    return intervals, rng.normal(size=(K, STATE))
+
+
 def prior_of(rng):
     return np.stack([rng.normal(size=(W, STATE)), rng.random((W, STATE))])
 
@@ -72,13 +83,8 @@ def test_steep_windows_keep_a_curvature_that_is_not_negative():
 @pytest.mark.parametrize("wrong", [1e5, np.inf, np.nan])
 def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     rng = np.random.default_rng(2)
-    K = 2 * N
-    before, after = rng.normal(size=(2, K, JOINTS))
-    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
-    intervals = SimpleNamespace(
-        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
-    )
-    nodes = rng.normal(size=(K, STATE))
+    intervals, nodes = alone(rng)
+    K = len(nodes)
     lines = Linearisation(
         end=rng.normal(size=(K, STATE)),
         by_start=np.eye(STATE) + 0.1 * rng.normal(size=(K, STATE, STATE)),
@@ -99,13 +105,8 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
 def test_a_shorter_window_says_nothing_beyond_its_end():
     """However far the series' first node is from the end of the first interval."""
     rng = np.random.default_rng(4)
-    K = 2 * N
-    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
-    before, after = rng.normal(size=(2, K, JOINTS))
-    intervals = SimpleNamespace(
-        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
-    )
-    nodes = rng.normal(size=(K, STATE))
+    intervals, nodes = alone(rng)
+    K = len(nodes)
     lines = Linearisation(
         end=nodes[np.r_[1:K, K - 1]] + np.r_[9.0, np.zeros(K - 1)][:, None],
         by_start=np.tile(np.eye(STATE), (K, 1, 1)),

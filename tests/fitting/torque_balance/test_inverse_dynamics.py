@@ -51,7 +51,7 @@ COULOMB = LeastSquares(CoulombViscous())
 BOTH = (FrictionBlock(), InertiaBlock(), DelayBlock(), BiasBlock())
 
 
-def rig(noise, recordings=5, samples=1200, delay=0.003):
+def rig(noise, recordings=4, samples=1000):
     """A driven double pendulum at 250 Hz, inertias some 20 % off the nominal ones."""
     runs = tuple(
         Run(
@@ -71,8 +71,8 @@ def rig(noise, recordings=5, samples=1200, delay=0.003):
         Camera(rate=250.0, samples=samples, angle_noise=noise),
         runs,
         true_parameters={k: TRUE[k] for k in ("m1", "m2", "I1", "I2")},
-        drive=Drive(rate=250.0, delay=delay),
-        substeps=6,
+        drive=Drive(rate=250.0, delay=0.003),
+        substeps=2,
     )
 
 
@@ -105,16 +105,16 @@ def test_truth_in_truth_out(clean):
     assert [dropped.block for dropped in refined.dropped] == ["bias"]
 
 
-def test_noise_and_ripple_leave_the_friction():
+def test_noise_and_ripple_leave_the_friction(clean):
     """Encoder noise of 0.1 mrad, and torque ripple faster than the windows."""
-    rough = simulate(rig(1e-4), 4)
-    recordings = []
-    for recording in rough.recordings:
-        torque = recording.torque
-        ripple = 0.3 * np.sin(2 * np.pi * 61.0 * torque.time)[:, None]
-        value = torque.value + ripple
-        recordings.append(replace(recording, torque=torque._replace(value=value)))
-    rough = replace(rough, recordings=tuple(recordings))
+    recordings, draw = [], np.random.default_rng(4)
+    for recording in clean.recordings:
+        angle, torque = recording.angle, recording.torque
+        noisy = angle.value + 1e-4 * draw.normal(size=angle.value.shape)
+        rippled = torque.value + 0.3 * np.sin(2 * np.pi * 61.0 * torque.time)[:, None]
+        signals = angle._replace(value=noisy), torque._replace(value=rippled)
+        recordings.append(replace(recording, angle=signals[0], torque=signals[1]))
+    rough = replace(clean, recordings=tuple(recordings))
     friction = fit_model(rough, LeastSquares(Stribeck()), InverseDynamics())
     assert (curve_error(friction) < 0.03).all()
     nominal = fit_model(rough, LeastSquares(Stribeck()))  # which holds the inertias
@@ -204,7 +204,7 @@ def replace_values(dataset):
 
 
 def test_folds_do_not_see_what_they_hold_out():
-    data = simulate(rig(1e-5, recordings=4, samples=500), 3)
+    data = simulate(rig(1e-5, recordings=4, samples=400), 3)
     held = data.recordings[0]
     moved = replace(held, angle=held.angle._replace(value=0.5 * held.angle.value + 0.1))
     other = replace(data, recordings=(moved, *data.recordings[1:]))
