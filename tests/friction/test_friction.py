@@ -54,20 +54,6 @@ def test_an_index_picks_from_the_batch_and_keeps_the_rest():
     np.testing.assert_array_equal(many[:, 0].theta, theta[:, 0])
 
 
-def test_batches_of_theta_are_each_friction_alone(friction):
-    rng = np.random.default_rng(4)
-    many = Friction(friction.law, friction.theta * rng.uniform(0.5, 2.0, (3, 1, 1)))
-    w = np.linspace(-3, 3, 11)
-    x = drawn(rng)
-    each = Friction(many.law, many.theta[:, None])
-    together = each.torque(x, many.law.start(each.theta, x))
-    assert many.curve(w).shape == (3, 11, 2) and together.shape == (3, 40, 2)
-    for k in range(3):
-        np.testing.assert_array_equal(many.curve(w)[k], many[k].curve(w))
-        alone = many[k].torque(x, many.law.start(many[k].theta, x))
-        np.testing.assert_array_equal(together[k], alone)
-
-
 def test_curve_is_the_torque_of_settled_motion():
     w = np.array([-2.0, -0.5, 0.5, 2.0])
     level, peak, ws, viscous, _ = FILM.theta.T
@@ -149,10 +135,12 @@ def test_folds_along_nodes_are_each_fold_alone(friction):
     rng = np.random.default_rng(9)
     nodes = series(rng)
     many = Friction(friction.law, friction.theta * rng.uniform(0.5, 2.0, (4, 1, 1)))
-    together = along(many, nodes)
-    assert together.shape == (4, 33, 2)
+    w = np.linspace(-3, 3, 11)
+    together, curves = along(many, nodes), many.curve(w)
+    assert together.shape == (4, 33, 2) and curves.shape == (4, 11, 2)
     for k in range(4):
         np.testing.assert_array_equal(together[k], along(many[k], nodes))
+        np.testing.assert_array_equal(curves[k], many[k].curve(w))
 
 
 def test_memory_along_keeps_recordings_side_by_side():

@@ -3,7 +3,6 @@
 import json
 import os
 import pickle
-import stat
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
@@ -17,7 +16,15 @@ from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json, write_text
 from frictionid.friction import Friction
-from frictionid.friction.laws import MLP, CoulombViscous, NoFriction, Stribeck
+from frictionid.friction.laws import (
+    MLP,
+    CoulombViscous,
+    NoFriction,
+    Ripple,
+    Spline,
+    Stribeck,
+    Thermal,
+)
 from frictionid.friction.model_files import load_model, model_document, read_model, save_model
 
 FRICTION = Friction(
@@ -26,6 +33,9 @@ FRICTION = Friction(
     {"m1": 0.5, "I1": 1e-4},
     {"by": "someone", "sizes": [1, 2], "rate": np.float64(60.0)},
 )
+
+
+SIDED = Stribeck(symmetric=False)
 
 
 @dataclass(frozen=True)
@@ -61,16 +71,22 @@ def _units():
 
 
 @pytest.mark.parametrize(
-    "law", [NoFriction(), CoulombViscous(0.1), Stribeck(), Stribeck(symmetric=False)]
+    "law",
+    [
+        *(NoFriction(), CoulombViscous(0.1), Thermal("stribeck", 30.0), Spline((1.0, 2.5), 1)),
+        *(Spline((1.0, 2.5, 7.0), width=0.01, symmetric=False), SIDED),
+        Ripple(SIDED, (2, 5), 50.0, 0.01, "arctan"),
+    ],
+    ids=str,
 )
-@pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
+@pytest.mark.parametrize("batch", [(), (2, 3)])
 def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
     shape = (*batch, 2, len(law.names))
     theta = np.random.default_rng(0).uniform(0.3, 1.0, shape) / 3
     friction = Friction(law, theta, {"m1": 1 / 3}, {"by": "a test"})
     save_model(friction, tmp_path / "deep" / "model.json", LAWS)
     again = load_model(tmp_path / "deep" / "model.json", LAWS)
-    assert again.law == law
+    assert again.law == law and hash(again.law) == hash(law)
     assert again.theta.shape == shape
     np.testing.assert_array_equal(again.theta, theta)
     assert (again.parameters, again.provenance.notes) == ({"m1": 1 / 3}, {"by": "a test"})
@@ -223,45 +239,6 @@ def test_what_json_cannot_hold_leaves_the_old_file(tmp_path):
         write_json(path, {"a": object()})
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
-
-
-def test_a_write_that_fails_half_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    path = tmp_path / "model.json"
-    write_text(path, "old")
-
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("os.replace", stop)
-    with pytest.raises(KeyboardInterrupt):
-        write_text(path, "new")
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
-
-
-def test_files_can_be_read_by_others(tmp_path):
-    write_text(tmp_path / "a" / "b.txt", "text")
-    assert stat.S_IMODE((tmp_path / "a" / "b.txt").stat().st_mode) == 0o644
-
-
-def test_places_that_cannot_be_written_are_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written .*: choose another place"):
-        write_text(tmp_path / "file" / "model.json", "")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match="folder: cannot be written"):
-        write_text(tmp_path / "folder", "")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
-
-
-def test_loss_of_the_disk_while_writing_is_named(tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(InputError, match="No space left on device"):
-        write_text(tmp_path / "model.json", "text")
-    assert not any(tmp_path.iterdir())
 
 
 class Killed(BaseException):

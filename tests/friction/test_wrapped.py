@@ -12,7 +12,6 @@ from frictionid.mechanics import Plant, pendulum
 
 PLAIN = {"dissipative": False, "monotone_tail": False}
 LAWS = [
-    LSTM(),
     LSTM(cells=3, hidden=(5, 4), **PLAIN),
     LSTM(odd=True),
     LSTM(free=True, **PLAIN),

@@ -110,18 +110,7 @@ def test_at_constant_speed_and_from_its_start_it_is_stribeck_friction(law, theta
     np.testing.assert_allclose(law.torque(theta, x, memory), expected)
 
 
-def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
-    rng = np.random.default_rng(1)
-    x, z = at(*rng.normal(size=50)), (rng.random((50, 1)),)
-    same = THETA[:, [0, 0, 1, 1, 2, 3, 4]]
-    a, b = FilmLag(symmetric=False), FilmLag()
-    np.testing.assert_array_equal(a.torque(same, x, z), b.torque(THETA, x, z))
-    np.testing.assert_array_equal(a.limit(same, x, z), b.limit(THETA, x, z))
-    np.testing.assert_array_equal(a.advance(same, x, z, dt(0.01)), b.advance(THETA, x, z, dt(0.01)))
-
-
-@pytest.mark.parametrize("lag", [0.01, 0.03, 0.1, 0.3])
-@pytest.mark.parametrize("velocity", [0.6, 1.5, 4.0])
+@pytest.mark.parametrize(("lag", "velocity"), [(0.01, 4.0), (0.3, 0.6)])
 def test_truth_in_truth_out(lag, velocity):
     theta = THETA * [1, 1, 0, 1, 0] + [0, 0, velocity, 0, lag]
     assert_recovered(FilmLag(), theta)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from fixtures.exact_problems import along_inputs
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.residual import Problem
-from frictionid.friction import Friction, Inputs, Nodes
+from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
 
 MOMENT = 0.5
@@ -96,12 +96,7 @@ def test_it_contains_the_simpler_laws():
 @pytest.mark.parametrize("law", [GEAR, MotorLoad(squared=True)], ids=str)
 def test_truth_in_truth_out(law):
     truth = theta() if law is GEAR else np.array([[0.01, 0.005, 0.3, 0.2]])
-    x, rows = inputs(3000), np.arange(3000)
-    nodes = Nodes(x, 1.0 * rows, np.array([0, 3000]))
-    r = Friction(law, truth).torque(x)
-    ones = np.ones(3000)
-    G = np.ones((3000, 1, 1))
-    problem = Problem(nodes, r, G, rows[:, None], np.ones(1), 0 * rows, 1.0 * rows, ones)
+    problem = along_inputs(Friction(law, truth), inputs(3000))
     found = LeastSquares(law, iterations=300).fit(problem, np.ones((1, 3000)), 0)
     np.testing.assert_allclose(found.theta[0], truth, rtol=1e-4, atol=1e-5)
 

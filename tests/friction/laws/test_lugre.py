@@ -85,7 +85,7 @@ def test_it_is_passive_with_the_energy_of_its_bristles_whatever_its_parameters()
     assert taken(theta, w, z, constant).min() < -0.1  # the law as it is often written
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.02, 2.0])
+@pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping):
     friction = Friction(LuGre(), np.array([[0.04, 0.02, 1.5, 0.002, 0.02, damping, 0.5]]))
     state = State(np.array([[1.0], [-2.5]]), np.array([[0.0], [3.0]]), (np.zeros((2, 1)),))
@@ -102,10 +102,10 @@ def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping)
 def test_under_a_load_below_its_level_a_joint_gives_but_does_not_creep():
     friction = Friction(LuGre(), THETA)
     start = State(np.zeros(1), np.zeros(1), (np.zeros(1),))
-    u = np.full((180, 1), 0.06)  # of 0.16
-    motion = rollout(PLANT, friction, start, u, np.full(180, 1 / 60))
+    u = np.full((60, 1), 0.06)  # of 0.16
+    motion = rollout(PLANT, friction, start, u, np.full(60, 1 / 60))
     assert 0.06 / (STIFFNESS + 0.2) < motion.q[-1, 0] < THETA[0, 4]
-    assert abs(motion.q[-1, 0] - motion.q[90, 0]) < 1e-6
+    assert abs(motion.q[-1, 0] - motion.q[30, 0]) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -130,32 +130,13 @@ def test_with_little_presliding_it_is_coulomb_friction_along_a_motion():
     assert off[0] > 5 * off[1] > 25 * off[2]
 
 
-def test_with_equal_levels_both_ways_the_asymmetric_law_is_the_symmetric_one():
-    rng = np.random.default_rng(1)
-    x, z = at(*rng.normal(size=50)), (0.01 * rng.normal(size=(50, 1)),)
-    same = THETA[:, [0, 0, 1, 1, 2, 3, 4, 5, 6]]
-    a, b = LuGre(symmetric=False), LuGre()
-    np.testing.assert_allclose(a.torque(same, x, z), b.torque(THETA, x, z), rtol=1e-12)
-    np.testing.assert_allclose(a.advance(same, x, z, dt(0.01)), b.advance(THETA, x, z, dt(0.01)))
-    np.testing.assert_allclose(a.start(same, x), b.start(THETA, x))
-
-
-def test_turning_the_axis_round_swaps_the_directions():
-    rng = np.random.default_rng(2)
-    w, z = rng.normal(size=(50, 2)), 0.02 * rng.normal(size=(50, 2))
-    turned, law = BOTH_WAYS[:, [1, 0, 3, 2, 4, 5, 6, 7, 8]], LuGre(symmetric=False)
-    torque = law.torque(BOTH_WAYS, at_rest(w), (z,))
-    np.testing.assert_allclose(law.torque(turned, at_rest(-w), (-z,)), -torque)
-
-
 def test_friction_of_size_zero_is_none():
     theta = np.array([[0.0, 0.0, 1.0, 0.0, 0.01, 0.5, 0.1]])
     nodes = synthetic_problem(1).nodes
     np.testing.assert_array_equal(along(Friction(LuGre(), theta), nodes), 0.0 * nodes.inputs.w)
 
 
-@pytest.mark.parametrize("presliding", [0.003, 0.03, 0.1])
-@pytest.mark.parametrize("velocity", [1.5, 4.0])
+@pytest.mark.parametrize(("presliding", "velocity"), [(0.003, 4.0), (0.1, 1.5)])
 def test_truth_in_truth_out(presliding, velocity):
     theta = THETA * [1, 1, 0, 1, 0, 1, 1] + [0, 0, velocity, 0, presliding, 0, 0]
     assert_recovered(LuGre(), theta)

@@ -47,11 +47,5 @@ def test_each_direction_has_its_level():
         np.testing.assert_array_equal(law.limit(SIDES, at_rest(np.full(2, side)), ()), level)
 
 
-def test_with_equal_levels_it_is_the_symmetric_law():
-    x = at_rest(np.random.default_rng(1).normal(size=(50, 2)))
-    same = CoulombViscous(symmetric=False).torque(SIDES[:, [0, 0, 2]], x, ())
-    np.testing.assert_array_equal(same, CoulombViscous().torque(SIDES[:, [0, 2]], x, ()))
-
-
 def test_truth_in_truth_out_in_each_direction():
     assert_recovered(CoulombViscous(symmetric=False), SIDES, rtol=1e-9)

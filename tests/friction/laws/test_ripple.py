@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
 
-from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.friction import Friction, Inputs
+from frictionid.friction import Inputs
 from frictionid.friction.laws import CoulombViscous, Ripple, Stribeck
-from frictionid.friction.model_files import load_model, save_model
 
 THETA = {
     CoulombViscous(): [[0.1, 0.02], [0.05, 0.01]],
-    CoulombViscous(symmetric=False): [[0.1, 0.12, 0.02], [0.05, 0.04, 0.01]],
-    Stribeck(): [[0.1, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]],
     Stribeck(symmetric=False): [
         [0.1, 0.12, 0.04, 0.05, 1.5, 0.02],
         [0.05, 0.04, 0.03, 0.02, 2.5, 0.01],
@@ -22,6 +18,9 @@ THETA = {
 }
 WAVES = [[0.2, -0.1, 0.05, 0.1], [-0.2, 0.05, 0.1, 0.0]]
 EVERY = pytest.mark.parametrize("base", THETA, ids=str)
+
+
+PLAIN = [[0.1, 0.04, 1.5, 0.02], [0.05, 0.03, 2.5, 0.01]]
 
 
 def rippled(base, waves=WAVES):
@@ -47,7 +46,7 @@ def test_the_level_varies_and_viscous_friction_does_not(base):
         theta[:, -4 + i] * wave
         for i, wave in enumerate(f(k * x.q) for k in (1, 2) for f in (np.cos, np.sin))
     )
-    level = np.array(THETA[base]) * [1.0] * 1
+    level = np.array(THETA[base])
     viscous = level[:, -1] * x.w
     plain = base.torque(level, x, ())
     np.testing.assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
@@ -75,28 +74,17 @@ def test_it_never_drives_however_large_its_amplitudes(base):
 
 
 @EVERY
-@pytest.mark.parametrize("gear", [1.0, 3.0])
-def test_truth_in_truth_out(base, gear):
-    law, theta = Ripple(base, (1, 2), gear), rippled(base)
+def test_truth_in_truth_out(base):
+    law, theta = Ripple(base, (1, 2), 3.0), rippled(base)
     assert_recovered(law, theta, rtol=1e-5, atol=1e-7)
 
 
 def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_is_none():
     law = Ripple("stribeck")
-    problem = explained_by(Stribeck(), THETA[Stribeck()])
+    problem = explained_by(Stribeck(), PLAIN)
     found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
     np.testing.assert_allclose(found[:, -2:], 0.0, atol=1e-6)
-    np.testing.assert_allclose(found[:, :-2], THETA[Stribeck()], rtol=1e-5)
-
-
-def test_it_comes_back_from_its_file_with_its_settings(tmp_path):
-    law = Ripple(Stribeck(symmetric=False), (2, 5), 50.0, 0.01, "arctan")
-    theta = rippled(Stribeck(symmetric=False))
-    save_model(Friction(law, theta), tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
-    assert again.law == law and again.law.law == Stribeck(0.01, "arctan", symmetric=False)
-    assert law.names[-4:] == ("cos_2", "sin_2", "cos_5", "sin_5")
-    np.testing.assert_array_equal(again.theta, theta)
+    np.testing.assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
 
 
 @pytest.mark.parametrize(

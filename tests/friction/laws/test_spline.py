@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import assert_recovered, everything, explained_by
+from fixtures.exact_problems import assert_recovered, everything
 from scipy.interpolate import BSpline
 
 from frictionid.comparison.registry import LAWS
@@ -10,8 +10,8 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import Spline, Stribeck
-from frictionid.friction.model_files import load_model, model_document, read_model, save_model
+from frictionid.friction.laws import Spline
+from frictionid.friction.model_files import model_document, read_model
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 DEGREES = pytest.mark.parametrize("degree", [1, 2, 3])
@@ -44,12 +44,6 @@ def test_beyond_the_last_knot_it_goes_on_straight(degree):
     assert (curve[2] - curve[1]) == pytest.approx(curve[1] - curve[0], rel=1e-2)
 
 
-def test_rises_add_up_to_the_level_at_the_last_knot():
-    law = Spline()
-    theta = drawn(law)
-    assert Friction(law, theta).curve(np.array([8.0]))[0, 0] == pytest.approx(theta.sum())
-
-
 def test_the_level_grows_with_the_load():
     x = at_rest(np.array([[3.0], [-3.0], [1e-9]]))._replace(load=np.array([[2.0], [5.0], [2.0]]))
     theta = np.append(drawn(Spline())[0], 0.1)[None]
@@ -79,17 +73,14 @@ def test_a_negative_level_counts_as_zero():
 
 
 @DEGREES
-@pytest.mark.parametrize("n", [1, 2])
-def test_truth_in_truth_out(degree, n):
+def test_truth_in_truth_out(degree):
     law = Spline((0.5, 1.5, 3.0, 6.0), degree)
-    theta = drawn(law, n)
-    assert_recovered(law, theta, rtol=1e-6, atol=1e-9)
+    assert_recovered(law, drawn(law, 2), rtol=1e-6, atol=1e-9)
 
 
 def test_truth_in_truth_out_in_each_direction():
     law = Spline((0.5, 1.5, 3.0, 6.0), symmetric=False)
-    theta = drawn(law, 2)
-    assert_recovered(law, theta, rtol=1e-5, atol=1e-7)
+    assert_recovered(law, drawn(law, 2), rtol=1e-5, atol=1e-7)
 
 
 def test_each_direction_is_a_spline_of_its_own():
@@ -101,17 +92,6 @@ def test_each_direction_is_a_spline_of_its_own():
     np.testing.assert_array_equal(both, np.concatenate([-down, up]))
 
 
-def test_it_finds_stribeck_friction_without_knowing_it():
-    truth = np.array([[0.1, 0.06, 1.5, 0.02]])
-    problem = explained_by(Stribeck(), truth)
-    found = LeastSquares(Spline()).fit(problem, everything(problem), 0)[0]
-    fastest = np.abs(problem.nodes.inputs.w).max()
-    w = np.linspace(0.1, fastest, 200)
-    expected = Friction(Stribeck(), truth).curve(w)
-    assert np.abs(found.curve(w) / expected - 1).max() < 0.02
-    assert found.theta[0, 0] == pytest.approx(0.16, rel=0.02)
-
-
 def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     problem = synthetic_problem(1)
     fastest = np.abs(problem.nodes.inputs.w).max()
@@ -121,13 +101,6 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     assert (found.theta[0, -2:] == 0.0).all() and (found.theta[0, 1:-2] != 0.0).all()
     curve = found.curve(np.array([50.0, 150.0, 300.0]))[:, 0]
     np.testing.assert_allclose(curve, curve[0])
-
-
-def test_it_comes_back_from_its_file_with_its_knots(tmp_path):
-    for law in (Spline((1.0, 2.5), 1), Spline((1.0, 2.5, 7.0), width=0.01, symmetric=False)):
-        save_model(Friction(law, drawn(law)), tmp_path / "model.json", LAWS)
-        again = load_model(tmp_path / "model.json", LAWS)
-        assert again.law == law and hash(again.law) == hash(law)
 
 
 @pytest.mark.parametrize(
