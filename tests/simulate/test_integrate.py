@@ -205,14 +205,6 @@ def test_energy_falls_without_input(truth):
     assert speed < 0.1 if truth is LUGRE else speed == 0.0
 
 
-def test_energy_is_kept_without_friction():
-    here = system(Stribeck(Curve((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))))
-    q, w = np.array([[2.0, 1.0]]), np.array([[1.0, -4.0]])
-    states = integrate_motion(here, q, w, np.zeros((60, 1, 2)), np.arange(61) / 60, 1 / 60 / 64)
-    energy = here.mechanism.terms(here.p, states[:, 0], states[:, 1]).energy
-    assert np.ptp(energy) < 1e-9
-
-
 @each_truth
 def test_the_mirrored_rig_moves_mirrored(truth):
     there = {"coulomb_positive": CURVE.coulomb_negative, "coulomb_negative": CURVE.coulomb_positive}
@@ -237,8 +229,8 @@ def test_the_mirrored_rig_moves_mirrored(truth):
 
 def test_a_batch_equals_its_recordings_alone():
     rng = np.random.default_rng(4)
-    q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(30, 4, 2)) * (0.0, 0.1)
-    edges = np.arange(31) / 60
+    q, u = rng.uniform(-2, 2, (4, 2)), rng.normal(size=(15, 4, 2)) * (0.0, 0.1)
+    edges = np.arange(16) / 60
     for truth in TRUTHS.values():
         step = 1 / 60 / (32 if truth is LUGRE else 8)
         batch = integrate_motion(system(truth), q, 0 * q, u, edges, step)
