@@ -1,5 +1,6 @@
 """The physics step against exact solutions: orders of convergence, memory, substeps, tensors."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,8 +62,10 @@ CASES = {
 DURATION = 0.3
 
 
-def reference(case, duration=DURATION):
+@cache
+def reference(name):
     """State after the duration, by an integrator of order eight with tolerance 1e-12."""
+    case = CASES[name]
     n = case.plant.n
 
     def rate(_, y):
@@ -73,12 +76,12 @@ def reference(case, duration=DURATION):
         return np.concatenate([w, np.linalg.solve(M, h + driven - Tf)])
 
     begin = np.array([*case.q, *case.w])
-    return solve_ivp(rate, (0, duration), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    return solve_ivp(rate, (0, DURATION), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
 
 
-def advanced(case, method, count, duration=DURATION):
+def advanced(case, method, count):
     state = State(np.array(case.q), np.array(case.w))
-    u, dt = np.array(case.u), np.array([duration / count])
+    u, dt = np.array(case.u), np.array([DURATION / count])
     if method is step:
         state = step(case.plant, case.friction, state, u, dt * count, count)
     else:
@@ -92,29 +95,25 @@ def advanced(case, method, count, duration=DURATION):
     ("method", "order", "counts"),
     [
         (step, 4, (16, 32, 64, 128)),
-        (euler_step, 1, (400, 800, 1600, 3200)),
-        (semi_implicit_step, 1, (400, 800, 1600, 3200)),
+        (euler_step, 1, (400, 800, 1600)),
+        (semi_implicit_step, 1, (400, 800, 1600)),
     ],
     ids=["rk4", "euler", "semi_implicit"],
 )
 def test_the_error_falls_with_the_order_of_the_method(name, method, order, counts):
-    exact = reference(CASES[name])
+    exact = reference(name)
     errors = [np.abs(advanced(CASES[name], method, c) - exact).max() for c in counts]
     slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope == pytest.approx(order, abs=0.25)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_finely_divided_step_is_the_exact_solution(name):
-    exact = reference(CASES[name])
-    np.testing.assert_allclose(advanced(CASES[name], step, 400), exact, rtol=0, atol=1e-8)
+    if method is step:
+        np.testing.assert_allclose(advanced(CASES[name], step, 400), exact, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_default_substeps_are_exact_to_what_a_camera_sees(name):
     case = CASES[name]
     count = substeps(case.plant, case.friction, DURATION)
-    error = np.abs(advanced(case, step, count) - reference(case))[: case.plant.n]
+    error = np.abs(advanced(case, step, count) - reference(name))[: case.plant.n]
     assert error.max() < 1e-4
 
 
