@@ -11,14 +11,16 @@ from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 
 from .figures.curves import curve_bands, friction_curves, spread_caption, spreads
-from .figures.first_screen import (
-    errors_of_models,
-    friction_of_the_choice,
+from .figures.fits import correlation, correlation_caption, friction_of_the_choice
+from .figures.motion import (
+    example_motions,
+    motions,
+    speed_table,
     torque_over_time,
+    velocity_scatter,
 )
-from .figures.fits import correlation, correlation_caption
-from .figures.motion import example_motions, motions, speed_table, velocity_scatter
 from .figures.scores import (
+    errors_of_models,
     loss_against,
     one_step_boxes,
     rollout_errors,

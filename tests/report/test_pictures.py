@@ -12,12 +12,9 @@ from frictionid.evaluation.hysteresis import HysteresisSettings, hysteresis_loop
 from frictionid.friction import Friction
 from frictionid.friction.laws import LSTM, CoulombViscous
 from frictionid.report.figures.curves import curve_and_band, friction_curves
-from frictionid.report.figures.first_screen import (
-    errors_of_models,
-    friction_of_the_choice,
-    torque_over_time,
-)
-from frictionid.report.figures.scores import loss_against
+from frictionid.report.figures.fits import friction_of_the_choice
+from frictionid.report.figures.motion import torque_over_time
+from frictionid.report.figures.scores import errors_of_models, loss_against
 from frictionid.report.figures.style import drawing, styles
 from frictionid.report.memory import loop_pictures
 from frictionid.rig.align.recording_folder import least_squares_friction

@@ -1,8 +1,8 @@
-"""A single fit: its friction with its band, and the correlation of its parameters."""
+"""A single fit, or that of a verdict: friction with its band, correlation of its parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,22 +18,31 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
 from ..numbers import MINUS, short
-from ..sections import DataDescription, Model
+from ..recommended import chosen_of
+from ..sections import DataDescription, Model, Section
 from ..shooting_results import OWN, groups
-from .curves import cut_heights, draw_density
+from ..verdict import verdict_of
+from .curves import curve_and_band, cut_heights, draw_density
 from .style import (
     COLOURS,
     DARK,
     DASHED,
     GREY,
+    HALF_PAGE,
     PALE,
     WIDTH,
+    Style,
+    draw_truth,
     figure,
+    frame,
     key_above,
     line,
+    measured,
+    most,
     panel_grid,
     patch,
     plain,
+    unmeasured_key,
     velocity_axis,
 )
 
@@ -169,7 +178,7 @@ def _groups(
 
 
 _HIGH = 1.25  # of the largest friction shown
-_BAND, _SPEEDS = 0.3, 0.12  # opacity of the band; height of the speeds' density, share of a panel
+_PALE, _SPEEDS = 0.3, 0.12  # opacity of the band; height of the speeds' density, share of a panel
 _BINS = 60
 
 
@@ -206,7 +215,7 @@ def fit_figure(friction: Friction, dataset: Dataset) -> Any:
         axes.set(xlabel=f"velocity [{velocity}/s]", ylabel=f"friction [{torque}]")
     key = {"fit to all data": line(COLOURS[0], linewidth=1.5)}
     if half is not None:
-        key["95 % at all velocities"] = patch(COLOURS[0], _BAND)
+        key["95 % at all velocities"] = patch(COLOURS[0], _PALE)
     if truth is not None:
         key["truth"] = line(DARK, DASHED, 1)
     key_above(picture, {**key, "how often each velocity occurred": patch(PALE)})
@@ -227,5 +236,76 @@ def _panel(axes: Any, w: Array, curve: Array, half: Array | None) -> None:
     end = _HIGH * float(np.nanmax(np.abs(curve), initial=0.0)) or 1.0
     velocity_axis(axes, w, (-end, end))
     if half is not None:
-        axes.fill_between(w, curve - half, curve + half, color=COLOURS[0], alpha=_BAND, lw=0)
+        axes.fill_between(w, curve - half, curve + half, color=COLOURS[0], alpha=_PALE, lw=0)
     axes.plot(w, curve, color=COLOURS[0], linewidth=1.5)
+
+
+# --- The fit that the verdict names ---------------------------------------------------------------
+
+ABREAST = 4  # joints at most
+BAND = 0.25  # opacity
+WIDEST = 2.5  # a rival's curve may be so many times as high as the model's with its band
+RIVAL: Mapping[str, Any] = {"color": "#B5B5B5", "linewidth": 0.7}
+
+
+def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Friction over velocity, a panel for each joint: the model that the verdict names, and rivals.
+
+    With its 95 % band, by shooting or by what leaving out each fold changes. Rivals are the fits by
+    its recipe and by that of the verdict. None where no model has a friction curve.
+    """
+    verdict, data = verdict_of(section), section.description
+    chosen = chosen_of(section, verdict)
+    if chosen is None or not np.isfinite(chosen.curves[-1]).any():
+        return None
+    recipes = {chosen.recipe, verdict.recipe}
+    rivals = [m for m in section.of_role("fitted") if m.recipe in recipes and m is not chosen]
+    joints, colour = len(data.joints), styles[chosen.label].colour
+    columns = joints if joints <= 3 else min(-(-joints // 2), ABREAST)
+    rows = -(-joints // columns)
+    picture = figure(0.7 + (2.3 if rows == 1 else 1.6) * rows, HALF_PAGE)
+    axes = picture.subplots(rows, columns, squeeze=False).ravel()
+    for joint, axis in enumerate(axes[:joints]):
+        _choice_panel(axis, chosen, rivals, data, joint, colour)
+        axis.set_title(plain(data.joints[joint]))
+        axis.locator_params(axis="x", nbins=3 if columns == ABREAST else 5)
+        if joint % columns == 0:
+            axis.set_ylabel(f"friction [{data.torque_units[joint]}]")
+    for spare in axes[joints:]:
+        spare.set_axis_off()
+    key = {chosen.name: line(colour, linewidth=1.8)}
+    if np.isfinite(curve_and_band(chosen, data, 0)[2]).any():
+        key["its 95 % band"] = patch(colour, BAND)
+    if rivals:
+        key["other models"] = line(**RIVAL)
+    if data.truth is not None:
+        key["truth"] = line(DARK, DASHED, 1)
+    key_above(picture, key | unmeasured_key(data))
+    picture.supxlabel(f"velocity [{data.velocity_unit}]")
+    return picture
+
+
+def _choice_panel(
+    axis: Any,
+    chosen: Model,
+    rivals: Sequence[Model],
+    data: DataDescription,
+    joint: int,
+    colour: str,
+) -> None:
+    """A joint's panel, as high as the model's band where the joint moved, and the truth."""
+    w, x, curve, half = data.velocity[:, joint], *curve_and_band(chosen, data, joint)
+    inside = measured(x, data, joint)
+    heights = [(np.abs(curve) + np.nan_to_num(half))[inside]]
+    heights += [] if data.truth is None else [np.abs(data.truth[:, joint])]
+    high = max(float(np.max(h, initial=0.0)) for h in heights)
+    others = [m.curves[-1][:, joint] for m in rivals]
+    if others:
+        high = max(high, min(most([np.abs(c) for c in others]), WIDEST * high))
+    high = 1.08 * high or 1.0
+    frame(axis, w, data, joint, high)
+    for other in others:
+        axis.plot(w, other, **RIVAL)
+    axis.fill_between(x, curve - half, curve + half, color=colour, alpha=BAND, linewidth=0)
+    axis.plot(x, curve, color=colour, linewidth=1.8)
+    draw_truth(axis, data, joint)

@@ -12,11 +12,16 @@ from frictionid.arrays import Array
 
 from ..memory import with_loops
 from ..numbers import percent, short
+from ..recommended import chosen_of
 from ..sections import DataDescription, Model, Section, SummaryData
 from ..tables import Column, Table, table_of, text_columns
+from ..verdict import verdict_of
 from .style import (
     COLOURS,
+    DARK,
+    DASHED,
     GREY,
+    HALF_PAGE,
     Style,
     figure,
     line,
@@ -179,3 +184,33 @@ def predicted_figure(table: pd.DataFrame, joints: Sequence[str], units: Sequence
     key = {"measured": line(MEASURED, linewidth=4), "predicted": line(COLOURS[0])}
     below = f"time [s], {plain(str(table['recording'].iloc[0]))}"
     return panels(draw, labels, [""], key, below, 1.5, sharex=True)
+
+
+def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Measured torque of each joint over time, and that of the model that the verdict names.
+
+    What lies between rigid bodies alone and the whole model is friction. None without torques.
+    """
+    chosen, data = chosen_of(section, verdict_of(section)), section.description
+    if chosen is None or not chosen.torque:
+        return None
+    time, *parts = (chosen.torque[key] for key in ("time", "measured", "model", "rigid"))
+    colour = styles[chosen.label].colour
+    looks: dict[str, dict[str, Any]] = {
+        "measured": {"color": MEASURED, "linewidth": 3.5},
+        "rigid bodies and friction": {"color": colour, "linewidth": 1.1},
+        "rigid bodies alone": {"color": DARK, "linewidth": 0.8, "linestyle": DASHED},
+    }
+
+    def draw(axis: Any, joint: int, _column: int) -> None:
+        for values, look in zip(parts, looks.values(), strict=True):
+            axis.plot(time, values[:, joint], **look)
+        axis.margins(x=0)
+        axis.grid()
+        place: dict[str, Any] = {"xycoords": "axes fraction", "va": "center"}
+        axis.annotate(plain(data.joints[joint]), (1.01, 0.5), **place, fontsize=7)
+
+    labels = [f"[{unit}]" for unit in data.torque_units][: parts[0].shape[1]]
+    key = {name: line(**look) for name, look in looks.items()}
+    below = f"time [s], {plain(chosen.torque['recording'])}"
+    return panels(draw, labels, [""], key, below, 0.75, HALF_PAGE, sharex=True)

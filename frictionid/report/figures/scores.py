@@ -13,9 +13,12 @@ from frictionid.arrays import Array
 from ..numbers import INFINITE, short
 from ..sections import EULER, Model, Section, SummaryData, rollout
 from ..summary_table import ONE_STEP
+from ..verdict import Candidate, Verdict, verdict_of
 from .style import (
     DARK,
     DASHED,
+    GREY,
+    HALF_PAGE,
     Style,
     figure,
     key_above,
@@ -230,3 +233,72 @@ def _marker(section: Section, recipe: str) -> str:
 
 def _is_hollow(section: Section, recipe: str) -> bool:
     return len(section.recipes) > 1 and recipe == section.recipes[0]
+
+
+# --- Beside a verdict -----------------------------------------------------------------------------
+
+
+def errors_of_models(section: Section, styles: Mapping[str, Style]) -> Any:
+    """Error of every model, a line each, a dot for each fold, grouped by recipe; None of fewer.
+
+    The bar is the error of all predictions, as in the tables.
+    """
+    verdict = verdict_of(section)
+    shown = [c for c in verdict.candidates if np.isfinite(c.error) and c.error > 0]
+    if len(shown) < 2:
+        return None
+    order = ["", *section.recipes]
+    shown.sort(key=lambda c: (order.index(c.model.recipe), c.error))
+    picture = figure(0.9 + 0.19 * (len(shown) + len(order)), HALF_PAGE)
+    axis, height, names = picture.subplots(), 0.0, {}
+    for recipe, members in groupby(shown, key=lambda c: c.model.recipe):
+        if recipe and len(section.recipes) > 1:
+            place = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 7.5}
+            axis.annotate(f"recipe {plain(recipe)}", (0.01, height), **place, color=GREY)
+            height += 0.9
+        for candidate in members:
+            _candidate_errors(
+                axis, candidate, height, styles[candidate.model.label].colour, verdict
+            )
+            names[height] = plain(candidate.model.label)
+            height += 1.0
+        height += 0.3
+    axis.set_yticks(list(names), list(names.values()))
+    axis.set_ylim(height - 0.3, -0.8)
+    _error_scale(axis, shown)
+    axis.set_xlabel(f"{verdict.measure.of_what}, held out")
+    key = {"median of all predictions": marker(DARK, "|", 8), "a fold": marker(GREY, "o", 3)}
+    if verdict.provisional:
+        word = "recommended" if verdict.recommended else "until then"
+        key[word] = marker(DARK, "*", 8)
+    if any(c.unfit for c in shown):
+        key["not plausible, or not converged"] = marker(GREY, "o", 4, "white")
+    key_above(picture, key, 0.8)
+    return picture
+
+
+def _candidate_errors(
+    axis: Any, candidate: Candidate, height: float, colour: str, verdict: Verdict
+) -> None:
+    """A model's folds as dots, hollow where it cannot be recommended, and its error as a bar."""
+    folds = candidate.by_fold[np.isfinite(candidate.by_fold)]
+    face = "white" if candidate.unfit else mixed(colour, 0.45)
+    dots = {"markersize": 3.4, "markeredgewidth": 0.7, "markerfacecolor": face}
+    axis.plot(folds, np.full(len(folds), height), "o", color=colour, zorder=3, **dots)
+    axis.plot(candidate.error, height, "|", color=colour, markersize=11, markeredgewidth=2.2)
+    name = candidate.name == verdict.provisional
+    if name:
+        axis.plot(candidate.error, height, "*", color=DARK, markersize=8, zorder=4)
+    text, place = short(candidate.error), {"xycoords": ("axes fraction", "data"), "va": "center"}
+    weight = "bold" if name else "normal"
+    axis.annotate(text, (1.01, height), **place, fontsize=7, weight=weight)
+
+
+def _error_scale(axis: Any, shown: Sequence[Candidate]) -> None:
+    """A logarithmic axis of errors with plain numbers."""
+    values = np.concatenate([[c.error, *c.by_fold] for c in shown])
+    values = values[np.isfinite(values) & (values > 0)]
+    plain_logarithm(axis, "x")
+    axis.set_xlim(0.85 * values.min(), 1.15 * values.max())
+    axis.grid(axis="x")
+    axis.tick_params(axis="y", length=0)

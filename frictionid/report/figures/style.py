@@ -27,6 +27,7 @@ LONGEST = 36  # letters of a name
 PALE = "#D9D9D9"
 DARK = "#222222"
 DASHED = (0, (4, 1.5))  # the truth
+HALF_PAGE = 5.6  # [inch], of the screen
 COLUMNS = 3  # fits side by side at most; more go to another picture
 ZERO = {"color": "#BBBBBB", "linewidth": 0.5, "zorder": 1}
 SHADE, HATCH = "#F0F0F0", "#D4D4D4"
