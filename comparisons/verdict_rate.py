@@ -29,8 +29,7 @@ from scipy.optimize import brentq
 from frictionid.comparison.cross_validate import compare
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.evaluation.reference_model import StartErrors, choose
-from frictionid.evaluation.statistics import REGION
+from frictionid.evaluation.reference_model import REGION, StartErrors, choose
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Curve, LoadFriction, simulate

@@ -32,8 +32,8 @@ from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
 from frictionid.report.fit_table import estimate_table, interval_note
+from frictionid.report.summary_table import torque_sentence
 from frictionid.report.tables import html, terminal_text
-from frictionid.report.torque_left import torque_sentence
 
 from .evaluate import evaluate, predict
 from .models import dataset_of, numbers

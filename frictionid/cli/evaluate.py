@@ -45,7 +45,7 @@ def evaluate(
     from frictionid.friction.model_files import model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
-    from frictionid.report.torque_left import score_torque_frames
+    from frictionid.report.summary_table import score_torque_frames
 
     from .progress import counted
 

@@ -36,8 +36,8 @@ from frictionid.evaluation import (
     with_speeds,
 )
 from frictionid.evaluation.complexity import effective_parameters
+from frictionid.evaluation.curves import Beyond, beyond_motion
 from frictionid.evaluation.hysteresis import HysteresisLoop, HysteresisSettings, hysteresis_loops
-from frictionid.evaluation.plausibility import Beyond, beyond_motion
 from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier

@@ -20,7 +20,7 @@ from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Law, along, along_own, present
 
-from .curves import curve_error, curve_scores, curves, steady_state
+from .curves import curve_error, curve_scores, curves, dissipated, steady_state
 from .example_motions import (
     FEWEST,
     common_examples,
@@ -30,7 +30,6 @@ from .example_motions import (
 from .folds import Folds
 from .free_run import free_run, free_run_scores, trajectory_folds
 from .initial_states import InitialStates, initial_state_folds
-from .plausibility import dissipated
 from .predicted_motion import (
     HorizonErrors,
     horizon_errors,

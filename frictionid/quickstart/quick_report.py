@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import IDENTIFIERS
-from frictionid.evaluation.statistics import FEWEST
+from frictionid.evaluation.reference_model import FEWEST
 from frictionid.files import plain
 from frictionid.mechanics import Mechanism
 from frictionid.report.console import console, say

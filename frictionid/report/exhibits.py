@@ -29,7 +29,6 @@ from .figures.studies import learning_curves
 from .figures.style import Style, styles
 from .fit_table import parameter_numbers, parameter_table
 from .memory import loop_pictures, loop_table
-from .recommended import chosen_of
 from .sections import Model, Section, SummaryData, rollout
 from .shooting_results import (
     interval_numbers,
@@ -37,10 +36,16 @@ from .shooting_results import (
     window_numbers,
     window_table,
 )
-from .summary_table import caption_of, summary_of, summary_table
+from .summary_table import (
+    caption_of,
+    summary_of,
+    summary_table,
+    torque_frames,
+    torque_numbers,
+    torque_table,
+)
 from .tables import Table, latex, markdown
-from .torque_left import torque_frames, torque_numbers, torque_table
-from .verdict import Verdict, verdict_of
+from .verdict import Verdict, chosen_of, verdict_of
 from .verdict_table import marked, verdict_numbers, verdict_table
 
 

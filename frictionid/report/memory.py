@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.hysteresis import HysteresisLoop
-from frictionid.evaluation.statistics import Pair
+from frictionid.evaluation.reference_model import CorrelatedTest
 
 from .figures.style import (
     DARK,
@@ -222,7 +222,7 @@ class Advantage:
 
     static: Model
     dynamic: Model
-    pair: Pair
+    pair: CorrelatedTest
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class MemoryAnalysis:
     shares: Mapping[str, float]
     method: Method
     remaining: Advantage
-    rollouts: tuple[tuple[float, Pair], ...]
+    rollouts: tuple[tuple[float, CorrelatedTest], ...]
 
 
 def memory_analysis(data: SummaryData) -> MemoryAnalysis | None:

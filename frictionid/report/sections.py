@@ -11,12 +11,11 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.results import Results, task_provenance
+from frictionid.evaluation.curves import Beyond
 from frictionid.evaluation.hysteresis import HysteresisLoop
-from frictionid.evaluation.plausibility import Beyond
 from frictionid.evaluation.predicted_motion import HorizonErrors, read_errors
-from frictionid.evaluation.reference_model import StartErrors
+from frictionid.evaluation.reference_model import CorrelatedTest, StartErrors, paired
 from frictionid.evaluation.score_frame import score_tables
-from frictionid.evaluation.statistics import Pair, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
 
 from .numbers import either, norm_unit
@@ -245,7 +244,7 @@ class SummaryData:
         values = self.folds[column].unstack("fold").dropna(axis=1, how="all").sort_index(axis=1)
         return values.loc[model.task].to_numpy() if model.task in values.index else np.empty(0)
 
-    def paired(self, model: Model, other: Model, column: str) -> Pair:
+    def paired(self, model: Model, other: Model, column: str) -> CorrelatedTest:
         """A model's score less another's, paired over the folds."""
         return paired(self.of_folds(model, column), self.of_folds(other, column))
 

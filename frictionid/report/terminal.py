@@ -31,9 +31,11 @@ from .summary_table import (
     summary_numbers,
     summary_of,
     summary_table,
+    torque_frames,
+    torque_sentence,
+    torque_table,
 )
 from .tables import Table, for_terminal, render, table_of, text_columns
-from .torque_left import torque_frames, torque_sentence, torque_table
 from .verdict import verdict_of
 
 

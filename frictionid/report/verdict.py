@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
-from frictionid.evaluation.statistics import FEWEST, REGION
+from frictionid.evaluation.reference_model import FEWEST, REGION, WITHIN, Choice, Factor
 
 from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
 from .estimates import added
@@ -264,3 +263,13 @@ def recordings_needed(recordings: int, between: Factor) -> int:
     apart = abs(np.log(between.value) - WITHIN)
     half = 0.5 * np.log(between.high / between.low)
     return max(recordings + 1, round(min(recordings * (half / apart) ** 2, 1e6)))
+
+
+def chosen_of(section: Section, verdict: Verdict) -> Model | None:
+    """The model that the verdict names; without one the fitted model that predicts best."""
+    candidate = verdict.candidate(verdict.provisional)
+    if candidate is not None:
+        return candidate.model
+    data = section.fitted
+    last = rollout(data.reported[-1]) if data.reported else ""
+    return data.best(data.of_role("fitted"), last)

@@ -12,8 +12,7 @@ import pandas as pd
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import Criteria, information_criteria
-from frictionid.evaluation.reference_model import CERTAIN
-from frictionid.evaluation.statistics import REGION
+from frictionid.evaluation.reference_model import CERTAIN, REGION
 from frictionid.files import plain
 
 from .candidates import Candidate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.evaluation.complexity import information_criteria, trace_of_hat
-from frictionid.evaluation.plausibility import (
+from frictionid.evaluation.curves import (
     asymmetry,
     beyond_motion,
     cycle_work,

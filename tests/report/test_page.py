@@ -12,7 +12,7 @@ from fixtures import result_folders as made
 from frictionid.comparison.results import load_results
 from frictionid.report.charts import motion_chart, side_view
 from frictionid.report.figures.style import Style
-from frictionid.report.recommended import parameter_rows
+from frictionid.report.fit_table import parameter_rows
 from frictionid.report.sections import sections_of
 from frictionid.report.verdict import verdict_of
 
@@ -76,10 +76,10 @@ def test_the_verdict_comes_first_with_parameters_intervals_horizon_and_doubt(fol
         assert text in first
     assert "1 s ahead: 0.10 rad off in the median, 9 of 10 predictions within 0.20 rad" in first
     rows = parameter_rows(verdict.candidate("stribeck").model, section.fitted)
-    assert [row.name for row in rows] == ["coulomb", "viscous"]
-    for row in rows:
-        assert f"{row.name} {row.unit}" in first
-        assert all(value.text in first and value.interval in first for value in row.values)
+    assert [name for name, _, _ in rows] == ["coulomb", "viscous"]
+    for name, unit, values in rows:
+        assert f"{name} {unit}" in first
+        assert all(value.text in first and value.interval in first for value in values)
 
 
 def test_what_check_says_of_the_data_stands_on_the_page(tmp_path, monkeypatch):
@@ -96,7 +96,7 @@ def test_intervals_of_folds_are_those_of_the_jackknife(folder):
     model = next(m for m in section.models if m.label == "stribeck")
     folds = model.theta[:, 1, 0]
     half = 3.182 * np.sqrt(3 / 4 * np.sum((folds - folds.mean()) ** 2))  # t of 3 degrees of freedom
-    low, high = parameter_rows(model, section.fitted)[0].values[1].interval.split(" to ")
+    low, high = parameter_rows(model, section.fitted)[0][2][1].interval.split(" to ")
     assert float(low) == pytest.approx(0.1 - half, abs=0.02 * half + 6e-4)
     assert float(high) == pytest.approx(0.1 + half, abs=0.02 * half + 6e-4)
 

@@ -7,8 +7,8 @@ from fixtures import result_folders as made
 from frictionid.report.candidates import family, family_table
 from frictionid.report.figures.curves import friction_curves
 from frictionid.report.figures.style import styles
-from frictionid.report.reliability import loose
 from frictionid.report.verdict import verdict_of
+from frictionid.report.write import loose
 
 NOISE = np.array([-0.002, 0.001, 0.002, -0.001])
 

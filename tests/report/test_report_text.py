@@ -13,12 +13,12 @@ from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
 from frictionid.report.figures.style import styles
-from frictionid.report.recommended import equation_of, horizons_of
-from frictionid.report.reliability import astray, loose
+from frictionid.report.fit_table import equation_of, horizons_of
 from frictionid.report.sections import rollout
 from frictionid.report.summary_table import summary_of, summary_table
 from frictionid.report.tables import escape_latex, latex, markdown
 from frictionid.report.verdict import verdict_of
+from frictionid.report.write import astray, loose
 
 LAST = rollout(1.0)
 
@@ -53,9 +53,9 @@ def test_horizons_are_those_of_the_numbers(typical):
     section = made.section(typical)
     model = next(m for m in section.models if m.name == "stribeck (integral)")
     found = horizons_of(section.fitted, model)
-    assert [h.seconds for h in found] == list(made.HORIZONS)
+    assert [h["seconds"] for h in found] == list(made.HORIZONS)
     for h in found:
-        assert (h.median, h.q90) == pytest.approx((0.1 * h.seconds, 0.2 * h.seconds))
+        assert (h["median"], h["q90"]) == pytest.approx((0.1 * h["seconds"], 0.2 * h["seconds"]))
 
 
 NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hides

@@ -18,10 +18,9 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
 from ..numbers import MINUS, short
-from ..recommended import chosen_of
 from ..sections import DataDescription, Model, Section
 from ..shooting_results import OWN, groups
-from ..verdict import verdict_of
+from ..verdict import chosen_of, verdict_of
 from .curves import curve_and_band, cut_heights, draw_density
 from .style import (
     COLOURS,

@@ -12,10 +12,9 @@ from frictionid.arrays import Array
 
 from ..memory import with_loops
 from ..numbers import percent, short
-from ..recommended import chosen_of
 from ..sections import DataDescription, Model, Section, SummaryData
 from ..tables import Column, Table, table_of, text_columns
-from ..verdict import verdict_of
+from ..verdict import chosen_of, verdict_of
 from .style import (
     COLOURS,
     DARK,

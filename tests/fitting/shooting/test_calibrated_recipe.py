@@ -20,7 +20,7 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.friction.laws import CoulombViscous
-from frictionid.report.reliability import fold_settings
+from frictionid.report.write import fold_settings
 
 LATE = 0.012  # [s]
 FEW = Settings(iterations=4)
