@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from frictionid.api.fit import fit as fit
     from frictionid.api.fit import load_model as load_model
     from frictionid.api.fitted import Fit as Fit
-    from frictionid.api.listing import identifiers as identifiers
-    from frictionid.api.listing import laws as laws
     from frictionid.api.machines import machine as machine
     from frictionid.api.machines import machines as machines
+    from frictionid.api.models import identifiers as identifiers
+    from frictionid.api.models import laws as laws
     from frictionid.api.sensitivity import sensitivity as sensitivity
     from frictionid.api.simulate import simulate as simulate
     from frictionid.api.suggest import suggest as suggest

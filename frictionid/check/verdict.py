@@ -14,7 +14,7 @@ from .conventions import Scored
 from .facts import JointFacts, joints_of
 from .findings import LEVELS, Finding
 from .hypothesis_tests import Delay, HypothesisTests, run_tests, sampling_findings, untested
-from .log_faults import dead_torques, log_findings
+from .log_faults import dead_torques, in_seconds, log_findings
 from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, is_blurred, motions_of
 from .passive import energy_findings, gravity_findings, gravity_shares, passive_time, rest_findings
@@ -29,7 +29,6 @@ from .sensors import (
     without_outliers,
 )
 from .servos import servo_advice, servo_findings, with_late_targets
-from .time_unit import in_seconds
 from .torque_source import TorqueSource, place_findings, torque_sources, unmeasured_findings
 from .torque_speed import limit_findings, torque_speeds
 

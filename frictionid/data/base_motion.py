@@ -36,7 +36,7 @@ def base_motion(
     orientation: Signal | None = None,
     position: Signal | None = None,
 ) -> Signal:
-    """Motion (T, 9) of the base by a sensor, see `mechanics.base_motion.with_base_motion`.
+    """Motion (T, 9) of the base by a sensor, see `mechanics.plant.with_base_motion`.
 
     Parameters
     ----------

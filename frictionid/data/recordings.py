@@ -63,7 +63,7 @@ class Recording:
     servo : Servo or None
         Controller and motors that make the torque, where known; `torque` follows from the motion.
     base_motion, base_wrench : Signal or None
-        Of a floating base: 9 columns, see `mechanics.base_motion`; forces and moments on it [N],
+        Of a floating base: 9 columns, see `with_base_motion`; forces and moments on it [N],
         [N m] beside gravity, at its origin in its frame, where known.
 
     Raises

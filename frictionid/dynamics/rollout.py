@@ -11,8 +11,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
-from .compiled.loops import rolled_out
-from .compiled.machine import machine_of
+from .compiled.loops import machine_of, rolled_out
 from .state import State, inputs
 from .step import adaptive_step, euler_step, semi_implicit_step
 from .step_size import StepSize, step_size_of

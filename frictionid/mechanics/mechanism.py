@@ -101,7 +101,7 @@ class Mechanism(ABC):
         Parts with friction of their own that turn with several joints, such as a motor at a wrist:
         name, and turns for one of each joint.
     floating : bool
-        Whether the base moves, as recordings say: its motion stands behind p, see `base_motion`.
+        Whether the base moves, as recordings say; its motion is behind p, see `with_base_motion`.
     """
 
     kind: str

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
+import numpy as np
+
+from frictionid.arrays import Array
 from frictionid.data.readers.column_toml import SPELLINGS, UNITS
+from frictionid.data.readers.table import Table
 
 # Words of names, in lower case. The first quantity counts that has a word of the name.
 WORDS: Mapping[str, frozenset[str]] = {
@@ -84,3 +89,64 @@ def is_sensed(name: str) -> bool:
     """
     sensed = SENSED & set(words(name)) or quantity_of(name) == "current"
     return bool(sensed) and is_measured(name)
+
+
+# --- Columns of an IMU ----------------------------------------------------------------------------
+
+
+_CALLED = {
+    "angular_velocity": (
+        frozenset("gyro gyroscope gyr gx gy gz wx wy wz".split()),
+        (frozenset({"angular", "velocity"}), frozenset({"angular", "vel"})),
+    ),
+    "specific_force": (
+        frozenset("acc accel accelerometer ax ay az".split()),
+        (frozenset({"linear", "acceleration"}), frozenset({"specific", "force"})),
+    ),
+}
+_IN_G = (0.5, 2.0)  # median size of a specific force in units of g
+_FAST = 35.0  # [rad/s]: gyroscopes show less, unless it is deg/s
+
+
+def imu_columns(table: Table) -> dict[str, Any]:
+    """The [base] table of an IMU whose columns have usual names, or nothing.
+
+    >>> names = [f"imu_{kind}_{axis}" for kind in ("gyro", "acc") for axis in "xyz"]
+    >>> base = imu_columns(Table("a.csv", np.arange(2), {name: np.ones(2) for name in names}))
+    >>> base["angular_velocity"], base["units"]
+    (['imu_gyro_x', 'imu_gyro_y', 'imu_gyro_z'], {'specific_force': 'g'})
+    >>> sorted(names_of(base)) == sorted(names)
+    True
+    """
+    out: dict[str, Any] = {}
+    for quantity in _CALLED:
+        names = list(_columns(table, quantity))
+        if len(names) != 3:
+            return {}
+        out[quantity] = names
+    units = {}
+    if _size(table, out["angular_velocity"]).max() > _FAST:
+        units["angular_velocity"] = "deg/s"
+    if _IN_G[0] < np.median(_size(table, out["specific_force"])) < _IN_G[1]:
+        units["specific_force"] = "g"
+    at_origin = {key: [0.0, 0.0, 0.0] for key in ("sensor_position", "sensor_rotation")}
+    return {**out, **({"units": units} if units else {}), **at_origin}
+
+
+def names_of(base: Mapping[str, Any]) -> list[str]:
+    """Columns of an IMU."""
+    return [name for quantity in _CALLED for name in base.get(quantity, ())]
+
+
+def _columns(table: Table, quantity: str) -> Iterator[str]:
+    single, several = _CALLED[quantity]
+    for name in table.columns:
+        said = set(words(name))
+        if is_measured(name) and (said & single or any(each <= said for each in several)):
+            yield name
+
+
+def _size(table: Table, names: list[str]) -> Array:
+    """Length (T,) of vectors where all their columns have numbers."""
+    vectors = np.stack([table.columns[name] for name in names])
+    return np.asarray(np.linalg.norm(vectors[:, np.isfinite(vectors).all(axis=0)], axis=0))

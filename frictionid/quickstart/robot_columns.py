@@ -17,9 +17,17 @@ from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body.robot import MOVING, Joint, Robot
 from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, robot_format
 
-from .base_columns import imu_columns, names_of
 from .column_guesses import check_named
-from .column_names import UNMEASURED, WORDS, is_measured, is_target, quantity_of, words
+from .column_names import (
+    UNMEASURED,
+    WORDS,
+    imu_columns,
+    is_measured,
+    is_target,
+    names_of,
+    quantity_of,
+    words,
+)
 
 _READ = {"urdf": read_urdf, "mjcf": read_mjcf}
 _SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured

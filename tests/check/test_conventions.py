@@ -8,7 +8,7 @@ from fixtures.paths import DATA
 
 from frictionid import load_dataset
 from frictionid.check import check
-from frictionid.check.time_unit import in_seconds
+from frictionid.check.log_faults import in_seconds
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 

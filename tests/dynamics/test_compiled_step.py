@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from frictionid.dynamics import rollout as prediction
-from frictionid.dynamics.compiled.machine import machine_of
+from frictionid.dynamics.compiled.loops import machine_of
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, Law
 from frictionid.friction import laws as known

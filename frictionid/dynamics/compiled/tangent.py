@@ -30,7 +30,7 @@ from ..tangent.substep import (
     without_held,
 )
 from ..tangent.tangent import MotionModel
-from .machine import Machine, machine_of, row_of
+from .loops import Machine, machine_of, row_of
 from .row import NO_PROGRAM, Row, places_of, program_of
 
 

@@ -18,8 +18,7 @@ from frictionid.arrays import Array
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.data.state_estimators import States
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.base_motion import with_base_motion
-from frictionid.mechanics.plant import midpoints
+from frictionid.mechanics.plant import midpoints, with_base_motion
 
 # Speeds of the Stribeck shapes that stand for unknown friction, as shares of the fast speed.
 SHAPES = (0.04, 0.15)

@@ -14,9 +14,8 @@ from frictionid.data.integrals import pieces_of
 from frictionid.data.signals import sample
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import halved, step_size_of
-from frictionid.dynamics.tangent.end_states import end_states
+from frictionid.dynamics.tangent.end_states import end_states, memory_after_sample
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
-from frictionid.dynamics.tangent.sampled_memory import memory_after_sample
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
 from frictionid.fitting.parameters.parameter_block import (
     Estimate,

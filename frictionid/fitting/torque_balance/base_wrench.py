@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.mechanics.rigid_body.free_base import WRENCH
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+from frictionid.mechanics.rigid_body.rigid_body_tree import WRENCH, RigidBodyTree
 
 _NOTHING = 1e-9  # of the largest singular value
 

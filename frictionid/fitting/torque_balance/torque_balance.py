@@ -28,10 +28,8 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
 from frictionid.mechanics import Plant
-from frictionid.mechanics.base_motion import base_motion_of, with_base_motion
-from frictionid.mechanics.plant import with_midpoints
-from frictionid.mechanics.rigid_body.free_base import WRENCH, with_free_base
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+from frictionid.mechanics.plant import base_motion_of, with_base_motion, with_midpoints
+from frictionid.mechanics.rigid_body.rigid_body_tree import WRENCH, RigidBodyTree, with_free_base
 
 from ..one_step.residual import GAP, Problem, stiction_mask
 from .base_wrench import BaseWrench, base_wrench, joined_wrenches

@@ -12,7 +12,7 @@ from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.dynamics.tangent.tensor_law import TensorLaw
+from frictionid.dynamics.tangent.law_derivatives import TensorLaw
 from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds

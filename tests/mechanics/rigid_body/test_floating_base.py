@@ -9,8 +9,8 @@ from test_tree_engines import close
 from frictionid.arrays import times
 from frictionid.errors import InputError
 from frictionid.mechanics import Plant, urdf
-from frictionid.mechanics.base_motion import with_base_motion
-from frictionid.mechanics.rigid_body.free_base import with_free_base
+from frictionid.mechanics.plant import with_base_motion
+from frictionid.mechanics.rigid_body.rigid_body_tree import with_free_base
 
 COUNT = 30
 UP = np.array([0.0, 0.0, 9.81])
