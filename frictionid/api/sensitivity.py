@@ -15,9 +15,9 @@ from pydantic import ValidationError
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import provenance_of
-from frictionid.comparison.sensitivity.study import cases_of, run_cases, sensitivity_cases
-from frictionid.comparison.sensitivity.variations import SensitivitySettings
+from frictionid.comparison.sensitivity_study import cases_of, run_cases, sensitivity_cases
 from frictionid.comparison.tasks import Task
+from frictionid.comparison.variations import SensitivitySettings
 from frictionid.config import mistake
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds

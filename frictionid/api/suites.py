@@ -21,8 +21,9 @@ from frictionid.comparison.search_space import Objective
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
-from frictionid.comparison.tuning import Study, study_specs, tuning_tasks
+from frictionid.comparison.tuning import Study, study_specs
 from frictionid.comparison.tuning import tune as search
+from frictionid.comparison.tuning_task import tuning_tasks
 from frictionid.files import suite_path
 from frictionid.outputs import check_unchanged, check_writable
 from frictionid.report import build

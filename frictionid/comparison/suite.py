@@ -32,8 +32,8 @@ from frictionid.fitting.networks.network import Network
 
 from .registry import IDENTIFIERS, Kind, built
 from .search_space import Search, Tuning
-from .sensitivity.variations import SensitivitySettings
 from .suite_recipes import Name, RecipeEntry
+from .variations import SensitivitySettings
 
 SPLIT, LOOPS = Kind((Split,)), Kind((HysteresisSettings,))
 PROTOCOL = Kind((Protocol,), internal=frozenset({"loops"}))

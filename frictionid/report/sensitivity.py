@@ -13,7 +13,7 @@ import pandas as pd
 
 from frictionid.comparison.results import Results
 from frictionid.comparison.search_space import Objective, text_of
-from frictionid.comparison.tuning.studies import (
+from frictionid.comparison.tuning import (
     Study,
     best_of,
     by_task,

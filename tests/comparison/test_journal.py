@@ -3,7 +3,7 @@
 import optuna
 import pytest
 
-from frictionid.comparison.tuning.journal import JOURNAL, open_journal
+from frictionid.comparison.search_space import JOURNAL, open_journal
 from frictionid.errors import InputError
 
 

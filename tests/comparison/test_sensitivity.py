@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 import frictionid as fid
 from frictionid.api.sensitivity import sensitivity_of_suite
 from frictionid.comparison.results import load_results
-from frictionid.comparison.sensitivity.study import training_and_test, with_and_without_inertia
-from frictionid.comparison.sensitivity.variations import (
+from frictionid.comparison.sensitivity_study import training_and_test, with_and_without_inertia
+from frictionid.comparison.variations import (
     SensitivitySettings,
     Variation,
     sensitive_parameters,

@@ -16,8 +16,8 @@ from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tuning import study_specs, tune, tuning_tasks
-from frictionid.comparison.tuning.tuning_task import TuningTask, training_benchmark
+from frictionid.comparison.tuning import study_specs, tune
+from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.one_step.formulation import INTEGRAL
@@ -252,7 +252,7 @@ def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, 
 
 
 def test_a_trial_that_was_killed_is_made_again(place, tmp_path, monkeypatch):
-    from frictionid.comparison.tuning import studies
+    from frictionid.comparison import tuning as studies
 
     tuning = Tuning(trials=3, folds=2, nested=False)
     whole = tune([tuning_task(place, factor=0.9)], tuning, tmp_path / "whole")

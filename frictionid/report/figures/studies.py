@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.tuning.studies import Study
+from frictionid.comparison.tuning import Study
 
 from ..sections import Model, Section
 from .style import (

@@ -27,13 +27,13 @@ from frictionid.fitting.method import Method
 from frictionid.fitting.parameters import InertiaBlock
 from frictionid.fitting.shooting import Shooting
 
-from ..cross_validate import Benchmark
-from ..fit_model import fit_model
-from ..processes import side_by_side
-from ..result_folder import finished, write_sealed
-from ..suite import Suite
-from ..suite_tasks import tasks_of
-from ..tasks import Task, digest_of, file_name
+from .cross_validate import Benchmark
+from .fit_model import fit_model
+from .processes import side_by_side
+from .result_folder import finished, write_sealed
+from .suite import Suite
+from .suite_tasks import tasks_of
+from .tasks import Task, digest_of, file_name
 from .variations import (
     SensitivitySettings,
     Variation,

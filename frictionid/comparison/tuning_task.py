@@ -19,13 +19,13 @@ from frictionid.errors import InputError, located
 from frictionid.evaluation import Protocol, Split, make_folds, score_value
 from frictionid.fitting.method import Method
 
-from ..cross_validate import Benchmark, PreparedBenchmark, run
-from ..registry import IDENTIFIERS
-from ..search_space import Objective, Space
-from ..suite import IdentifierEntry, Suite, identifier_of
-from ..suite_recipes import recipes_of
-from ..suite_tasks import benchmarks_of, used_recipes
-from ..tasks import Task
+from .cross_validate import Benchmark, PreparedBenchmark, run
+from .registry import IDENTIFIERS
+from .search_space import Objective, Space
+from .suite import IdentifierEntry, Suite, identifier_of
+from .suite_recipes import recipes_of
+from .suite_tasks import benchmarks_of, used_recipes
+from .tasks import Task
 
 NEVER = 1e6  # [s] between starts: one in each recording, where no rollout is asked for
 

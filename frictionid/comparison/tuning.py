@@ -17,19 +17,21 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Split
 from frictionid.files import read_bytes
 
-from ..cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
-from ..processes import side_by_side
-from ..search_space import Objective, Tuning, text_of
-from ..tasks import Task
-from .journal import (
+from .cross_validate import Benchmark, PreparedBenchmark, prepare_benchmark
+from .processes import side_by_side
+from .search_space import (
     LARGEST,
+    Objective,
     Trial,
+    Tuning,
     distribution_of,
     open_journal,
     open_study,
     readable_journal,
     sampler_of,
+    text_of,
 )
+from .tasks import Task
 from .tuning_task import (
     TuningTask,
     protocol_for,

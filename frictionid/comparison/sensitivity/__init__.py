@@ -1,1 +1,0 @@
-"""Sensitivity studies: what a wrong parameter, sensor or circumstance does to friction."""
