@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.dynamics.rollout import Rollout, begin, diverged, sampled
+from frictionid.dynamics.rollout import begin, diverged, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
@@ -142,7 +142,7 @@ class Simulator:
         wild = diverged(plant, state) | lost
         return _where(wild, float("nan"), state) if bool(wild.any()) else state
 
-    def run(self, state: State, u: Any) -> Rollout:
+    def run(self, state: State, u: Any) -> State:
         """Motion q, w (T + 1, ..., n) from a state under torques u (T, ..., n) [N m].
 
         >>> from frictionid.friction.laws import CoulombViscous
@@ -157,7 +157,7 @@ class Simulator:
             states.append(self.step(states[-1], held))
         xp, shape = namespace(state.q), states[-1].q.shape
         q = xp.stack([xp.broadcast_to(each.q, shape) for each in states])
-        return Rollout(q, xp.stack([xp.broadcast_to(each.w, shape) for each in states]))
+        return State(q, xp.stack([xp.broadcast_to(each.w, shape) for each in states]))
 
     @cached_property
     def _size(self) -> StepSize:

@@ -24,7 +24,6 @@ from frictionid.mechanics import Plant
 
 from .rollout import (
     MANY,
-    Rollout,
     ahead,
     begin,
     diverged,
@@ -130,7 +129,7 @@ def closed_loop(
     controllers: Controllers,
     temperature: Array | None = None,
     base_motion: Array | None = None,
-) -> Rollout:
+) -> State:
     """Motion from start states (S, n) under servos that act on it; NaN after a divergence.
 
     plant, friction : with one entry for each start, or one for all
@@ -153,7 +152,7 @@ def closed_loop(
             motion = motion._replace(state=state)
         q.append(masked(motion.state.q, alive))
         w.append(masked(motion.state.w, alive))
-    return Rollout(np.stack(q), np.stack(w))
+    return State(np.stack(q), np.stack(w))
 
 
 def _after_sample(

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,13 +20,6 @@ MANY = 300  # samples: fewer are predicted before loops are compiled
 _RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
-class Rollout(NamedTuple):
-    """Predicted motion: q, w (T + 1, ..., n), the start first; NaN after a divergence."""
-
-    q: Array
-    w: Array
-
-
 def rollout(
     plant: Plant,
     friction: Friction,
@@ -38,8 +30,10 @@ def rollout(
     method: str = "rk4",
     refine: int = 1,
     base_motion: Array | None = None,
-) -> Rollout:
-    """Motion from start states under the given motor torques.
+) -> State:
+    """Motion q, w (T + 1, ..., n) from start states under the given motor torques.
+
+    The start comes first; after a divergence it is NaN.
 
     Parameters
     ----------
@@ -80,9 +74,7 @@ def rollout(
     many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         counts = np.array(sizes, dtype=int)
-        return Rollout(
-            *rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)[:2]
-        )
+        return rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         plant = plant if base_motion is None else plant.on_base(base_motion[k])
@@ -100,7 +92,7 @@ def rollout(
         state = sampled(plant, friction, state, newest, dt[k][..., None])
         q.append(masked(state.q, alive))
         w.append(masked(state.w, alive))
-    return Rollout(xp.stack(q), xp.stack(w))
+    return State(xp.stack(q), xp.stack(w))
 
 
 def ahead(
@@ -121,10 +113,8 @@ def ahead(
     if machine is None:
         return adaptive_step(plant, friction, state, u, dt[..., None], size)
     sizes = np.array([size])
-    q, w, memory = rolled_out(
-        machine, plant, friction.theta, state, u[None], dt[None], sizes, _RUNAWAY
-    )
-    return State(q[1], w[1], memory)
+    end = rolled_out(machine, plant, friction.theta, state, u[None], dt[None], sizes, _RUNAWAY)
+    return end._replace(q=end.q[1], w=end.w[1])
 
 
 def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:

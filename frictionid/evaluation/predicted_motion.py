@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes, norm_of
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.closed_loop import closed_loop
-from frictionid.dynamics.rollout import Rollout, rollout
+from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.fitting.shooting import SampleWindows
@@ -36,7 +36,7 @@ def predict(
     friction: Friction,
     initial: InitialStates,
     preceding: SampleWindows | None = None,
-) -> Rollout:
+) -> State:
     """Motion from all initial states; plant and friction have one entry for each, theta (S, n, P).
 
     preceding : where each friction estimates its own initial states, see `state_estimator`
@@ -68,7 +68,7 @@ def memory_at(friction: Friction, initial: InitialStates) -> Memory:
 
 
 def rollout_scores(
-    motion: Rollout,
+    motion: State,
     initial: InitialStates,
     fold: Array,
     position_units: Sequence[str] = (),
@@ -141,7 +141,7 @@ def _grouped(error: Array, recording: Array, fold: Array) -> StartErrors:
 
 
 def horizon_errors(
-    motion: Rollout, initial: InitialStates, fold: Array, position_units: Sequence[str] = ()
+    motion: State, initial: InitialStates, fold: Array, position_units: Sequence[str] = ()
 ) -> HorizonErrors:
     """Errors of all predictions against the measured angles; `fold` as for `rollout_scores`."""
     units = tuple(position_units) or ("rad",) * motion.q.shape[-1]

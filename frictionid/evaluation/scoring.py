@@ -14,7 +14,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.data.joint_scales import norm_of
-from frictionid.dynamics.rollout import Rollout
+from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import SampleWindows
@@ -276,7 +276,7 @@ def _energy_scores(energy: Array, fold: Array) -> Iterator[Score]:
 
 def _rollouts(
     model: _Model, owner: Array, *, rows: Array | None = None, true: bool = False
-) -> tuple[InitialStates, Rollout]:
+) -> tuple[InitialStates, State]:
     """Initial states with the angles as their owners (S,) see them, and the motion they predict.
 
     rows : (S,) which of the initial states, all by default; true : from the true states

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.friction import Friction, Memory
+from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.programs.loops import called, compiled, kept
 from frictionid.programs.machine_code import machine_code, run_at
@@ -225,7 +225,7 @@ def rolled_out(
     dt: Array,
     sizes: Array,
     runaway: float,
-) -> tuple[Array, Array, Memory]:
+) -> State:
     """Motion q, w (T + 1, ..., n) from start states (..., n), NaN after a divergence; last memory.
 
     Parameters
@@ -251,7 +251,7 @@ def rolled_out(
     _rollout(machine, numbers, plant.slow_like(np.zeros(n)), *flat, driven, each, sizes, runaway)
     first, parts = machine.at.memory, plant.parts
     last = (numbers[:, first + k * parts :][:, :parts] for k in range(len(start.memory)))
-    return q, w, tuple(z.reshape(*batch, parts) for z in last)
+    return State(q, w, tuple(z.reshape(*batch, parts) for z in last))
 
 
 def rows_of_numbers(
