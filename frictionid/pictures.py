@@ -1,6 +1,7 @@
 """Matplotlib figures in our styles, whatever the user's settings are."""
 
 import warnings
+from base64 import b64encode
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -33,3 +34,8 @@ def drawn(draw: Callable[[], Any]) -> Any:
             warnings.filterwarnings("ignore", message=r"Glyph .* missing")
             picture.draw_without_rendering()  # ticks are made here, in the styles of this moment
     return picture
+
+
+def as_html(picture: Any) -> str:
+    """A figure as an element of HTML."""
+    return f'<img src="data:image/png;base64,{b64encode(picture._repr_png_()).decode()}"/>'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
@@ -13,13 +13,13 @@ import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
-from frictionid.quickstart.quick_report import quick_figure, show_quick
+from frictionid.quickstart.quick_report import Quick
 from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.figures.style import drawn
 
 from .models import DatasetLike, dataset_of, friction_of
-from .notebook import as_html, counted
+from .notebook import counted
 
 _NONE = (float("nan"),) * 2
 
@@ -137,37 +137,7 @@ def check(data: DatasetLike, published: Any = None) -> Verdict:
     return Verdict(checks.check(dataset_of(data), model))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FirstVerdict(first.Quick):
-    """A first verdict; see `frictionid.quickstart.quick.Quick` for its attributes."""
-
-    def __repr__(self) -> str:
-        return printed(partial(show_quick, self)).rstrip("\n")
-
-    def _repr_html_(self) -> str:
-        picture = "" if self.chosen is None else as_html(self.plot())
-        return printed_html(partial(show_quick, self)) + picture
-
-    @property
-    def frame(self) -> pd.DataFrame:
-        """The laws on held-out motion: name, parameters, error [rad], standing."""
-        rows = [(c.name, c.parameters, c.error, c.standing or "undecided") for c in self.candidates]
-        return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
-
-    def plot(self) -> Any:
-        """Friction by all laws and their errors, as a Matplotlib figure.
-
-        Raises
-        ------
-        InputError
-            Where the data are unusable.
-        """
-        if self.chosen is None:
-            raise InputError("plot: the data are unusable, nothing was fitted")
-        return drawn(partial(quick_figure, self))
-
-
-def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> FirstVerdict:
+def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> Quick:
     """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     `done` is called with the name of each step that is finished.
@@ -179,5 +149,4 @@ def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> First
     """
     dataset = dataset_of(data)
     with counted(len(first.STEPS), "first verdict", done) as step:
-        verdict = first.quick(dataset, step)
-    return FirstVerdict(**{f.name: getattr(verdict, f.name) for f in fields(verdict)})
+        return first.quick(dataset, step)

@@ -30,6 +30,7 @@ from frictionid.evaluation import score_value
 from frictionid.friction import Friction, Law
 from frictionid.friction.model_files import read_model
 from frictionid.friction.provenance import Provenance
+from frictionid.pictures import as_html
 from frictionid.report import show_summary
 from frictionid.report.console import printed
 from frictionid.report.exhibits import (
@@ -49,7 +50,6 @@ from frictionid.report.terminal import verdict
 from frictionid.report.verdict import Verdict, verdict_of
 
 from .fitted import Fit
-from .notebook import as_html
 
 PLOTS = (*FITTED, "motion", "correlation")
 

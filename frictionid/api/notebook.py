@@ -1,9 +1,8 @@
-"""Progress below a notebook's cell, and pictures in what it shows."""
+"""Progress below a notebook's cell."""
 
 from __future__ import annotations
 
 import sys
-from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
@@ -61,8 +60,3 @@ def bar(title: str, done: int, total: int | None, what: str) -> str:
     size = f' value="{done}" max="{total}"' if total else ""
     count = f" {done} of {total}" if total else ""
     return f"<progress{size}></progress> {escape(title)}{count}{', ' * bool(what)}{escape(what)}"
-
-
-def as_html(picture: Any) -> str:
-    """A figure as an element of HTML."""
-    return f'<img src="data:image/png;base64,{b64encode(picture._repr_png_()).decode()}"/>'

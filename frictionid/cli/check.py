@@ -74,6 +74,7 @@ def quick(
     figure : Picture to write (PNG) [quick-<name>.png, or the next number].
     """
     import os
+    from functools import partial
     from itertools import chain, count
 
     from frictionid.api.check import quick as first_verdict
@@ -81,7 +82,8 @@ def quick(
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
     from frictionid.quickstart.quick import STEPS
-    from frictionid.quickstart.quick_report import quick_json, quick_picture, show_quick
+    from frictionid.quickstart.quick_report import quick_figure, quick_json, show_quick
+    from frictionid.report.figures.style import png
 
     from .progress import running
 
@@ -96,5 +98,5 @@ def quick(
     print(quick_json(verdict)) if json else show_quick(verdict)
     if verdict.chosen is None:
         raise typer.Exit(2)
-    write_bytes(figure, quick_picture(verdict))
+    write_bytes(figure, png(partial(quick_figure, verdict)))
     typer.echo(f"written to {figure}", err=True)

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.check import Verdict, check
+from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import identifier_named
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
@@ -28,10 +28,11 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity
 from frictionid.evaluation.prepared import usual_interval
-from frictionid.evaluation.reference_model import Loss, StartErrors, choose, preferring
+from frictionid.evaluation.reference_model import StartErrors, choose, preferring
 from frictionid.fitting.shooting.settings import torque_is_sampled
-from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
+
+from .quick_report import Candidate, Quick
 
 # by their number of parameters; `motor_load` where a motor's torque is sampled
 LAWS = ("none", "coulomb_viscous", "motor_load", "stribeck", "spline")
@@ -43,61 +44,6 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SAMPLES = 6_000  # of all joints: so many are compared in a minute
 _COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A law on held-out motion.
-
-    error : median error after the horizon [rad], of all folds
-    by_fold : (F,) the same in each fold
-    curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
-    standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
-        too few folds hold out motion
-    loss : against it, None of itself
-    lacks : whether it counts as worse as it lacks a parameter that the data identify
-    refined : what its fit to all data estimated
-    """
-
-    name: str
-    parameters: int
-    error: float
-    by_fold: Array
-    curves: Array
-    standing: str = ""
-    loss: Loss | None = None
-    lacks: bool = False
-    refined: Estimates | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Quick:
-    """A first verdict.
-
-    Attributes
-    ----------
-    check : Verdict
-    seconds : float [s] of motion that were compared, all where that takes no more than a minute
-    horizon : float [s], after which errors are compared
-    free : blocks of shooting that the chosen law's fit to all data kept free
-    folds : number of folds that hold out motion
-    candidates : tuple of Candidate, by their number of parameters; empty for unusable data
-    chosen : Candidate or None, what the rule chooses
-    friction : Friction or None, the chosen law fitted to all data
-    refined : what that fit estimated
-    velocity : array, shape (V, n), at which curves stand
-    """
-
-    check: Verdict
-    seconds: float = 0.0
-    horizon: float = 0.0
-    free: tuple[str, ...] = ("friction",)
-    folds: int = 0
-    candidates: tuple[Candidate, ...] = ()
-    chosen: Candidate | None = None
-    friction: Friction | None = None
-    refined: Estimates | None = None
-    velocity: Array | None = None
 
 
 def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:

@@ -1,29 +1,36 @@
-"""A first verdict in words and as a picture, for people, and for programs as JSON."""
+"""A first verdict: in words and as a picture, for people, and for programs as JSON."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from frictionid.arrays import Array
+from frictionid.check import Verdict
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import IDENTIFIERS
-from frictionid.evaluation.reference_model import FEWEST
+from frictionid.errors import InputError
+from frictionid.evaluation.reference_model import FEWEST, Loss
 from frictionid.files import plain
+from frictionid.friction import Friction
+from frictionid.friction.provenance import Estimates
 from frictionid.mechanics import Mechanism
-from frictionid.report.console import console, say
+from frictionid.pictures import as_html, drawn
+from frictionid.report.console import console, printed, printed_html, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.estimates import added
 from frictionid.report.figures.style import (
     COLOURS,
     DARK,
     GREY,
-    drawing,
     key_above,
     panel_grid,
     plain_logarithm,
-    rendered,
     velocity_axis,
 )
 from frictionid.report.figures.style import line as key_line
@@ -32,7 +39,85 @@ from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table
 from frictionid.report.verdict import times
 
-from .quick import Candidate, Quick
+
+@dataclass(frozen=True)
+class Candidate:
+    """A law on held-out motion.
+
+    error : median error after the horizon [rad], of all folds
+    by_fold : (F,) the same in each fold
+    curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
+    standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
+        too few folds hold out motion
+    loss : against it, None of itself
+    lacks : whether it counts as worse as it lacks a parameter that the data identify
+    refined : what its fit to all data estimated
+    """
+
+    name: str
+    parameters: int
+    error: float
+    by_fold: Array
+    curves: Array
+    standing: str = ""
+    loss: Loss | None = None
+    lacks: bool = False
+    refined: Estimates | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Quick:
+    """A first verdict, which prints itself at the prompt and in a notebook.
+
+    Attributes
+    ----------
+    check : Verdict
+    seconds : float [s] of motion that were compared, all where that takes no more than a minute
+    horizon : float [s], after which errors are compared
+    free : blocks of shooting that the chosen law's fit to all data kept free
+    folds : number of folds that hold out motion
+    candidates : tuple of Candidate, by their number of parameters; empty for unusable data
+    chosen : Candidate or None, what the rule chooses
+    friction : Friction or None, the chosen law fitted to all data
+    refined : what that fit estimated
+    velocity : array, shape (V, n), at which curves stand
+    """
+
+    check: Verdict
+    seconds: float = 0.0
+    horizon: float = 0.0
+    free: tuple[str, ...] = ("friction",)
+    folds: int = 0
+    candidates: tuple[Candidate, ...] = ()
+    chosen: Candidate | None = None
+    friction: Friction | None = None
+    refined: Estimates | None = None
+    velocity: Array | None = None
+
+    def __repr__(self) -> str:
+        return printed(partial(show_quick, self)).rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        picture = "" if self.chosen is None else as_html(self.plot())
+        return printed_html(partial(show_quick, self)) + picture
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The laws on held-out motion: name, parameters, error [rad], standing."""
+        rows = [(c.name, c.parameters, c.error, c.standing or "undecided") for c in self.candidates]
+        return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
+
+    def plot(self) -> Any:
+        """Friction by all laws and their errors, as a Matplotlib figure.
+
+        Raises
+        ------
+        InputError
+            Where the data are unusable.
+        """
+        if self.chosen is None:
+            raise InputError("plot: the data are unusable, nothing was fitted")
+        return drawn(partial(quick_figure, self))
 
 
 def show_quick(result: Quick) -> None:
@@ -162,12 +247,6 @@ def _unit(result: Quick) -> str:
 
 
 _HIGH = 1.25  # of the largest friction shown
-
-
-def quick_picture(result: Quick) -> bytes:
-    """PNG of `quick_figure`."""
-    with drawing():
-        return rendered(quick_figure(result), ("png",))["png"]
 
 
 def quick_figure(result: Quick) -> Any:

@@ -29,7 +29,8 @@ from frictionid.quickstart.quick import (
     quick,
     shortened,
 )
-from frictionid.quickstart.quick_report import quick_json, quick_picture, verdict
+from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
+from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
 
 PAGE = ROOT / "docs" / "quickstart.md"
@@ -121,8 +122,8 @@ def test_no_friction_does_not_read_as_no_law(found, worse, sentence):
 
 def test_the_picture_is_one_and_always_the_same(found):
     result, _ = found
-    picture = quick_picture(result)
-    assert picture.startswith(b"\x89PNG") and picture == quick_picture(result)
+    picture = png(lambda: quick_figure(result))
+    assert picture.startswith(b"\x89PNG") and picture == png(lambda: quick_figure(result))
 
 
 # --- The page for newcomers -----------------------------------------------------------------------
@@ -135,7 +136,7 @@ def test_the_command_says_what_the_page_shows(found, place, monkeypatch, capsys)
     code, out, err = run_command(monkeypatch, capsys, place, *arguments)
     assert code == 0
     assert_shown(out + err, text)
-    assert (place / "quick-arm.png").read_bytes() == quick_picture(found[0])
+    assert (place / "quick-arm.png").read_bytes() == png(lambda: quick_figure(found[0]))
     code, out, err = run_command(monkeypatch, capsys, place, *arguments)
     assert code == 0 and "written to quick-arm-2.png" in err
     code, out, err = run_command(
