@@ -42,7 +42,7 @@ from .models import (
     optional_number,
 )
 from .notebook import counted
-from .suites import About, run_in_folder
+from .suites import run_in_folder
 
 
 def compare(
@@ -135,7 +135,7 @@ def compare(
     )
     tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
-    about = About(dataset.name, "", _settings(tasks[0]))
+    settings = _settings(tasks[0])
     report = done or (lambda _: None)
     if folder is not None:
         place = Path(folder)
@@ -143,7 +143,7 @@ def compare(
         results = run_in_folder(
             tasks,
             prepared,
-            about,
+            (dataset.name, "", settings),
             place,
             jobs=jobs,
             dask=dask,
@@ -157,7 +157,7 @@ def compare(
             by_model[task.name, task.recipe.name] = task, result
             step(task.name)
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
-    results = results_in_memory(about.name, about.settings, ordered, prepared, LAWS)
+    results = results_in_memory(dataset.name, settings, ordered, prepared, LAWS)
     return Comparison(results, dataset, fitted={key: r for key, (_, r) in by_model.items()})
 
 

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 from joblib import cpu_count
@@ -36,18 +36,10 @@ from frictionid.report.terminal import show_table
 from .comparison import Comparison
 
 
-class About(NamedTuple):
-    """Name, title and settings of a comparison, as its provenance has them."""
-
-    name: str
-    title: str
-    settings: Any
-
-
 def run_in_folder(
     tasks: Sequence[Task],
     prepared: Mapping[str, PreparedBenchmark],
-    about: About,
+    about: tuple[str, str, Any],
     folder: Path,
     *,
     jobs: int = 0,
@@ -58,6 +50,8 @@ def run_in_folder(
 ) -> Results:
     """Results of the tasks; an earlier result of the folder stays until they are whole.
 
+    about : name, title and settings of the comparison, as its provenance has them
+
     Raises
     ------
     InputError
@@ -65,7 +59,7 @@ def run_in_folder(
     """
     with lock(folder):
         files = [task.file for task in tasks]
-        with unfinished(folder, about.name, files, resume=resume, replace=replace) as place:
+        with unfinished(folder, about[0], files, resume=resume, replace=replace) as place:
             describe(place, *about, tasks, prepared)
             new = place / "tasks"
             kept = (new, folder / "tasks") if resume else ()
@@ -79,19 +73,12 @@ def run_in_folder(
 Count = AbstractContextManager[Callable[[str], None]]
 
 
-class _Opened(NamedTuple):
-    """A suite with its file, the folder of its results, and its tables where one was named."""
-
-    suite: Suite
-    path: Path
-    folder: Path
-    data: Path | None
-
-
 def open_suite(
     suite: str | Path, data: str | Path | None, out: str | Path | None, ending: str = ""
-) -> _Opened:
-    """A suite of a file or name; results are for report/<suite> with an ending where none is given.
+) -> tuple[Suite, Path, Path, Path | None]:
+    """A suite of a name, its file, the folder of its results, and that of its tables or None.
+
+    Results are for report/<suite> with an ending where no folder is given.
 
     Raises
     ------
@@ -102,7 +89,7 @@ def open_suite(
     table = suites.load_suite(path)
     folder = Path("report") / f"{table.name}{ending}" if out is None else Path(out)
     check_writable(folder)
-    return _Opened(table, path, folder, None if data is None else Path(data))
+    return table, path, folder, None if data is None else Path(data)
 
 
 def run_suite(
@@ -163,7 +150,7 @@ def run_suite(
         results = run_in_folder(
             tasks,
             prepared,
-            About(table.name, table.title, settings),
+            (table.name, table.title, settings),
             folder,
             jobs=jobs,
             dask=dask,

@@ -52,17 +52,14 @@ _WINDOWS = 20_000  # of all delays that are looked at together
 
 
 class Delay(NamedTuple):
-    """Delay [s] (positive: the torque acts later than logged), standard error and its profile.
+    """Delay [s] (positive: the torque acts later than logged) and its standard error.
 
     explained : share of the sum of squares at no delay that this delay removes, 0 to 1
-    lags (D,) [s] and profile (D,) : the coarse search, sums of squares over the smallest
     """
 
     seconds: float
     error: float
     explained: float
-    lags: Array
-    profile: Array
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -83,14 +80,13 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     if inside.moving.any(1).sum() < MIN_WINDOWS:
         return None
     lags = np.arange(-np.floor(widest / COARSE), np.floor(widest / COARSE) + 1) * COARSE
-    profile = _balances(inside, nominal, torque).profile(lags)
-    coarse = float(lags[np.argmin(profile)])
+    coarse = float(lags[np.argmin(_balances(inside, nominal, torque).profile(lags))])
     near = _balances(_inside(rows, abs(coarse) + COARSE), nominal, torque)
     fine = coarse + np.arange(-COARSE, COARSE + FINE / 2, FINE)
     best, step = near.refined(float(fine[np.argmin(near.profile(fine))]))
     without = float(near.profile(np.zeros(1))[0])
     explained = 1.0 - step.left / max(without, 1e-300)
-    return Delay(best, step.error, explained, lags, profile / profile.min())
+    return Delay(best, step.error, explained)
 
 
 def beside_free(delay: Delay, rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
@@ -231,7 +227,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         rows = untested(corrected).rows
     rotors = missing_rotors(corrected, rows)
     if rotors is not None:
-        corrected = corrected.with_base(rotors.change)
+        corrected = corrected.with_base(rotors[0])
     if rotors is not None or fitting:
         delay = delay_of(rows, corrected.torque, corrected.nominal)
     longer = _longer_rows(corrected, rows)
@@ -249,7 +245,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
-    findings += [] if rotors is None else [rotors.finding]
+    findings += [] if rotors is None else [rotors[1]]
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, corrected.nominal)

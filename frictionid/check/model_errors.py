@@ -119,29 +119,10 @@ def _candidates(
             yield "base", name, rows.regressor[..., i], unit, 1 / abs(float(nominal[i]))
 
 
-class MissingRotors(NamedTuple):
-    """Inertias of rotors that nobody has given, as the motion asks for them.
+def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | None:
+    """Change (nb,) of base parameters by rotors that nobody has given, and what to give; or None.
 
-    names, value (R,) [kg m^2] ; change (nb,) of the base parameters ; left : sum of squares over
-    the one without them
-    """
-
-    names: tuple[str, ...]
-    value: Array
-    change: Array
-    left: float
-
-    @property
-    def finding(self) -> Finding:
-        """What to give; no fault of the mechanism."""
-        pairs = zip(self.names, self.value.tolist(), strict=True)
-        values = ", ".join(f"{name} = {value:.2g}" for name, value in pairs if value > 0)
-        removed = 1 - self.left
-        return finding("rotors", {"left": self.left}, {"values": values, "removed": removed})
-
-
-def missing_rotors(measured: Measured, rows: Rows) -> MissingRotors | None:
-    """Rotors that are not given where they explain much of the balance; None where not.
+    Where they explain much of the balance; that is no fault of the mechanism.
 
     All of an arm at once, none negative: one of them alone may look like a wrong gain or mass. A
     machine's only rotor is one of the `model_errors`.
@@ -167,7 +148,10 @@ def missing_rotors(measured: Measured, rows: Rows) -> MissingRotors | None:
     left = distance**2 / max(without, 1e-300)
     if share < USUAL or 1 - left < EXPLAINS:
         return None
-    return MissingRotors(tuple(silent), value, np.asarray(value @ np.stack(changes)), left)
+    pairs = zip(silent, value.tolist(), strict=True)
+    values = ", ".join(f"{name} = {inertia:.2g}" for name, inertia in pairs if inertia > 0)
+    found = finding("rotors", {"left": left}, {"values": values, "removed": 1 - left})
+    return np.asarray(value @ np.stack(changes)), found
 
 
 class Misfit(NamedTuple):

@@ -49,11 +49,8 @@ def passive_time(measured: Measured) -> float:
     return total
 
 
-class Answered(NamedTuple):
-    """Answer of a test: passed, failed or (None) not tested, with figures or the reason."""
-
-    passed: bool | None
-    words: str
+# Answer of a test: passed, failed or (None) not tested, with figures or the reason.
+Answer = tuple[bool | None, str]
 
 
 class Rise(NamedTuple):
@@ -82,16 +79,16 @@ def energy_rises(measured: Measured) -> list[Rise]:
     return out
 
 
-def energy_answer(measured: Measured) -> Answered:
+def energy_answer(measured: Measured) -> Answer:
     """Whether energy falls without input."""
     rises = energy_rises(measured)
     if not rises:
-        return Answered(None, "no passive phase in which the energy exceeds its noise")
+        return None, "no passive phase in which the energy exceeds its noise"
     share = max(rises).share
     words = f"rises by at most {percent(share)} of its range, {len(rises)} passive phases"
     if CLEAR < share <= RISE:
-        return Answered(None, f"{words}: too much for a yes, too little for a wrong sign or unit")
-    return Answered(share <= RISE, words)
+        return None, f"{words}: too much for a yes, too little for a wrong sign or unit"
+    return share <= RISE, words
 
 
 def energy_findings(measured: Measured) -> Iterator[Finding]:
@@ -132,18 +129,18 @@ class RestLoad(NamedTuple):
     possible: float
 
 
-def rest_answers(tests: HypothesisTests, estimate: Estimate) -> list[Answered]:
+def rest_answers(tests: HypothesisTests, estimate: Estimate) -> list[Answer]:
     """Whether each joint's friction can hold the loads under which it rests."""
-    out = []
+    out: list[Answer] = []
     for load in _rest_loads(tests, estimate):
         if isinstance(load, str):
-            out.append(Answered(None, load))
+            out.append((None, load))
             continue
         words = f"|torque - gravity| up to {load.high:.2g}, Coulomb {load.level:.2g}"
         if load.high <= load.band and load.possible <= load.band:
-            out.append(Answered(None, f"no load that friction could not hold: {words}"))
+            out.append((None, f"no load that friction could not hold: {words}"))
         else:
-            out.append(Answered(load.high <= load.band, words))
+            out.append((load.high <= load.band, words))
     return out
 
 

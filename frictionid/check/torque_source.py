@@ -44,11 +44,8 @@ MODELLED = 3e-3
 FEWEST, MOST = 60, 20000
 
 
-class Evidence(NamedTuple):
-    """What one recording shows of one motor's torque: source, and the sentence that shows it."""
-
-    source: Source
-    words: str
+# What one recording shows of one motor's torque, and the sentence that shows it.
+Evidence = tuple[Source, str]
 
 
 class TorqueSource(NamedTuple):
@@ -122,20 +119,17 @@ def source_sentences(sources: Sequence[TorqueSource]) -> tuple[str, ...]:
 
 def _together(joint: int, shown: Sequence[tuple[str, Evidence]]) -> TorqueSource:
     """The statement of all recordings: one column has one source, unless recordings contradict."""
-    decided = [(n, e) for n, e in shown if e.source != "cannot tell"]
+    decided = [(name, *evidence) for name, evidence in shown if evidence[0] != "cannot tell"]
     if not decided:
-        name, evidence = shown[0]
-        return TorqueSource(joint, "cannot tell", evidence.words, (name,))
-    first = {e.source: (n, e) for n, e in reversed(decided)}
+        name, (source, words) = shown[0]
+        return TorqueSource(joint, source, words, (name,))
+    first = {source: (name, words) for name, source, words in reversed(decided)}
     if len(first) == 1:
-        evidence = decided[0][1]
-        return TorqueSource(joint, evidence.source, evidence.words, tuple(n for n, _ in decided))
-    names, words = [], []
-    for source in sorted(first):
-        name, evidence = first[source]
-        names.append(name)
-        words.append(f"{source} in {name!r} ({evidence.words})")
-    return TorqueSource(joint, "cannot tell", "; ".join(words), tuple(names))
+        name, source, words = decided[0]
+        return TorqueSource(joint, source, words, tuple(name for name, _, _ in decided))
+    each = sorted(first.items())
+    text = "; ".join(f"{source} in {name!r} ({words})" for source, (name, words) in each)
+    return TorqueSource(joint, "cannot tell", text, tuple(name for _, (name, _) in each))
 
 
 def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | None:
@@ -152,9 +146,9 @@ def _evidence(recording: Recording, j: int, share: float | None) -> Evidence | N
     if computed is not None:
         return computed
     if recording.servo is not None:
-        return Evidence("modelled", "it is computed from the targets and gains of a controller")
+        return "modelled", "it is computed from the targets and gains of a controller"
     if share is not None:
-        return Evidence("commanded", f"it equals a gravity model to {percent(share)}")
+        return "commanded", f"it equals a gravity model to {percent(share)}"
     return next(_by_noise(recording.angle, time, value, level))
 
 
@@ -164,34 +158,32 @@ def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterato
     if step > COARSE * level:
         yield _of_steps(time, value, level, step)
     if held == 1.0:
-        yield Evidence("cannot tell", "it never changes")
+        yield "cannot tell", "it never changes"
     if held > HELD:
-        yield Evidence(
-            "commanded", f"it is held for {1 / (1 - held):.0f} samples at a time, without noise"
-        )
+        yield "commanded", f"it is held for {1 / (1 - held):.0f} samples at a time, without noise"
     changes = np.append(True, np.diff(value) != 0.0)
     if changes.sum() < FEWEST:
-        yield Evidence("cannot tell", "it changes too rarely to show any noise")
+        yield "cannot tell", "it changes too rarely to show any noise"
     noise = noise_of(time[changes], value[changes])
     same_clock = np.array_equal(time, angle.time[: len(time)])
     readings = angle.value[: len(time)]
     left = unexplained_noise(time, value, readings) if same_clock else 1.0
     share = min(noise.floor, noise.level * left) / level
     if share < NOISELESS:
-        yield Evidence(
+        yield (
             "commanded",
             f"no quantisation step, and noise of only {share:.1g} of its root mean square",
         )
     if left < COMPUTED:
-        yield Evidence(
+        yield (
             "commanded",
             f"its noise is that of the angle readings but for {percent(left)}, as of a controller",
         )
     steady = noise.steady and noise.level < LOUD * level and held < 0.05
     size = percent(noise.level / level)
     if steady and same_clock and left > 0.8:
-        yield Evidence("measured", f"steady white noise of {size} that no angle reading explains")
-    yield Evidence(
+        yield "measured", f"steady white noise of {size} that no angle reading explains"
+    yield (
         "cannot tell",
         f"no quantisation step, and noise of {size} that a sensor or a controller may make",
     )
@@ -201,10 +193,10 @@ def _of_steps(time: Array, value: Array, level: float, step: float) -> Evidence:
     noise = noise_of(time, value)
     size = f"quantised in steps of {step:.2g} ({percent(step / level)} of its root mean square)"
     if level < STEPS * step:
-        return Evidence("cannot tell", f"{size}, too small a torque to show more")
+        return "cannot tell", f"{size}, too small a torque to show more"
     if noise.level > BEYOND * step:
-        return Evidence("measured", f"{size}, with noise of {noise.level / step:.1f} steps")
-    return Evidence("cannot tell", f"{size}, without noise beyond rounding")
+        return "measured", f"{size}, with noise of {noise.level / step:.1f} steps"
+    return "cannot tell", f"{size}, without noise beyond rounding"
 
 
 def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | None:
@@ -225,7 +217,7 @@ def _modelled(recording: Recording, time: Array, value: Array) -> Evidence | Non
     alone = _left(np.column_stack([covariate, columns[:, -1:]]), value)
     share, motion = (alone, " alone") if alone <= MODELLED else (shares[name], " and the velocity")
     exactly = "exactly" if share < 1e-6 else f"to {percent(share)}"
-    return Evidence("modelled", f"it is computed from {name!r}{motion}, {exactly}")
+    return "modelled", f"it is computed from {name!r}{motion}, {exactly}"
 
 
 def _left(columns: Array, value: Array) -> float:

@@ -133,8 +133,9 @@ def judge(
     is_command = any(f.level == "unusable" for f in of_commands)
     usable, of_outliers = without_outliers(usable)
     tests = untested(usable) if is_command else run_tests(usable)
-    results = _Results(tests, *_least_squares(tests), torque_sources(dataset, commanded))
-    model = _compared(results, published) if published else None
+    regression, estimate = _least_squares(tests)
+    sources = torque_sources(dataset, commanded)
+    model = _compared(regression, estimate, published) if published else None
     motion = [m.states for m in motions]
     envelopes = tuple(torque_speeds(dataset, motion))
     unsorted = [
@@ -145,11 +146,11 @@ def judge(
         *sampling_findings(usable),
         *limit_findings(dataset, motion, envelopes),
         *still_joints(tests, facts),
-        *results.findings(),
+        *_of_tests(tests, regression, estimate, sources),
         *(incompatible(model) if model else []),
     ]
     everything = sorted(unsorted, key=lambda f: -LEVELS.index(f.level))
-    estimate, passive = results.estimate, passive_time(tests.measured)
+    passive = passive_time(tests.measured)
     untestable = "the torque is a command" if is_command else "no joint slides long enough"
     return Verdict(
         dataset=dataset.name,
@@ -161,8 +162,8 @@ def judge(
         conventions=tests.conventions,
         delay=tests.delay,
         model_errors=tests.model_errors,
-        torque=results.sources,
-        questions=tuple(questions(tests, estimate, results.sources)),
+        torque=sources,
+        questions=tuple(questions(tests, estimate, sources)),
         estimate=estimate,
         nominal=tests.measured.nominal[0],
         identifiable=tuple(identifiable(tests, facts, estimate))
@@ -171,7 +172,7 @@ def judge(
         next=(*servo_advice(dataset), *advice(tests, facts, passive, estimate)),
         published=model,
         envelopes=envelopes,
-        regression=results.regression,
+        regression=regression,
     )
 
 
@@ -194,24 +195,19 @@ def screened(measured: Measured) -> tuple[Measured, list[Finding]]:
     return moving.without({f.recording for f in torques}), findings
 
 
-@dataclass(frozen=True, eq=False)
-class _Results:
-    """Results of the tests, least squares on what they leave, and where torques come from."""
-
-    tests: HypothesisTests
-    regression: Regression
-    estimate: Estimate
-    sources: tuple[TorqueSource, ...]
-
-    def findings(self) -> Iterator[Finding]:
-        """Errors of the tests, and where none explains them already, of passivity; of torques."""
-        tests, estimate = self.tests, self.estimate
-        yield from tests.findings
-        if tests.done and not tests.findings:
-            yield from energy_findings(tests.measured)
-            yield from rest_findings(tests, estimate)
-        yield from place_findings(tests, estimate)
-        yield from unmeasured_findings(self.sources, tests, self.regression, estimate)
+def _of_tests(
+    tests: HypothesisTests,
+    regression: Regression,
+    estimate: Estimate,
+    sources: tuple[TorqueSource, ...],
+) -> Iterator[Finding]:
+    """Errors of the tests, and where none explains them already, of passivity; of torques."""
+    yield from tests.findings
+    if tests.done and not tests.findings:
+        yield from energy_findings(tests.measured)
+        yield from rest_findings(tests, estimate)
+    yield from place_findings(tests, estimate)
+    yield from unmeasured_findings(sources, tests, regression, estimate)
 
 
 def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
@@ -227,7 +223,6 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
     return Regression(measured, rows, torque), estimate
 
 
-def _compared(results: _Results, published: Friction) -> Compared:
-    regression = results.regression
+def _compared(regression: Regression, estimate: Estimate, published: Friction) -> Compared:
     parameters = plant_of(regression.measured.dataset, published.parameters).p
-    return compared(regression.rows, regression.torque, results.estimate, parameters, published)
+    return compared(regression.rows, regression.torque, estimate, parameters, published)
