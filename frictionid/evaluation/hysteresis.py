@@ -135,26 +135,19 @@ def hysteresis_loops(
             usual = min(_FINE, 1.0 / (_POINTS * float((factor * frequency).max())))
             dt = usual if friction.law.sample_time is None else interval
             motion = _sinusoids(kind, amplitude, factor * frequency, dt)
-            out += _loops_along(friction, plant, motion)
+            out += _loops_along(friction, plant, kind, dt, motion)
     return sorted(out, key=lambda loop: loop.joint)
 
 
-class _Sinusoids(NamedTuple):
-    """Sinusoids of all joints, sampled each dt [s]: time (T,), q and w (T, n); steps (n,) a period.
+def _sinusoids(
+    kind: str, amplitude: Array, frequency: Array, dt: float
+) -> tuple[Array, Array, Array, Array]:
+    """Steps (n,) a period of each joint's sinusoid, time (T,), sampled each dt [s], q and w (T, n).
 
     w = A (c + s sin(2 pi f t)),    q = A (c t - s (cos(2 pi f t) - 1)/(2 pi f))
+
+    A second or more, then a period of the slowest joint; each period is a number of steps.
     """
-
-    kind: str
-    dt: float
-    steps: Array
-    time: Array
-    q: Array
-    w: Array
-
-
-def _sinusoids(kind: str, amplitude: Array, frequency: Array, dt: float) -> _Sinusoids:
-    """A second or more, then a period of the slowest joint; each period is a number of steps."""
     steps = np.maximum(np.round(1.0 / (frequency * dt)).astype(int), 8)
     longest = int(steps.max())
     count = (math.ceil(_SETTLE / (dt * longest)) + 1) * longest
@@ -164,25 +157,30 @@ def _sinusoids(kind: str, amplitude: Array, frequency: Array, dt: float) -> _Sin
     w = amplitude * (CENTRE[kind] + SWING[kind] * np.sin(phase))
     q = CENTRE[kind] * amplitude * time[:, None]
     q = q - SWING[kind] * amplitude / rate * (np.cos(phase) - 1.0)
-    return _Sinusoids(kind, dt, steps, time, q, w)
+    return steps, time, q, w
 
 
-def _loops_along(friction: Friction, plant: Plant, motion: _Sinusoids) -> list[HysteresisLoop]:
-    """Each joint's loop over its last whole period."""
-    q, w, zero, count = motion.q, motion.w, np.zeros_like(motion.w), len(motion.time)
+def _loops_along(
+    friction: Friction,
+    plant: Plant,
+    kind: str,
+    dt: float,
+    motion: tuple[Array, Array, Array, Array],
+) -> list[HysteresisLoop]:
+    """Each joint's loop over the last whole period of its sinusoid."""
+    steps, time, q, w = motion
+    zero, count = np.zeros_like(w), len(time)
     at, still = (value[:, : plant.n] for value in (q, zero))
     load = plant.load(at, w[:, : plant.n], still)
     x = at_places(plant.mechanism, Inputs(at, still, still, load))._replace(q=q, w=w)
-    torque = np.asarray(along(friction, Nodes(x, motion.time, np.array([0, count]))))
+    torque = np.asarray(along(friction, Nodes(x, time, np.array([0, count]))))
     out = []
-    for j, size in enumerate(motion.steps):
+    for j, size in enumerate(steps):
         last = (count // size - 1) * size + np.arange(size)
-        friction_torque, period = torque[:, last, j], size * motion.dt
+        friction_torque, period = torque[:, last, j], size * dt
         measured = loop_width(w[last, j], friction_torque), loop_lag(friction_torque, period)
         out.append(
-            HysteresisLoop(
-                j, motion.kind, float(1.0 / period), w[last, j], friction_torque, *measured
-            )
+            HysteresisLoop(j, kind, float(1.0 / period), w[last, j], friction_torque, *measured)
         )
     return out
 

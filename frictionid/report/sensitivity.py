@@ -98,8 +98,8 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
     """
     dataset, identifier = frame.dataset.iloc[0], frame.identifier.iloc[0]
     measures = [CHANGE, *([ERROR] if is_known(frame) else []), ROLLOUT, LOSS]
-    heads = [*text_columns("recipe", "what is wrong", "by"), *(m.label for m in measures)]
-    words, numbers = frame[["recipe", "name", "text"]], frame[[m.column for m in measures]]
+    heads = [*text_columns("recipe", "what is wrong", "by"), *(label for _, label in measures)]
+    words, numbers = frame[["recipe", "name", "text"]], frame[[column for column, _ in measures]]
     lines = [
         line([*texts, *(short(v, 3) if np.isfinite(v) else NOTHING for v in values)], texts[0])
         for texts, values in zip(words.astype(str).to_numpy(), numbers.to_numpy(), strict=True)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from frictionid.config import nearest
 from frictionid.errors import InputError
-from frictionid.evaluation.complexity import Criteria, information_criteria
+from frictionid.evaluation.complexity import information_criteria
 from frictionid.evaluation.reference_model import CERTAIN, REGION
 from frictionid.files import plain
 
@@ -50,7 +50,7 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
             decides = against.factor
             tested = [*decides[:3], against.measured.value, decides.worse]
         names = ("times", "low", "high", "measured", "worse")
-        aic, bic = criteria.get(candidate.model, Criteria(nothing, nothing))
+        aic, bic = criteria.get(candidate.model, (nothing, nothing))
         rows.append(
             {
                 "model": candidate.name,
@@ -66,7 +66,7 @@ def verdict_numbers(verdict: Verdict) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, Criteria]:
+def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, tuple[float, float]]:
     """Information criteria of fits by shooting; none where they do not fit the same residuals.
 
     They compare likelihoods of the same data. Fits that leave out different windows, that found

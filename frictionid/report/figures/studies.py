@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -109,17 +109,11 @@ SHOWN = 14  # bars of a panel
 ABREAST = 3
 
 
-class Measure(NamedTuple):
-    """What a panel shows: its column of the study's `summarised` frame, and its axis label."""
-
-    column: str
-    label: str
-
-
-CHANGE = Measure("curve_change", "change of the friction curve [%]")
-ERROR = Measure("curve_error", "error of the friction curve [%]")
-ROLLOUT = Measure("rollout_ratio", "rollout error over that as recorded")
-LOSS = Measure("loss_change", "change of the one-step loss [%]")
+# What a panel shows: its column of the study's `summarised` frame, and its axis label.
+CHANGE = ("curve_change", "change of the friction curve [%]")
+ERROR = ("curve_error", "error of the friction curve [%]")
+ROLLOUT = ("rollout_ratio", "rollout error over that as recorded")
+LOSS = ("loss_change", "change of the one-step loss [%]")
 
 
 def summarised(frame: pd.DataFrame) -> pd.DataFrame:
@@ -150,16 +144,16 @@ def tornado(frame: pd.DataFrame) -> Any:
     frame : summarised, of one data set and identifier
     """
     shown, recipes = (CHANGE, ROLLOUT, LOSS), list(dict.fromkeys(frame.recipe))
-    order = _by_effect(frame, CHANGE.column)
+    order = _by_effect(frame, CHANGE[0])
     picture = figure(0.6 + len(recipes) * (0.55 + 0.17 * len(order)))
     axes = picture.subplots(len(recipes), len(shown), squeeze=False, sharex="col")
     for row, recipe in zip(axes, recipes, strict=True):
-        for axis, measure in zip(row, shown, strict=True):
-            _bars(axis, frame[frame.recipe == recipe], order, measure.column)
+        for axis, (column, _) in zip(row, shown, strict=True):
+            _bars(axis, frame[frame.recipe == recipe], order, column)
             axis.tick_params(labelleft=axis is row[0])
         row[0].set_title(plain(recipe), loc="left", weight="bold")
-    for axis, measure in zip(axes[-1], shown, strict=True):
-        axis.set_xlabel(measure.label)
+    for axis, (_, label) in zip(axes[-1], shown, strict=True):
+        axis.set_xlabel(label)
     key = {
         "too small, early": patch(COLOURS[0]),
         "too large, late, noisier, fewer": patch(COLOURS[1]),
