@@ -115,7 +115,7 @@ def compare(
     Three models on recordings of one's own, and where each of them predicts best::
 
         bench = frictionid.compare(data, ["none", "stribeck", frictionid.SINDy()], folds=10)
-        bench.summary()
+        print(bench)
         bench.plot("rollouts")
         bench["stribeck"].friction
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from frictionid.friction.model_files import read_model
 from frictionid.friction.provenance import Provenance
 from frictionid.pictures import as_html
 from frictionid.report import show_summary
-from frictionid.report.console import printed
+from frictionid.report.console import printed, printed_html
 from frictionid.report.exhibits import (
     FITTED,
     Picture,
@@ -44,31 +43,12 @@ from frictionid.report.exhibits import (
 from frictionid.report.figures.style import drawn
 from frictionid.report.sections import Section, sections_of
 from frictionid.report.side_by_side import SideBySide, side_by_side
-from frictionid.report.summary_table import MEDIANS, caption_of, summary_of, summary_table
-from frictionid.report.tables import html
-from frictionid.report.terminal import verdict
+from frictionid.report.summary_table import summary_of
 from frictionid.report.verdict import Verdict, verdict_of
 
 from .fitted import Fit
 
 PLOTS = (*FITTED, "motion", "correlation")
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """A text that shows itself as it is, and in a notebook as HTML."""
-
-    text: str
-    html: str
-
-    def __str__(self) -> str:
-        return self.text
-
-    def __repr__(self) -> str:
-        return self.text
-
-    def _repr_html_(self) -> str:
-        return self.html
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,10 +116,10 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
     fitted: Mapping[tuple[str, str], Result] | None = None
 
     def __repr__(self) -> str:
-        return str(self.summary())
+        return printed(partial(show_summary, self.results)).rstrip("\n")
 
     def _repr_html_(self) -> str:
-        return self.summary().html + as_html(self.plot())
+        return printed_html(partial(show_summary, self.results)) + as_html(self.plot())
 
     def __iter__(self) -> Iterator[tuple[str, str]]:
         return iter(self._tasks)
@@ -178,17 +158,6 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
     def scores(self) -> pd.DataFrame:
         """All scores, one for each line, as in scores.csv of a result folder."""
         return self.results.scores.reset_index(drop=True)
-
-    def summary(self) -> Shown:
-        """The summary tables and the verdict, as they stand in a terminal."""
-        text = printed(partial(show_summary, self.results)).rstrip("\n")
-        parts = []
-        for section in self._sections:
-            for data in section.data:
-                scores = summary_of(data, verdict_of(section).failed)
-                parts.append(html(summary_table(scores, caption_of(data, scores), detail=MEDIANS)))
-            parts.append(f"<p>{escape(verdict(section))}</p>")
-        return Shown(text, "".join(parts))
 
     @property
     def verdict(self) -> Verdict:

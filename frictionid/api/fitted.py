@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.fit_model import AS_LOGGED
 from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
 from frictionid.data.calibration import Calibration
@@ -26,14 +24,11 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
-from frictionid.report.console import printed, say
+from frictionid.report.console import printed, printed_html, say
 from frictionid.report.estimates import estimate_frame
 from frictionid.report.figures.fits import fit_correlation, fit_figure
 from frictionid.report.figures.motion import predicted_figure
 from frictionid.report.figures.style import drawn
-from frictionid.report.fit_table import estimate_table, interval_note
-from frictionid.report.summary_table import torque_sentence
-from frictionid.report.tables import html, terminal_text
 
 from .evaluate import evaluate, predict
 from .models import dataset_of, numbers
@@ -61,13 +56,10 @@ class Fit:
     data: Dataset | None = None
 
     def __repr__(self) -> str:
-        table = [terminal_text(self._table)] if self._estimates else []
-        return "\n".join([self._headline, *table, *self._notes])
+        return printed(self.show).rstrip("\n")
 
     def _repr_html_(self) -> str:
-        notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes)
-        table = html(self._table) if self._estimates else ""
-        return f"<p>{escape(self._headline)}</p>{table}{notes}"
+        return printed_html(self.show)
 
     @property
     def law(self) -> str:
@@ -255,12 +247,8 @@ class Fit:
             raise InputError("plot: a model without physics has no friction torque to draw")
         return drawn(partial(fit_figure, self.friction, self._data_of(run)))
 
-    def summary(self) -> str:
-        """All that the command line says of a fit, as text."""
-        return printed(self.show)
-
     def show(self) -> None:
-        """Print it as the command line does."""
+        """Print it, at the prompt as on the command line."""
         say(self._headline)
         show_fit(self.friction, self.joints)
         if self._assumption:
@@ -316,11 +304,6 @@ class Fit:
         return estimates_of(self.friction, self.joints)
 
     @property
-    def _table(self) -> Any:
-        alone = self.friction.provenance.noise_alone and self.method == "one_step"
-        return estimate_table(self._estimates, bounded=self._has_intervals, noise_alone=alone)
-
-    @property
     def _assumption(self) -> str:
         """What a one-step fit takes for granted; nothing where a calibration was estimated."""
         friction = self.friction
@@ -344,32 +327,6 @@ class Fit:
         apart = self.friction.provenance.sample_time
         thinned = f", samples {1e3 * apart:.3g} ms apart" if apart else ""
         return f"{self.law}, {method} fit{where}{thinned}"
-
-    @property
-    def _notes(self) -> list[str]:
-        """Lines below the table: weights, equations, and how shooting went."""
-        notes = []
-        if self.friction.law.is_network:
-            notes.append(f"{len(self.friction.law.names)} weights for each joint")
-        source = self.friction.provenance
-        notes += (*source.equation, *source.equality)
-        if self.method == "one_step" and self._has_intervals and self._estimates:
-            notes.append(interval_note(source))
-        notes += [self._assumption] if self._assumption else []
-        left = torque_sentence({self.law: self.torque_left} if self.friction.law.names else {})
-        notes += [left] if left else []
-        notes += [s for s in source.torque if s == AS_LOGGED]
-        notes += source.limits
-        went = source.refined
-        if went is not None:
-            done = "converged" if went.settled else "NOT converged"
-            windows = f", {went.windows} windows" if self.method == "shooting" else ""
-            notes.append(f"{done} after {went.iterations} iterations{windows}")
-            without = [dropped.block for dropped in went.dropped]
-            if without:
-                notes.append(f"left out, as none shows: {', '.join(without)}")
-            notes += went.warnings
-        return notes
 
     def _grid(self) -> Array:
         """Velocities (V, n) of the fit's data, or of its bands."""

@@ -23,10 +23,11 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.method import Method, check_method
 from frictionid.outputs import check_unchanged
+from frictionid.report.console import printed, printed_html
 from frictionid.report.figures.studies import over_amounts, summarised, tornado
 from frictionid.report.figures.style import drawn
 from frictionid.report.sensitivity import sensitivity_table, write_sensitivity
-from frictionid.report.tables import html, markdown
+from frictionid.report.terminal import show_table
 
 from .fit import method_of
 from .models import DatasetLike, LawLike, dataset_of, identifier_of
@@ -49,10 +50,13 @@ class Sensitivity:
     frame: pd.DataFrame
 
     def __repr__(self) -> str:
-        return markdown(sensitivity_table(summarised(self.frame)))
+        return printed(self._show).rstrip("\n")
 
     def _repr_html_(self) -> str:
-        return html(sensitivity_table(summarised(self.frame)))
+        return printed_html(self._show)
+
+    def _show(self) -> None:
+        show_table(sensitivity_table(summarised(self.frame)))
 
     def plot(self, kind: str = "tornado") -> Any:
         """Bars of what matters most ("tornado"), or lines over the "amounts", as a figure.

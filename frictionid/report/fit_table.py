@@ -1,4 +1,4 @@
-"""Tables of parameters: estimates of one fit with intervals, and all models of a comparison."""
+"""Tables of parameters: of all models of a comparison, and of the one that a verdict names."""
 
 from __future__ import annotations
 
@@ -16,42 +16,11 @@ from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
 from frictionid.friction.model_files import read_model
-from frictionid.friction.provenance import Estimate, Provenance
 
 from .estimates import digits, interval, mark_of, rounded
 from .numbers import MINUS, NOTHING, either, fixed, short
 from .sections import ANY, Model, Section, SummaryData, rollout
 from .tables import Cell, Column, Table, line, table_of, text_columns
-
-
-def interval_note(source: Provenance) -> str:
-    """What the intervals of a one-step fit hold, by its provenance."""
-    if source.smoothing_bias is not None:
-        return "intervals hold the noise, and the bias of smoothed states"
-    return (
-        "intervals hold the noise alone: they leave out the bias of smoothed states and are too "
-        "narrow; fit with bias=True, or by shooting"
-    )
-
-
-def estimate_table(
-    read: Sequence[Estimate], *, bounded: bool = True, noise_alone: bool = False
-) -> Table:
-    """Table of estimates: value, 95 % interval, unit, and whether the data determine it.
-
-    noise_alone : whether intervals hold the noise, but not the bias of smoothed states
-    bounded : whether intervals are bounded; without them nothing is said of that
-    """
-    intervals = "interval of the noise alone" if noise_alone else "95 % interval"
-    heads = [*text_columns("parameter"), "value", intervals, *text_columns("unit", "identified")]
-    rows = []
-    for e in read:
-        value = digits(e.value, e.error if e.identified else float("inf"))
-        said = NOTHING if not bounded else "yes" if e.identified else "NO, at its bound"
-        said = "NO" if bounded and not e.identified and not e.at_bound else said
-        rows.append((e.name, value, interval(e.low, e.high, e.error), e.unit, said))
-    return table_of(heads, rows)
-
 
 DIGITS = 4  # significant, of the largest of a line
 PARAMETER_COLUMNS = (

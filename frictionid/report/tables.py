@@ -203,18 +203,6 @@ def _latex_row(line: Line) -> str:
     return "{}" + row if row.startswith(("*", "[")) else row
 
 
-# --- HTML -------------------------------------------------------------------------------------
-
-
-def html(table: Table) -> str:
-    """A table for a notebook, its caption below; words stand at the left, the best in bold.
-
-    >>> html(Table("", "", (Column("a<b"),), (line(["1"]),)))[:7]
-    '<table>'
-    """
-    return render_page("table.html.j2", {"table": table, "blocks": blocks(table)})
-
-
 # --- Terminal ---------------------------------------------------------------------------------
 
 GAP = 2

@@ -12,6 +12,7 @@ from frictionid.comparison.results import Results
 from frictionid.evaluation import torque_frame
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.files import plain
+from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
@@ -146,21 +147,35 @@ def show_refined(refined: Estimates) -> None:
     say(head, parameter_table(refined.parameters), rest)
 
 
-def parameter_table(read: Sequence[Estimate]) -> Table:
-    """Parameters with their values, 95 % intervals and units."""
-    heads = (*text_columns("parameter"), "value", "95 % interval", *text_columns("unit"))
+def parameter_table(read: Sequence[Estimate], *, noise_alone: bool = False) -> Table:
+    """Parameters with their values, 95 % intervals and units.
+
+    noise_alone : whether intervals hold the noise, but not the bias of smoothed states
+    """
+    intervals = "interval of the noise alone" if noise_alone else "95 % interval"
+    heads = (*text_columns("parameter"), "value", intervals, *text_columns("unit"))
     rows = ((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit) for e in read)
     return table_of(heads, rows)
 
 
+INTERVALS = {
+    False: "intervals hold the noise, and the bias of smoothed states",
+    True: "intervals hold the noise alone: they leave out the bias of smoothed states and are too "
+    "narrow; fit with bias=True, or by shooting",
+}
+
+
 def show_fit(friction: Friction, joints: Sequence[str] = ()) -> None:
-    """Print a fitted friction: its parameters, with intervals where it was shot, and its words.
+    """Print a fitted friction: its parameters, with intervals where they are known, and its words.
 
     joints : their names
     """
-    source = friction.provenance
+    source, estimates = friction.provenance, estimates_of(friction, joints)
     if source.refined is not None:
         show_refined(source.refined)
+    elif estimates:
+        say(parameter_table(estimates, noise_alone=source.noise_alone and source.pooled is None))
+        say(*[INTERVALS[source.noise_alone]] * (source.half_widths is not None))
     else:
         say(str(friction))
     notes = {

@@ -102,7 +102,7 @@ def test_fit_evaluation_and_comparison_say_the_same(data):
     )
     shares = held[(held["score"] == "torque_left") & (held["joint"] == "all")]
     assert list(shares["fold"]) == ["0", "1", "2", "all"]
-    line = next(x for x in str(bench.summary()).splitlines() if x.startswith("torque left"))
+    line = next(x for x in repr(bench).splitlines() if x.startswith("torque left"))
     assert ", given 0." in line and "; no friction, nominal" in line
 
 
