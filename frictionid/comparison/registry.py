@@ -30,7 +30,7 @@ from frictionid.fitting.identifiers import (
 )
 from frictionid.fitting.identifiers.regressor import estimator_named
 from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network, StateNetwork
+from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
 from frictionid.fitting.parameters import (
     ActuatorBlock,
@@ -266,10 +266,8 @@ _FITTED_OTHERWISE: Mapping[str, Kind] = {
     "mlp": _kind(CompressedNetwork, MLP, choices=_SOLVERS, without=_OF_SEQUENCES),
     "window_mlp": _kind(Network, WindowMLP, without=["inputs", *_OF_SEQUENCES]),
     "lstm": _kind(Network, LSTM, without=["inputs"]),
-    "blackbox_mlp": _kind(
-        *(BlackBox, StateNetwork, Network, StateMLP), without=["inputs", *_OF_SEQUENCES]
-    ),
-    "blackbox_lstm": _kind(BlackBox, StateNetwork, Network, StateLSTM, without=["inputs"]),
+    "blackbox_mlp": _kind(*(BlackBox, Network, StateMLP), without=["inputs", *_OF_SEQUENCES]),
+    "blackbox_lstm": _kind(BlackBox, Network, StateLSTM, without=["inputs"]),
     "published": _kind(Published, _published),
 }
 IDENTIFIERS: Mapping[str, Kind] = {

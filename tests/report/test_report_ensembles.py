@@ -12,7 +12,7 @@ from frictionid.comparison.tasks import Task, document
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import BlackBox, LeastSquares
 from frictionid.fitting.networks.compressed import CompressedNetwork
-from frictionid.fitting.networks.network import Network, StateNetwork
+from frictionid.fitting.networks.network import Network
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import MLP, CoulombViscous, StateMLP, members_of
 from frictionid.report.figures.curves import friction_curves, spread_caption, spreads
@@ -51,7 +51,7 @@ def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(benchmark
 
 
 def test_what_is_no_ensemble_of_friction_has_no_members(benchmark):
-    box = BlackBox(StateNetwork(Network(StateMLP(hidden=(2,)), epochs=1, members=2)))
+    box = BlackBox(Network(StateMLP(hidden=(2,)), epochs=1, members=2))
     for identifier in (LeastSquares(CoulombViscous()), box):
         result = run(benchmark, identifier, INTEGRAL)
         assert not len(result.members)

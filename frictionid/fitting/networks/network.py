@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ from frictionid.friction import Friction, Law
 from frictionid.friction.laws.ensemble import together
 from frictionid.friction.laws.mlp import MLP
 from frictionid.friction.laws.network_law import NetworkLaw, is_learned
+from frictionid.friction.laws.state_laws import StateNetworkLaw
 
 from ..identifier import Identifier
 from ..identifiers.sindy import accelerations
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
 @validated
 class Network(Identifier):
     """Trains the weights of a law: `MLP`, `WindowMLP`, `LSTM`, or a module of PyTorch.
+
+    A `StateMLP` or a `StateLSTM` has the joints of the problem, all of whose rows are explained.
 
     epochs : passes through the rows, at most
     batch : rows of each fold in a step
@@ -92,13 +95,18 @@ class Network(Identifier):
             check_compiler()
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        scales = friction_scales(problem, normalised(weights, problem))
+        scales = self._scales(problem, normalised(weights, problem))
         return self._fitted([problem] * len(weights), weights, scales, seed)
 
     def fit_each(self, problems: Sequence[Problem], weights: Array, seed: int) -> Friction | None:
         each = zip(problems, normalised(weights, problems[0]), strict=True)
-        scales = np.concatenate([friction_scales(p, weight[None]) for p, weight in each])
+        scales = np.concatenate([self._scales(p, weight[None]) for p, weight in each])
         return self._fitted(problems, weights, scales, seed)
+
+    def _scales(self, problem: Problem, weights: Array) -> Array:
+        """Scales (F, n, k) of the first parameters of the law."""
+        of_states = isinstance(self.law, StateNetworkLaw)
+        return (state_scales if of_states else friction_scales)(problem, weights)
 
     def _fitted(
         self, problems: Sequence[Problem], weights: Array, scales: Array, seed: int
@@ -106,6 +114,8 @@ class Network(Identifier):
         weights, law = normalised(weights, problems[0]), self.law
         if self.inputs == "all":
             law = replace(law, others=problems[0].r.shape[1] - 1)
+        if isinstance(law, StateNetworkLaw):
+            law = replace(law, joints=problems[0].r.shape[1])
         friction, costs = self.train(law, problems, weights, scales, seed)
         training, held = costs.round(5)
         return friction.noted({"learning": {"training": training, "held_out": held}})
@@ -214,29 +224,7 @@ def check_device(device: str) -> None:
 _SMALLEST = 1e-3  # of the largest speed or torque of any joint
 
 
-@dataclass(frozen=True)
-class StateNetwork(Identifier):
-    """Trains a `StateMLP` or a `StateLSTM`, as `training` trains a network of friction.
-
-    Its law's joints are those of the problem, its sample time that of the samples.
-
-    Raises
-    ------
-    InputError
-        For problems whose rows of joints at rest are masked: here they are to be explained.
-    """
-
-    training: Network
-
-    def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
-        weights = normalised(weights, problem)
-        law = replace(self.training.law, joints=problem.r.shape[1])
-        scales = _scales(problem, weights)
-        problems = [problem] * len(weights)
-        return self.training.train(law, problems, weights, scales, seed)[0]
-
-
-def _scales(problem: Problem, weights: Array) -> Array:
+def state_scales(problem: Problem, weights: Array) -> Array:
     """Root mean squares (F, n, 3) of each joint's acceleration, and of speeds and torques of all.
 
     Of speeds and torques, the same for all joints, those of the joint that has most of it.

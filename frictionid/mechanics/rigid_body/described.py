@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,8 +54,8 @@ def urdf(
         Where the file is no URDF, its joints are no tree, or an option does not fit them.
     """
     robot = read_urdf(_file(urdf, "urdf"))
-    options = _Options(joints, base, locked, gravity, payload, driven, coupled, floating)
-    return _mechanism("urdf", robot, options)
+    choice = Choice(joints, base, locked, gravity, payload, driven, coupled, floating)
+    return _mechanism("urdf", robot, choice)
 
 
 def mjcf(
@@ -75,40 +74,18 @@ def mjcf(
     Gravity is that of the file if not given. MuJoCo reads the file and must be installed.
     """
     robot = read_mjcf(_file(mjcf, "mjcf"))
-    options = _Options(joints, base, locked, gravity, payload, driven, coupled, floating)
-    return _mechanism("mjcf", robot, options)
+    choice = Choice(joints, base, locked, gravity, payload, driven, coupled, floating)
+    return _mechanism("mjcf", robot, choice)
 
 
 _TURNS = 1e6  # of a coupled part for one of a joint, at most
 FORMATS: Mapping[str, Callable[..., RigidBodyTree]] = {"urdf": urdf, "mjcf": mjcf}
 
 
-class _Options(NamedTuple):
-    """What a [mechanism] table says beside the file, see `urdf`."""
-
-    joints: Sequence[str] | None
-    base: str | None
-    locked: Mapping[str, float] | None
-    gravity: Sequence[float] | None
-    payload: str | None
-    driven: Sequence[bool] | bool
-    coupled: Mapping[str, Mapping[str, float]] | None
-    floating: bool
-
-    def changed(self) -> dict[str, Any]:
-        """Those that are not what they are if not given."""
-        usual = (None, None, None, None, None, True, None, False)
-        pairs = zip(self._asdict().items(), usual, strict=True)
-        return {name: value for (name, value), default in pairs if value is not default}
-
-
-def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
-    payload = options.payload
-    choice = _choice(options.joints, options.base, options.locked)
-    if not isinstance(options.floating, bool):
-        raise InputError(f"[mechanism] floating = {options.floating!r} must be true or false")
-    choice = choice._replace(floating=options.floating)
-    tree, attached = tree_of(robot, choice, _gravity(options.gravity))
+def _mechanism(kind: str, robot: Robot, choice: Choice) -> RigidBodyTree:
+    payload = choice.payload
+    _check_choice(choice)
+    tree, attached = tree_of(robot, choice)
     if payload is not None and payload not in attached:
         raise InputError(
             f"{robot.place}: payload = {payload!r} is no link beyond the base; "
@@ -119,7 +96,7 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         raise InputError(
             f"{robot.place}: payload = {payload!r} does not move; name a link beyond a joint"
         )
-    coupled = _coupled(options.coupled, tree)
+    coupled = _coupled(choice.coupled, tree)
     tree = with_rotors(tree, coupled)
     named = {joint.name: joint.rotor for joint in robot.joints}
     rotors = np.array([*(named[name] for name in tree.joints), *(0.0 for _ in coupled)])
@@ -128,12 +105,12 @@ def _mechanism(kind: str, robot: Robot, options: _Options) -> RigidBodyTree:
         kind=kind,
         joints=tree.joints,
         position_units=tuple("m" if p else "rad" for p in tree.prismatic),
-        driven=_driven(options.driven, tree.joints),
+        driven=_driven(choice.driven, tree.joints),
         parameters=parameters_of_tree(tree, rotors, payload is not None),
         base_names=reduction.names,
         base_units=reduction.units,
         base_meanings=("",) * len(reduction.names),
-        options={kind: robot.place, **options.changed()},
+        options={kind: robot.place, **choice.changed()},
         coupled=coupled,
         floating=tree.floating,
         tree=tree,
@@ -149,24 +126,19 @@ def _file(path: object, kind: str) -> Path:
     return Path(path)
 
 
-def _choice(
-    joints: Sequence[str] | None, base: str | None, locked: Mapping[str, float] | None
-) -> Choice:
+def _check_choice(choice: Choice) -> None:
+    joints, gravity = choice.joints, choice.gravity
     if joints is not None and (
         isinstance(joints, str) or not all(isinstance(name, str) for name in joints)
     ):
         raise InputError(f'[mechanism] joints = {joints!r} must be a list of names: ["joint_1"]')
-    for key, value in (locked or {}).items():
+    for key, value in (choice.locked or {}).items():
         if isinstance(value, bool) or not isinstance(value, Real):
             raise InputError(f"[mechanism] locked: {key} = {value!r} must be a number")
-    return Choice(None if joints is None else tuple(joints), base, locked or {})
-
-
-def _gravity(gravity: Sequence[float] | None) -> Sequence[float] | None:
-    if gravity is None:
-        return None
+    if not isinstance(choice.floating, bool):
+        raise InputError(f"[mechanism] floating = {choice.floating!r} must be true or false")
     try:
-        vector = np.array(gravity, dtype=float)
+        vector = np.zeros(3) if gravity is None else np.array(gravity, dtype=float)
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not (np.abs(vector) < 1e3).all():
@@ -174,7 +146,6 @@ def _gravity(gravity: Sequence[float] | None) -> Sequence[float] | None:
             f"[mechanism] gravity = {gravity!r} must be three numbers [m/s^2] in the frame of the "
             "base: [0.0, 0.0, -9.81] where its z axis points up"
         )
-    return gravity
 
 
 def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[bool, ...]:

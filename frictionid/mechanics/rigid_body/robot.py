@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,22 +118,25 @@ class Attached(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Joints that move, in the order of the recordings' columns; None: all that can.
+    """What a [mechanism] table says beside the file, see `described.urdf`."""
 
-    base : link that stands still, or whose motion is recorded; None: the root, or what floats
-    locked : positions at which joints that do not move are, zero if not named
-    floating : whether the base moves
-    """
+    joints: Sequence[str] | None
+    base: str | None
+    locked: Mapping[str, float] | None
+    gravity: Sequence[float] | None
+    payload: str | None
+    driven: Sequence[bool] | bool
+    coupled: Mapping[str, Mapping[str, float]] | None
+    floating: bool
 
-    joints: tuple[str, ...] | None = None
-    base: str | None = None
-    locked: Mapping[str, float] = {}
-    floating: bool = False
+    def changed(self) -> dict[str, Any]:
+        """Those that are not what they are if not given."""
+        usual = (None, None, None, None, None, True, None, False)
+        pairs = zip(self._asdict().items(), usual, strict=True)
+        return {name: value for (name, value), default in pairs if value is not default}
 
 
-def tree_of(
-    robot: Robot, choice: Choice, gravity: Sequence[float] | None = None
-) -> tuple[Tree, dict[str, Attached]]:
+def tree_of(robot: Robot, choice: Choice) -> tuple[Tree, dict[str, Attached]]:
     """Tree of the joints that move, fixed joints merged, and where each link is in it.
 
     Raises
@@ -141,12 +144,12 @@ def tree_of(
     InputError
         Where links and joints are no tree, or the choice does not fit them.
     """
-    below = _by_parent(robot)
+    below, locked = _by_parent(robot), choice.locked or {}
     afloat = [j.child for j in robot.joints if j.kind == "floating"] if choice.floating else []
     base = _base(robot, choice.base or next(iter(afloat), None))
     reached = _reached(robot, below, base)
     moving = _moving(robot, choice, reached)
-    _check_locked(robot, choice, moving, reached)
+    _check_locked(robot, locked, moving, reached)
     index = {name: i for i, name in enumerate(moving)}
     attached = {base: Attached(-1, np.eye(3), np.zeros(3))}
     n = len(moving)
@@ -160,7 +163,7 @@ def tree_of(
             frames[i], parent[i] = (joint, turn, shift), carrier.body
             attached[joint.child] = Attached(i, np.eye(3), np.zeros(3))
         else:
-            turn, shift = _locked_at(joint, choice.locked.get(joint.name, 0.0), turn, shift)
+            turn, shift = _locked_at(joint, locked.get(joint.name, 0.0), turn, shift)
             attached[joint.child] = Attached(carrier.body, turn, shift)
         here = attached[joint.child]
         if here.body >= 0:
@@ -178,7 +181,7 @@ def tree_of(
         inertia=inertia,
         rotor_names=tuple(f"rotor_{name}" for name in moving),
         rotors=np.eye(n),
-        gravity=np.array(robot.gravity if gravity is None else gravity, dtype=float),
+        gravity=np.array(robot.gravity if choice.gravity is None else choice.gravity, dtype=float),
         floating=choice.floating,
     ), attached
 
@@ -323,9 +326,9 @@ def _check_mimics(robot: Robot, by_name: Mapping[str, Joint], chosen: tuple[str,
 
 
 def _check_locked(
-    robot: Robot, choice: Choice, moving: tuple[str, ...], reached: list[Joint]
+    robot: Robot, locked: Mapping[str, float], moving: tuple[str, ...], reached: list[Joint]
 ) -> None:
-    for name, value in choice.locked.items():
+    for name, value in locked.items():
         by_name = {joint.name: joint for joint in reached if joint.name not in moving}
         if name not in by_name:
             reason = (
