@@ -81,11 +81,8 @@ def _joined(which: Array, part: State, whole: State) -> State:
     return out
 
 
-class Begin(NamedTuple):
-    """What is known where a substep begins: its stiction, and accelerations (..., n)."""
-
-    stiction: Stiction
-    acceleration: Array
+# What is known where a substep begins: its stiction, and accelerations (..., n).
+Begin = tuple[Stiction, Array]
 
 
 def near_rest(
@@ -99,7 +96,7 @@ def near_rest(
     w, change = of_parts(state.w, turns), of_parts(a, turns)
     firm = xp.zeros_like(w) != 0.0 if held.firm is None else held.firm
     near: Any = parts_near_rest(w, change, plant.slow_like(w), firm, dt).any(-1)
-    return near, Begin(held, a)
+    return near, (held, a)
 
 
 def parts_near_rest(w: Array, change: Array, slow: Array, firm: Array, dt: Array) -> Array:
@@ -125,10 +122,10 @@ def substep(
     plant: Plant, friction: Friction, state: State, u: Array, dt: Array, begin: Begin | None = None
 ) -> Substepped:
     """State after one substep, and what happened in it."""
-    held = stiction(Instant(plant, friction, state, u)) if begin is None else begin.stiction
+    held = stiction(Instant(plant, friction, state, u)) if begin is None else begin[0]
     memory = advanced(plant, friction, state, u, dt / 2)
     # accelerations are those of the begin where the memory does not advance in it
-    first = begin.acceleration if begin is not None and memory is state.memory else None
+    first = begin[1] if begin is not None and memory is state.memory else None
 
     def accelerate(q: Array, w: Array) -> Array:
         return acceleration(plant, friction, State(q, w, memory), u, held)

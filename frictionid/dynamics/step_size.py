@@ -46,7 +46,13 @@ def step_size_of(
     TooSteepError
         When the law is so steep that no reasonable number of substeps resolves it.
     """
-    substeps(plant, friction, dt)
+    rate = stiffness(plant, friction)
+    if rate > _FASTEST:
+        raise TooSteepError(
+            f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
+            f"in {1 / rate:.1g} s and needs {np.ceil(dt * rate / _STABLE):.0f} substeps in "
+            f"{dt:.3g} s: widen the law's smoothing, or check its parameters"
+        )
     sliding = (
         replace(friction, law=friction.law.sharpened()) if is_sharp(friction.law) else friction
     )
@@ -54,7 +60,7 @@ def step_size_of(
     longest = min(longest, friction.law.longest_substep)
     loop = dt * feedback_rate(plant) / _RESOLVED
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, loop, 1.0)))
-    near = away if has_break_away(friction) else stiffness(plant, friction)
+    near = away if has_break_away(friction) else rate
     part = dt / pieces
     return StepSize(pieces, halved(max(part / _FINE, part * near / _STABLE)))
 
@@ -66,27 +72,6 @@ def halved(count: float) -> int:
     (1, 8, 8)
     """
     return 1 << max(0, int(np.ceil(np.log2(count))))
-
-
-def substeps(plant: Plant, friction: Friction, dt: float) -> int:
-    """Substeps that RK4 needs in dt [s]: law slope times largest eigenvalue of 1/M sets them.
-
-    Raises
-    ------
-    TooSteepError
-        When the law is so steep that no reasonable number of substeps resolves it.
-    """
-    rate = stiffness(plant, friction)
-    longest = min(_LONGEST, friction.law.longest_substep)
-    loop = dt * feedback_rate(plant) / _RESOLVED
-    count = int(np.ceil(max(dt / longest, dt * rate / _STABLE, loop, 1.0)))
-    if rate > _FASTEST:
-        raise TooSteepError(
-            f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
-            f"in {1 / rate:.1g} s and needs {count} substeps in {dt:.3g} s: widen the law's "
-            "smoothing, or check its parameters"
-        )
-    return count
 
 
 def stiffness(plant: Plant, friction: Friction, beyond: Array | float = 0.0) -> float:

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
-from fixtures.steps import step
+from fixtures.steps import step, substeps
 from scipy.integrate import solve_ivp
 
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import euler_step, semi_implicit_step
-from frictionid.dynamics.step_size import slopes, stiffness, substeps
+from frictionid.dynamics.step_size import slopes, step_size_of, stiffness
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
@@ -265,11 +265,10 @@ def test_the_substeps_follow_the_fastest_rate():
     plant = Plant.from_parameters(pendulum(), {"mass": 1.0, "length": 0.1})  # 0.01 kg m^2
     steep = Friction(CoulombViscous(width=0.001), np.array([[0.1, 0.0]]))
     assert stiffness(plant, steep) == pytest.approx(0.1 / 0.001 / 0.01, rel=1e-3)
-    assert substeps(plant, steep, 1 / 60) == int(np.ceil(stiffness(plant, steep) / 60 / 2))
     free = Friction(NoFriction(), np.zeros((1, 0)))
     assert stiffness(plant, free) == 0.0
-    assert substeps(plant, free, 1 / 60) == 4  # at most 5 ms each
-    assert substeps(plant, free, 1e-4) == 1
+    assert step_size_of(plant, free, 1 / 60).pieces == 4  # at most 5 ms each
+    assert step_size_of(plant, free, 1e-4).pieces == 1
 
 
 def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
@@ -281,11 +280,11 @@ def test_the_rate_of_coupled_joints_is_the_worst_over_all_positions():
     assert rates.max() <= stiffness(plant, friction) * (1 + 1e-6) < rates.max() * 1.05
 
 
-def test_a_batch_takes_the_substeps_of_its_worst():
+def test_a_batch_has_the_rate_of_its_worst():
     plant = Plant.from_parameters(pendulum(), {"mass": np.array([1.0, 0.2]), "length": 0.1})
     many = Friction(CoulombViscous(), np.array([[[0.1, 0.0]], [[0.4, 0.0]], [[0.2, 0.0]]]))
-    counts = [substeps(plant[k], many[f], 0.1) for k in range(2) for f in range(3)]
-    assert substeps(plant, many, 0.1) == max(counts) > min(counts)
+    rates = [stiffness(plant[k], many[f]) for k in range(2) for f in range(3)]
+    assert stiffness(plant, many) == max(rates) > min(rates)
 
 
 @pytest.mark.parametrize("width", [0.02, 0.001, 0.0001])
@@ -304,4 +303,4 @@ def test_a_law_too_steep_for_any_step_is_refused():
     absurd = Friction(CoulombViscous(width=1e-6), np.array([[50.0, 0.0], [0.1, 0.0]]))
     words = r"slope of [\d.e+]+ N m s/rad .* needs \d+ substeps in 0.0167 s: widen the law's"
     with pytest.raises(InputError, match=words):
-        substeps(CASES["double"].plant, absurd, 1 / 60)
+        step_size_of(CASES["double"].plant, absurd, 1 / 60)

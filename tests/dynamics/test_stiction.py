@@ -4,13 +4,12 @@ from itertools import product
 
 import numpy as np
 import pytest
-from fixtures.steps import step
+from fixtures.steps import step, substeps
 from scipy.integrate import solve_ivp
 
 from frictionid.arrays import times
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
-from frictionid.dynamics.step_size import substeps
 from frictionid.dynamics.torque_balance import Balance, Stiction, sticking_torque
 from frictionid.dynamics.zero_crossing import Substep, after_crossing
 from frictionid.friction import Friction, Inputs

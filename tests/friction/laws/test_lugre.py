@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered
-from fixtures.steps import step
+from fixtures.steps import step, substeps
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step_size import substeps
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
