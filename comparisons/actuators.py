@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from drive_logs import LooseAxis, ServoPendulum
 from scipy.optimize import minimize_scalar
 
 import frictionid as fid
-from frictionid.simulate.drive_logs import LooseAxis, ServoPendulum
 
 GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15), "held out": (6.0, 0.1)}
 RUNS, SECONDS = 3, 6.0

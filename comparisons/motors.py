@@ -3,7 +3,7 @@
     python comparisons/motors.py [CASES]
 
 The rigs are servos with an integrator, a friction and an envelope of their own
-(`frictionid.simulate.drive_logs`), 200 Hz, angles with noise of 0.2 mrad. Printed are relative
+(`drive_logs`), 200 Hz, angles with noise of 0.2 mrad. Printed are relative
 errors, median and largest, and how often which harmonics are chosen.
 """
 
@@ -14,6 +14,7 @@ from collections import Counter
 
 import numpy as np
 import pandas as pd
+from drive_logs import ServoPendulum
 from numpy.typing import NDArray
 
 import frictionid as fid
@@ -21,7 +22,6 @@ from frictionid.data.plants import plant_of
 from frictionid.fitting.identifiers.harmonics import harmonics
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.friction.laws import Cogging, Sum
-from frictionid.simulate.drive_logs import ServoPendulum
 
 MOTORS = ((0.4, 2.0, 5.0), (0.3, 2.0, 4.0), (0.35, 1.0, 6.0), (0.4, 3.0, 4.0), (0.3, 1.0, 8.0))
 NAMES = ("peak", "knee", "no_load")

@@ -13,9 +13,9 @@ import sys
 
 import numpy as np
 import pandas as pd
+from drive_logs import ServoPendulum
 
 import frictionid as fid
-from frictionid.simulate.drive_logs import ServoPendulum
 
 TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": -0.008, "viscous_decay": 0.03}
 WAYS = [("thermal", "one_step", False), ("thermal", "shooting", False)]

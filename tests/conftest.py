@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 pytest_plugins = ["pytester"]
+sys.path.append(str(Path(__file__).parents[1] / "comparisons"))
 
 # tests run side by side already: what they start takes one process where it is told no number
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
-from frictionid.simulate.drive_logs import ServoPendulum
 
 RIG = fid.mechanisms.pendulum(mass=ServoPendulum.mass, length=ServoPendulum.length)
 

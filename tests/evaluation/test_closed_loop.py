@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration, calibrated_dataset
@@ -17,7 +18,6 @@ from frictionid.fitting.parameters import BiasBlock, FrictionBlock, InertiaBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.simulate.drive_logs import ServoPendulum
 
 P, D, NOISE = 60.0, 1.5, 2e-3
 RIG = ServoPendulum(coulomb=0.2, viscous=0.2, noise=NOISE)

@@ -1,15 +1,11 @@
 """The verdict is seldom wrong where the right one is known, as the page says."""
 
 import re
-import sys
 
 import pytest
+import verdict_rate
 from fixtures.paths import ROOT
 from scipy.stats import binom
-
-sys.path.insert(0, str(ROOT / "comparisons"))
-
-import verdict_rate
 from verdict_rate import DIFFERENT, EQUAL, EQUIVALENT
 
 SETS, STATED = 400, 0.05  # share of wrong verdicts that the page states

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import LooseAxis
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -20,7 +21,7 @@ from frictionid.mechanics import (
     pendulum,
     two_mass_axis,
 )
-from frictionid.simulate.drive_logs import LooseAxis
+from drive_logs import LooseAxis
 
 
 def test_a_carriage_follows_newtons_second_law():

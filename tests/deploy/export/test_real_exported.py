@@ -1,20 +1,17 @@
 """Real motion replayed in MuJoCo, and by BAM's files: rows of comparisons/exported.py in little."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.paths import DATA, ROOT
+from exported import halves, row
+from fixtures.paths import DATA
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.nearest import at_horizon, reaching
 from frictionid.evaluation.predicted_motion import predict
-
-sys.path.append(str(ROOT / "comparisons"))
-from exported import halves, row
 
 pytestmark = pytest.mark.real
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from drive_logs import ServoPendulum
 from fixtures.paths import DATA
 
 import frictionid as fid
@@ -15,7 +16,6 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.formats.isaac import write as isaac
 from frictionid.deploy.export.formats.urdf import write as urdf
-from frictionid.simulate.drive_logs import ServoPendulum
 
 RIG = ServoPendulum(coulomb=0.03, viscous=0.02, delay=0.012)
 FRICTION = fid.Friction(fid.CoulombViscous(), np.array([[0.03, 0.02]]))

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 from fixtures.command_line import run_command
 
 import frictionid as fid
@@ -11,7 +12,6 @@ from frictionid.deploy.pooling.random_effects import meta_regression
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import save_model
-from frictionid.simulate.drive_logs import ServoPendulum
 
 WARM = np.array([20.0, 26.0, 32.0, 38.0, 44.0])
 

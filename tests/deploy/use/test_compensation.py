@@ -1,11 +1,10 @@
 """Compensation: what it is over velocity, that it halves tracking errors, and no limit cycle."""
 
-import sys
 from dataclasses import replace
 
+import compensation as study
 import numpy as np
 import pytest
-from fixtures.paths import ROOT
 
 from frictionid.deploy.compensation import (
     Compensation,
@@ -18,9 +17,6 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Spline, Stribeck
-
-sys.path.append(str(ROOT / "comparisons"))
-import compensation as study
 
 W = np.concatenate([-np.linspace(8.0, 0.3, 40), np.linspace(0.3, 8.0, 40)])
 STRIBECK = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))

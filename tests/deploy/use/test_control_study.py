@@ -1,17 +1,12 @@
 """Plans of the control example move as the simulator does; their feedback brings errors back."""
 
-import sys
-
+import control
 import numpy as np
-from fixtures.paths import ROOT
 
 from frictionid.deploy.simulator import Simulator
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck
 from frictionid.simulate.rig import nominal_mechanism
-
-sys.path.append(str(ROOT / "comparisons"))
-import control
 
 THETA = [[0.16, 0.15, 0.01, 0.02, 1.0, 0.004], [0.05, 0.06, 0.03, 0.02, 2.0, 0.001]]
 FRICTION = Friction(Stribeck(symmetric=False), np.array(THETA))

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -17,7 +18,6 @@ from frictionid.fitting.identifiers.harmonics import harmonics, with_harmonics
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.friction import present
 from frictionid.friction.laws import Cogging, CoulombViscous, Ripple, Sum
-from frictionid.simulate.drive_logs import ServoPendulum
 
 WAVES = ((6, 0.02, 0.6), (12, 0.01, -1.2))
 LAW = Sum(("coulomb_viscous", Cogging("auto")))

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
-from frictionid.simulate.drive_logs import ServoPendulum
 
 GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15)}
 BACKLASH = np.radians(0.5)

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
-from frictionid.simulate.drive_logs import ServoPendulum
 
 MOTOR = (0.4, 2.0, 5.0)
 NAMES = ("peak_torque", "knee_speed", "no_load_speed")

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 from fixtures.exact_problems import assert_recovered
 
 import frictionid as fid
@@ -12,7 +13,6 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
 from frictionid.mechanics import Plant, pendulum
-from frictionid.simulate.drive_logs import ServoPendulum
 
 GAP, LEVEL = 0.02, 0.1
 THETA = np.array([[LEVEL, 0.02, GAP]])

@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from drive_logs import ServoPendulum
 
 import frictionid as fid
 from frictionid.errors import InputError
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.laws import LuGre, Stribeck, Thermal, check_law
-from frictionid.simulate.drive_logs import ServoPendulum
 
 SLOPE, DECAY = -0.008, 0.03  # [1/K]
 TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": SLOPE, "viscous_decay": DECAY}
