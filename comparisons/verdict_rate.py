@@ -26,11 +26,12 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import brentq
 
-from frictionid.comparison.cross_validate import compare
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.evaluation.reference_model import REGION, StartErrors, choose
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Curve, LoadFriction, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
@@ -169,8 +170,10 @@ def start_errors(dataset: Dataset) -> list[StartErrors]:
     """Held-out errors half a second ahead of Coulomb and viscous friction, and of Stribeck's."""
     folds = make_folds(dataset.recordings, Split(count=FOLDS, kind="recordings"))
     models = {SIMPLE: LeastSquares(CoulombViscous()), RICH: LeastSquares(Stribeck())}
-    results = compare(dataset, models, folds, protocol=Protocol(horizons=(HORIZON,)))
-    return [result.errors.after(HORIZON) for result in results.values() if result.errors]
+    benchmark = Benchmark(dataset, folds, Protocol(horizons=(HORIZON,)))
+    shared = prepare_benchmark(benchmark, [INTEGRAL])
+    results = [run(benchmark, model, INTEGRAL, 0, shared) for model in models.values()]
+    return [result.errors.after(HORIZON) for result in results if result.errors]
 
 
 def from_recordings(seed: int, sets: int) -> Iterator[tuple[str, str, Counter[str]]]:

@@ -51,8 +51,8 @@ def compare(
     if dask and jobs:
         raise InputError("--jobs is for this computer, --dask for a cluster: give one of them")
 
-    opened = open_suite(suite, data, out)
-    with interruptible(f"what is done stays in {opened.folder}: finish it with --resume"):
+    opened, _, folder, _ = open_suite(suite, data, out)
+    with interruptible(f"what is done stays in {folder}: finish it with --resume"):
         results = run_suite(
             suite,
             data=data,
@@ -63,9 +63,7 @@ def compare(
             replace=replace,
             device=device,
             trust=trust,
-            progress=partial(
-                running, title=f"comparing ({opened.suite.name})", jobs=jobs or cpu_count()
-            ),
+            progress=partial(running, title=f"comparing ({opened.name})", jobs=jobs or cpu_count()),
         ).results
     print(results_json(results)) if json else show(results)
     _say_what_stays(results.folder, results.provenance["tasks"])
@@ -164,8 +162,8 @@ def tune(
 
     from .progress import counted, interruptible
 
-    opened = open_suite(suite, data, out, "-tune")
-    with interruptible(f"what is done stays in {opened.folder}: finish it with --resume"):
+    opened, _, folder, _ = open_suite(suite, data, out, "-tune")
+    with interruptible(f"what is done stays in {folder}: finish it with --resume"):
         tuned = tune_suite(
             suite,
             data=data,
@@ -175,7 +173,7 @@ def tune(
             resume=resume,
             replace=replace,
             trust=trust,
-            progress=partial(counted, title=f"tuning ({opened.suite.name})"),
+            progress=partial(counted, title=f"tuning ({opened.name})"),
         )
     if json:
         print(outcome_json(tuned.studies, tuned.page), end="")

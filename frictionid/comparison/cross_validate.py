@@ -42,7 +42,6 @@ from frictionid.evaluation.score_frame import Score
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method, check_method
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.friction import Constraints, Friction
 
@@ -275,31 +274,3 @@ def _loops(
     interval = float(np.median(prepared.euler.dt))
     settings = protocol.loops or HysteresisSettings()
     return tuple(hysteresis_loops(friction, prepared.plant[0], settings, prepared.grid, interval))
-
-
-def compare(
-    dataset: Dataset,
-    identifiers: Mapping[str, Identifier],
-    folds: Folds,
-    recipes: Sequence[Method] = (INTEGRAL,),
-    protocol: Protocol | None = None,
-    seed: int = 0,
-) -> dict[tuple[str, str], Result]:
-    """Result of every identifier by every recipe, by (identifier, recipe) names.
-
-    Examples
-    --------
-    A comparison of one's own recordings::
-
-        dataset = frictionid.load_dataset("my_rig")
-        folds = make_folds(dataset.recordings, Split(count=10))
-        models = {"none": Frictionless(), "stribeck": LeastSquares(Stribeck())}
-        results = compare(dataset, models, folds)
-    """
-    benchmark = Benchmark(dataset, folds, protocol or Protocol())
-    shared = prepare_benchmark(benchmark, recipes)
-    return {
-        (name, recipe.name): run(benchmark, identifier, recipe, seed, shared)
-        for recipe in recipes
-        for name, identifier in identifiers.items()
-    }

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fixtures.compared import compare
 from fixtures.tiny_pendulums import TRUTH, dataset, disturbed, recordings, shortened, write_suite
 
-from frictionid.comparison.cross_validate import Benchmark, compare, prepare_benchmark, run
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.black_box_pendulum import acceleration, pendulum
+from fixtures.compared import compare
 
 from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.suite import identifier_named

@@ -6,9 +6,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from fixtures.compared import compare
 from fixtures.paths import ROOT
 
-from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
