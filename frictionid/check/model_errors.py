@@ -150,8 +150,8 @@ def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | No
         return None
     pairs = zip(silent, value.tolist(), strict=True)
     values = ", ".join(f"{name} = {inertia:.2g}" for name, inertia in pairs if inertia > 0)
-    found = finding("rotors", {"left": left}, {"values": values, "removed": 1 - left})
-    return np.asarray(value @ np.stack(changes)), found
+    rotors = finding("rotors", {"left": left}, {"values": values, "removed": 1 - left})
+    return np.asarray(value @ np.stack(changes)), rotors
 
 
 class Misfit(NamedTuple):
