@@ -21,7 +21,6 @@ from frictionid.mechanics import (
     pendulum,
     two_mass_axis,
 )
-from drive_logs import LooseAxis
 
 
 def test_a_carriage_follows_newtons_second_law():

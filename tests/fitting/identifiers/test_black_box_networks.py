@@ -7,7 +7,6 @@ import pytest
 from fixtures.black_box_pendulum import acceleration, pendulum
 from fixtures.compared import compare
 
-from frictionid.comparison.cross_validate import compare
 from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import unit_inertia_plant
 from frictionid.errors import InputError

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.compared import compare
 
 import frictionid as fid
 from frictionid.data.plants import plant_of

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.compared import compare
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
