@@ -94,7 +94,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     model = ("--by", "one_step", "--out", "models/fitted.json")
     code, out, err = call("fit", "tiny", "--identifier", "stribeck", *model)
     assert (code, err) == (0, "")
-    assert "Stribeck(" in out and "N m s/rad" in out
+    assert "stribeck, one-step fit" in out and "N m s/rad" in out
     assert out.endswith("written to models/fitted.json\n")
     data = load_dataset(place / "tiny")
     # the rows of a comparison, so that both find the same model in all data
