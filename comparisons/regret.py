@@ -9,9 +9,9 @@ torque that is left over (see `arms.py`), of a quadruped the mean error of a fre
 controller. An arm's regret is the geometric mean, over test sets and horizons, of its errors over
 those of the arm that is best by that mean.
 
-The default takes no part in that: it is fitted by the default method, its law chosen by
-`frictionid.compare` on the training data alone, by the rule of `frictionid quick`, and fitted
-to all of them. Nothing here says what the defaults are.
+The default takes no part in that: it is fitted by the default method, its law is what the verdict
+of `frictionid.compare` on the training data alone says to use, fitted to all of them. Nothing here
+says what the defaults are.
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ from numpy.typing import NDArray
 
 import frictionid as fid
 from frictionid.api.evaluate import scores_of
-from frictionid.check import check
-from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import load_dataset, within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -48,8 +46,6 @@ from frictionid.fitting.parameters import (
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.fitting.torque_balance import InverseDynamics
-from frictionid.quickstart.quick import candidates_of
-from frictionid.report.verdict import HORIZON
 
 DATA = Path(__file__).parent.parent / "data"
 HORIZONS = (0.5, 1.0)  # [s]
@@ -245,28 +241,23 @@ def ways(machine: Machine) -> dict[str, Method]:
 
 def default_of(machine: Machine) -> tuple[str, str, dict[str, fid.Fit]]:
     """The law that folds of the training data choose, what it frees, and the fits of all laws."""
-    fitted = fid.compare(
+    comparison = fid.compare(
         machine.train,
         {name: LAWS[name] for name in machine.laws},
         machine.folds,
         machine.method,
         horizons=machine.horizons,
         sample_time=machine.sample_time,
-    ).fitted
-    assert fitted is not None
+    )
+    fitted, verdict = comparison.fitted, comparison.verdict
+    assert fitted is not None and verdict.provisional is not None
+    for law in verdict.candidates:
+        print(f"  folds: {_numbers(law.by_fold):60s} {law.name} {law.standing}")
     by_law = {name: fitted[name, machine.method] for name in machine.laws}
-    scored = next(iter(by_law.values())).scores.horizon_s.dropna()
-    horizon = float(min(scored.unique(), key=lambda h: abs(h - HORIZON)))
-    each = np.array([joint.angle_noise for joint in check(machine.train).joints])
-    units, sizes = machine.train.mechanism.position_units, machine.train.scales.size
-    noise = float(norm_of(each, units, sizes)[0])
-    _, candidates, choice = candidates_of(by_law, machine.train, horizon, noise)
-    for law in candidates:
-        print(f"  folds, {horizon:g} s: {_numbers(law.by_fold):60s} {law.name} {law.standing}")
-    refined = by_law[choice.name].refined
+    refined = by_law[verdict.provisional].refined
     free = dict.fromkeys(p.block for p in refined.covariance.parameters) if refined else ()
     fits = {name: fid.Fit(r.overall, machine.train) for name, r in by_law.items()}
-    return choice.name, ", ".join(free), fits
+    return verdict.provisional, ", ".join(free), fits
 
 
 def others_of(machine: Machine) -> dict[str, fid.Fit]:
