@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+from fixtures import compared
 
 import frictionid
 from frictionid.api.fit import usual_recipe
 from frictionid.api.models import identifier_of
-from frictionid.comparison import cross_validate
 
 
 def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
@@ -16,7 +16,7 @@ def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
     folds = frictionid.make_folds(data.recordings, frictionid.Split(count=3))
     models = {"coulomb": frictionid.LeastSquares(frictionid.CoulombViscous())}
     protocol = frictionid.Protocol(horizons=(0.5,))
-    before = cross_validate.compare(data, models, folds, protocol=protocol)
+    before = compared.compare(data, models, folds, protocol=protocol)
     now = frictionid.compare(data, models, folds, "integral", protocol=protocol)
     for key, result in before.items():
         score = ("rollout_angle", "median", 0.5)

@@ -141,12 +141,13 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
         *("--set", "symmetric=false", "--set", "width = 0.05", "--set", "shape=arctan"),
         *("--recipe", "study", "--sample-time", 2 / RATE, "--seed", 3),
     )
-    assert code == 0 and "Stribeck(width=0.05, shape='arctan', symmetric=False)" in out
+    assert code == 0 and "stribeck, one-step fit to 'tiny'" in out
     model = json.loads((place / "other.json").read_text())
     source = model["provenance"]
     assert source["seed"] == 3 and source["sample_time"] == 2 / RATE
     assert source["recipe"] == repr(STUDY)
-    assert model["law"]["width"] == 0.05
+    settings = {"width": 0.05, "shape": "arctan", "symmetric": False}
+    assert model["law"] == {"kind": "stribeck", **settings}
 
 
 def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call):

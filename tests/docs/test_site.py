@@ -117,7 +117,7 @@ def test_the_table_of_failures_says_what_check_says(mistake, monkeypatch):
     failures = import_module("failures")
     monkeypatch.delitem(sys.modules, "failures")
     rows = (DOCS / "failures.md").read_text(encoding="utf-8").splitlines()
-    (row,) = (line for line in rows if line.startswith(f"| {mistake} |"))
+    row = next(line for line in rows if line.startswith(f"| {mistake} |"))
     written = [cell.strip() for cell in row.split("|")][2:-1]
     for found, said in zip(
         failures.consequence(failures.mistakes()[mistake]()), written, strict=True
