@@ -49,8 +49,19 @@ def test_truth_in_truth_out(law, velocity):
     )
 
 
+@BOTH
+def test_every_start_in_the_valley_leads_to_the_truth(law):
+    place = law.names.index("stribeck_velocity")
+    near = [start for start in law.initial if 0.25 < start[place] / 1.5 < 3.0]
+    assert len(near) >= 5
+    problem = explained_by(law, TRUTH[law][:1])
+    for start in near:
+        found = fit(with_initial(law, start), problem, everything(problem))
+        np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
+
+
 @EACH
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(5))
 def test_with_noise_the_truth_is_within_four_standard_errors(law, seed):
     noise, theta = 0.01 if law == PLAIN else 5e-4, TRUTH[law]
     problem = explained_by(law, theta, noise, np.random.default_rng(seed))
@@ -70,7 +81,7 @@ def test_each_fold_is_scipys_least_squares(law):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_bounds_hold_and_at_them_the_gradient_points_outwards(law, seed):
     rng = np.random.default_rng(seed)
     theta = TRUTH[law] * rng.uniform(-0.5, 1.0, TRUTH[law].shape)  # half of it outside the bounds

@@ -110,7 +110,8 @@ def test_at_constant_speed_and_from_its_start_it_is_stribeck_friction(law, theta
     np.testing.assert_allclose(law.torque(theta, x, memory), expected)
 
 
-@pytest.mark.parametrize(("lag", "velocity"), [(0.01, 4.0), (0.3, 0.6)])
+@pytest.mark.parametrize("lag", [0.01, 0.03, 0.1, 0.3])
+@pytest.mark.parametrize("velocity", [0.6, 1.5, 4.0])
 def test_truth_in_truth_out(lag, velocity):
     theta = THETA * [1, 1, 0, 1, 0] + [0, 0, velocity, 0, lag]
     assert_recovered(FilmLag(), theta)

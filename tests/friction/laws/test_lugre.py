@@ -84,7 +84,7 @@ def test_it_is_passive_with_the_energy_of_its_bristles_whatever_its_parameters()
     assert taken(theta, w, z, constant).min() < -0.1  # the law as it is often written
 
 
-@pytest.mark.parametrize("damping", [0.0, 2.0])
+@pytest.mark.parametrize("damping", [0.0, 0.02, 2.0])
 def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping):
     friction = Friction(LuGre(), np.array([[0.04, 0.02, 1.5, 0.002, 0.02, damping, 0.5]]))
     state = State(np.array([[1.0], [-2.5]]), np.array([[0.0], [3.0]]), (np.zeros((2, 1)),))
@@ -135,7 +135,8 @@ def test_friction_of_size_zero_is_none():
     np.testing.assert_array_equal(along(Friction(LuGre(), theta), nodes), 0.0 * nodes.inputs.w)
 
 
-@pytest.mark.parametrize(("presliding", "velocity"), [(0.003, 4.0), (0.1, 1.5)])
+@pytest.mark.parametrize("presliding", [0.003, 0.03, 0.1])
+@pytest.mark.parametrize("velocity", [1.5, 4.0])
 def test_truth_in_truth_out(presliding, velocity):
     theta = THETA * [1, 1, 0, 1, 0, 1, 1] + [0, 0, velocity, 0, presliding, 0, 0]
     assert_recovered(LuGre(), theta)
