@@ -47,6 +47,18 @@ def test_a_load_below_break_away_moves_nothing_and_one_above_does():
     assert end.w[5, 0] < -0.1 and end.q[5, 0] < -0.3
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_gravity_is_a_load_like_any_other(side):
+    plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
+    angles = side * np.arcsin(np.array([0.9999, 1.0001]) * 0.1 / (0.1 * 9.81 * 0.2))[:, None]
+    begin = State(angles, np.zeros((2, 1)))
+    end = step(plant, coulomb(0.1), begin, np.zeros(1), np.array([10.0]), 2500)
+    assert end.q[0] == begin.q[0] and end.w[0] == 0.0
+    # it slides down until its load has fallen as far below the level as it was above it
+    slid = 2 * 0.0001 * 0.1 / (0.1 * 9.81 * 0.2 * np.cos(angles[1, 0]))
+    assert abs(end.q[1] - begin.q[1])[0] == pytest.approx(slid, rel=0.5)
+
+
 @pytest.mark.parametrize(("side", "level"), [(1.0, 0.1), (-1.0, 0.06)])
 def test_a_growing_load_breaks_away_when_it_reaches_the_level(side, level):
     u = side * np.linspace(0.0, 1.5 * level, 61)[1:, None]
@@ -58,7 +70,8 @@ def test_a_growing_load_breaks_away_when_it_reaches_the_level(side, level):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(("speed", "share"), [(0.003, 0.5), (0.3, 0.98), (1.0, 0.0)])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9, 0.98])
+@pytest.mark.parametrize("speed", [0.003, 0.3, 1.0])
 def test_coulomb_friction_stops_a_rotor_when_and_where_it_should(speed, share, side):
     # dw/dt = -(level - load)/J, whatever the width of the smoothed sign
     level, load = 0.1, share * 0.1
@@ -203,6 +216,33 @@ def test_a_joint_at_rest_feels_that_the_other_slides():
     assert (np.abs(end.w[:, 1]) < 0.05).all()  # friction slows joint 2, whatever its load
 
 
+def test_a_joint_stops_by_its_own_load_while_the_other_is_held():
+    begin, u, _, hold = sliding_case(np.random.default_rng(7), 1e-7)
+    # more load on joint 2, against its motion: it turns round in this substep, or stops
+    more = np.random.default_rng(8).uniform(0.0, 1.0, len(u))
+    _, h = DOUBLE.dynamics(begin.q, begin.w)
+    u[:, 1] = -np.sign(begin.w[:, 1]) * 0.2 * more - h[:, 1]
+    M, _ = DOUBLE.dynamics(begin.q, begin.w)
+    end = step(DOUBLE, coulomb(0.3, 0.1), begin, u, np.array([1e-5]), 1)
+    held = end.w[:, 0] == 0.0
+    assert 20 < held.sum()
+    np.testing.assert_array_equal(end.w[held, 1] == 0.0, 0.2 * more[held] < 0.1)
+
+
+def test_a_joint_stops_by_its_own_load_while_the_other_slides():
+    rng = np.random.default_rng(9)
+    begin, u, load, _ = sliding_case(rng, 1e-7)
+    begin.w[:, 0] = 0.05 * rng.choice([-1.0, 1.0], len(u))
+    M, h = DOUBLE.dynamics(begin.q, begin.w)
+    level, way = np.array([0.3, 0.1]), np.sign(begin.w)
+    a = np.linalg.solve(M, (load - way * level)[..., None])[..., 0]
+    hold = load[:, 1] - M[:, 1, 0] * (load[:, 0] - way[:, 0] * 0.3) / M[:, 0, 0]
+    end = step(DOUBLE, coulomb(*level), begin, load - h, np.array([1e-5]), 1)
+    turns = way[:, 1] * (begin.w[:, 1] + 1e-5 * a[:, 1]) < 0
+    assert 20 < turns.sum() < 380
+    np.testing.assert_array_equal(end.w[turns, 1] == 0.0, np.abs(hold[turns]) < 0.1)
+
+
 def compound(q2, p):
     """Pendulum of the double pendulum with joint 2 fixed, and the angle by which it is turned."""
     first = p["m1"] * p["r1"] + p["m2"] * p["l1"]
@@ -227,6 +267,23 @@ def test_a_stuck_joint_is_no_joint():
     alone = rollout(single, coulomb(0.0), begin, u[:, :1], dt)
     assert np.ptp(alone.q) > 1.0
     np.testing.assert_allclose(stuck.q[:, 0] + turned, alone.q[:, 0], rtol=0, atol=1e-6)
+
+
+def test_a_stuck_joint_breaks_away_when_the_swing_loads_it_enough():
+    q2, level = 0.7, 0.25
+    single, turned = compound(q2, DOUBLE.parameters)
+    begin = State(np.array([1.5, q2]), np.array([2.0, 0.0]))
+    u, dt = np.zeros((400, 2)), np.full(400, 0.001)
+    alone = rollout(single, coulomb(0.0), State(begin.q[:1] + turned, begin.w[:1]), u[:, :1], dt)
+    q = np.stack([alone.q[:, 0] - turned, np.full(401, q2)], axis=1)
+    w = np.stack([alone.w[:, 0], np.zeros(401)], axis=1)
+    M, h = DOUBLE.dynamics(q, w)
+    load = h[:, 1] - M[:, 1, 0] * h[:, 0] / M[:, 0, 0]
+    first = int(np.argmax(np.abs(load) > level))
+    assert 20 < first < 390
+    motion = rollout(DOUBLE, coulomb(0.0, level), begin, u, dt)
+    np.testing.assert_array_equal(motion.q[:first, 1], q2)
+    assert (motion.w[first + 2 : first + 20, 1] * np.sign(load[first]) > 0).all()
 
 
 def test_stopping_keeps_the_momentum_of_free_joints_and_never_adds_energy():

@@ -13,7 +13,7 @@ from fixtures.random_machines import assert_close, physical, states
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
-COUNT = 50
+COUNT = 200
 REASON = "a physics engine to compare with; the test extra installs it"
 MACHINES = {
     "acrobot": acrobot(),

@@ -7,6 +7,7 @@ import pytest
 import torch
 from fixtures.random_machines import (
     MECHANISMS,
+    STEP,
     assert_close,
     assert_same_terms,
     gradient,
@@ -14,8 +15,9 @@ from fixtures.random_machines import (
     random_case,
     states,
 )
+from scipy.integrate import solve_ivp
 
-from frictionid.arrays import times
+from frictionid.arrays import solve, times
 from frictionid.errors import InputError
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
@@ -42,6 +44,34 @@ def test_which_joints_are_driven():
 
 
 # ---------------------------------------------------------------- energy
+
+
+def test_power_of_motors_and_friction_is_the_change_of_energy(mechanism):
+    p, q, w = random_case(mechanism, 8)
+    rng = np.random.default_rng(9)
+    u, Tf = rng.normal(size=q.shape), 0.3 * np.tanh(w)
+    t = mechanism.terms(p, q, w)
+    a = solve(t.M, t.h + times(t.B, u) - Tf)
+    along = mechanism.terms(p, q + 1j * STEP * w, w + 1j * STEP * a).energy
+    assert_close(along.imag / STEP, (w * (times(t.B, u) - Tf)).sum(-1))
+
+
+@pytest.mark.parametrize("name", ["acrobot", "acrobot-relative", "double_pendulum-11", "pendulum"])
+def test_frictionless_swing_keeps_its_energy(name):
+    mechanism = MECHANISMS[name]
+    p = mechanism.base({"rotor": 2e-6} if "acrobot" in name else {})
+    n = mechanism.n
+
+    def rate(_, x):
+        M, h = mechanism.dynamics(p, x[:n], x[n:])
+        return np.concatenate([x[n:], solve(M, h)])
+
+    start = np.concatenate([[2.5, -1.0][:n], [0.0, 3.0][:n]])
+    x = solve_ivp(rate, (0.0, 2.0), start, method="DOP853", rtol=1e-10, atol=1e-10).y.T
+    energy = mechanism.terms(p, x[:, :n], x[:, n:]).energy
+    kinetic = 0.5 * (x[:, n:] * times(mechanism.inertia(p, x[:, :n]), x[:, n:])).sum(-1)
+    assert kinetic.max() > 0.1 * np.ptp(p[-2:])  # it did swing
+    assert np.ptp(energy) < 1e-7 * kinetic.max()
 
 
 def test_hanging_down_is_the_lowest_rest(mechanism):
@@ -128,6 +158,17 @@ def test_torch_gives_what_numpy_gives(mechanism):
     assert all(isinstance(x, torch.Tensor) and x.dtype == torch.float64 for x in out)
     assert_same_terms(mechanism.terms(mechanism.base(v), q, w), type(out)(*map(np.asarray, out)))
     assert_close(mechanism.load(tv, tq, tw, tu).numpy(), mechanism.load(v, q, w, u))
+
+
+def test_autograd_of_the_lagrangian_gives_momentum_and_dl_dq(mechanism):
+    p, q, w = map(torch.from_numpy, random_case(mechanism, 24))
+    q.requires_grad_()
+    w.requires_grad_()
+    t = mechanism.terms(p, q, w)
+    energy_q, momentum = torch.autograd.grad(t.energy.sum(), (q, w), retain_graph=True)
+    (twice_kinetic_q,) = torch.autograd.grad((t.momentum * w).sum(), q)
+    assert_close(momentum.numpy(), t.momentum.detach().numpy())
+    assert_close((twice_kinetic_q - energy_q).numpy(), t.dLdq.detach().numpy())
 
 
 def test_gradients_pass_from_the_motion_to_the_physical_parameters():

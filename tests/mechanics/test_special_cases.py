@@ -2,11 +2,68 @@
 
 import numpy as np
 import pytest
-from fixtures.random_machines import assert_close, physical, states
+from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
 
-from frictionid.mechanics import acrobot, double_pendulum
+from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
 # ---------------------------------------------------------------- special cases
+
+
+def test_double_pendulum_without_a_second_link_is_a_pendulum():
+    rng = np.random.default_rng(17)
+    m1, r1, I1, Ir, gr = 0.7, 0.15, 0.03, 2e-5, 6.0
+    double = double_pendulum((True, False))
+    one = double.base(
+        {"m1": m1, "r1": r1, "I1": I1, "Ir": Ir, "gr": gr, "m2": 0.0, "I2": 0.0, "l1": 0.3}
+    )
+    single = pendulum()
+    p = single.base({"mass": m1, "length": r1, "inertia": I1 - m1 * r1**2, "rotor": Ir, "gear": gr})
+    q, w = states(double, rng)
+    a, b = double.terms(one, q, w), single.terms(p, q[:, :1], w[:, :1])
+    assert_close(a.M[:, :1, :1], b.M)
+    for name in ("h", "momentum", "dLdq"):
+        assert_close(getattr(a, name)[:, :1], getattr(b, name))
+        assert (getattr(a, name)[:, 1] == 0.0).all()
+    assert_close(a.energy, b.energy)
+
+
+def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
+    rng = np.random.default_rng(18)
+    double, single = double_pendulum((False, False)), pendulum()
+    v = physical(double, rng)
+    mass = v["m1"] + v["m2"]
+    length = (v["m1"] * v["r1"] + v["m2"] * (v["l1"] + v["r2"])) / mass
+    about_joint = v["I1"] + v["I2"] + v["m2"] * ((v["l1"] + v["r2"]) ** 2 - v["r2"] ** 2)
+    same = {"mass": mass, "length": length, "inertia": about_joint - mass * length**2, "g": v["g"]}
+    q, w = states(single, rng)
+    a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
+    b = single.terms(single.base(same), q, w)
+    assert_close(a.M[:, :1, :1], b.M)
+    assert_close(a.h[:, :1], b.h)
+    assert_close(a.energy, b.energy)
+
+
+@pytest.mark.parametrize("inertias", ["printed", "shapes"])
+def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
+    rng = np.random.default_rng(19)
+    a, d = acrobot(inertias), double_pendulum((False, True))
+    v = physical(a, rng)
+    m1, m2, m3, m4, L1, L2, L3, L4 = (v[k] for k in "m1 m2 m3 m4 L1 L2 L3 L4".split())
+    J1, J2 = moments_of_inertia(v)
+    same = {
+        "m1": m1 + m2,
+        "r1": (m1 * L1 + m2 * L2) / (m1 + m2),
+        "I1": J1 + m1 * L1**2 + m2 * L2**2,
+        "l1": L2,
+        "m2": m3 + m4,
+        "r2": (m3 * L3 + m4 * L4) / (m3 + m4),
+        "I2": J2 + m3 * L3**2 + m4 * L4**2,
+        "Ir": v["rotor"],
+        "gr": v["gear"],
+        "g": v["g"],
+    }
+    q, w = states(a, rng)
+    assert_same_terms(a.terms(a.base(v), q, w), d.terms(d.base(same), q, w))
 
 
 def moments_of_inertia(v):
@@ -92,4 +149,44 @@ def test_double_pendulum_has_the_matrices_of_its_makers():
     assert_close(t.h, np.stack([G1, G2], -1) + C.T)
 
 
+def test_pendulum_has_its_textbook_equation():
+    rng = np.random.default_rng(22)
+    m = pendulum()
+    v = physical(m, rng, (200,))
+    q, w = states(m, rng)
+    t = m.terms(m.base(v), q, w)
+    I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
+    assert_close(t.M[:, 0, 0], I)
+    assert_close(t.h[:, 0], -v["mass"] * v["g"] * v["length"] * np.sin(q[:, 0]))
+
+
 # ---------------------------------------------------------------- bearing forces
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_bearings_of_a_hanging_machine_carry_its_weight(name):
+    mechanism = MECHANISMS[name]
+    rng = np.random.default_rng(28)
+    v = physical(mechanism, rng)
+    zero = np.zeros(mechanism.n)
+    load = mechanism.load(v, zero, zero, zero)
+    beyond = {
+        "acrobot": (("m1", "m2", "m3", "m4"), ("m3", "m4")),
+        "double_pendulum": (("m1", "m2"), ("m2",)),
+        "pendulum": (("mass",),),
+    }[mechanism.kind]
+    assert_close(load, np.array([v["g"] * sum(v[k] for k in names) for names in beyond]))
+
+
+def test_bearing_force_of_a_swinging_pendulum_by_newton():
+    """Along the rod m (g cos q + l w^2), across it m (l dw/dt + g sin q)."""
+    rng = np.random.default_rng(29)
+    m = pendulum()
+    v = physical(m, rng, (100,))
+    q, w = states(m, rng, (100,))
+    u = rng.normal(size=q.shape)
+    t = m.terms(m.base(v), q, w)
+    a = ((t.h + u) / t.M[..., 0])[:, 0]
+    along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2
+    across = v["length"] * a + v["g"] * np.sin(q[:, 0])
+    assert_close(m.load(v, q, w, u)[:, 0], v["mass"] * np.hypot(along, across))
