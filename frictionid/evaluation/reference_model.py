@@ -301,10 +301,12 @@ class Choice(NamedTuple):
         fine = (i for i in self.kept if self.standings[i] != "undecided" or i == self.preferred)
         return next(fine, None)
 
-    def distance(self, place: int) -> float:
-        """Factor by which a model is farther off than the reference."""
+    def distance(self, place: int, *, measured: bool = False) -> float:
+        """Factor by which a model is farther off than the reference, or by its errors alone."""
         against = self.losses[place]
-        return against.factor.value if against else 1.0
+        if against is None:
+            return 1.0
+        return (against.measured if measured else against.factor).value
 
     @property
     def recommended(self) -> int | None:
@@ -371,8 +373,8 @@ def preferring(
     with those that have all of its identified parameters and are not worse. More than a tenth
     farther off, it counts as worse where the data identify a parameter that one of them adds; less
     than a tenth, as adequate where the reference adds none that they identify. Of undecided laws
-    that add an identified parameter to the chosen one, and are nearer to the reference than it, the
-    nearest is preferred.
+    that add an identified parameter to the chosen one, and whose errors are no larger, the nearest
+    to the reference is preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
@@ -394,6 +396,7 @@ def preferring(
         return choice
     mine = names[choice.recommended]
     richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]
+    most = choice.distance(choice.recommended, measured=True)
     undecided = [i for i in richer if standings[i] == "undecided"]
-    nearest = min([choice.recommended, *undecided], key=choice.distance)
-    return choice if nearest == choice.recommended else choice._replace(preferred=nearest)
+    as_good = [i for i in undecided if choice.distance(i, measured=True) <= most]
+    return choice._replace(preferred=min(as_good, key=choice.distance)) if as_good else choice

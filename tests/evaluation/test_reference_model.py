@@ -119,8 +119,8 @@ def test_too_few_recordings_and_models_that_diverge_give_no_choice():
         loss(StartErrors(NOISE, 0 * GROUP), StartErrors(NOISE, 0 * GROUP))
 
 
-def test_a_nearer_law_with_an_identified_parameter_is_chosen_before_an_adequate_one():
-    """Beside a reference of another form; a law that is farther off than the chosen one is not."""
+def test_a_law_as_good_with_an_identified_parameter_is_chosen_before_an_adequate_one():
+    """Beside a reference of another form; a law whose errors are larger is not."""
     group = GROUP % 5
     levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
     for distance, recommended in ((0.03, 2), (0.04, 1)):
