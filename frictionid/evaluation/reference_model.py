@@ -301,12 +301,10 @@ class Choice(NamedTuple):
         fine = (i for i in self.kept if self.standings[i] != "undecided" or i == self.preferred)
         return next(fine, None)
 
-    def distance(self, place: int, *, measured: bool = False) -> float:
-        """Factor by which a model is farther off than the reference, or by its errors alone."""
+    def distance(self, place: int) -> float:
+        """Factor by which a model is farther off than the reference."""
         against = self.losses[place]
-        if against is None:
-            return 1.0
-        return (against.measured if measured else against.factor).value
+        return against.factor.value if against else 1.0
 
     @property
     def recommended(self) -> int | None:
@@ -373,8 +371,8 @@ def preferring(
     with those that have all of its identified parameters and are not worse. More than a tenth
     farther off, it counts as worse where the data identify a parameter that one of them adds; less
     than a tenth, as adequate where the reference adds none that they identify. Of undecided laws
-    that add an identified parameter to the chosen one, and whose errors are no larger, the nearest
-    to the reference is preferred.
+    less than a tenth farther off that add an identified parameter to the chosen one the nearest is
+    preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
@@ -396,7 +394,6 @@ def preferring(
         return choice
     mine = names[choice.recommended]
     richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]
-    most = choice.distance(choice.recommended, measured=True)
     undecided = [i for i in richer if standings[i] == "undecided"]
-    as_good = [i for i in undecided if choice.distance(i, measured=True) <= most]
-    return choice._replace(preferred=min(as_good, key=choice.distance)) if as_good else choice
+    near = [i for i in undecided if choice.distance(i) <= 1.0 + REGION]
+    return choice._replace(preferred=min(near, key=choice.distance)) if near else choice

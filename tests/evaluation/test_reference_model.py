@@ -119,19 +119,18 @@ def test_too_few_recordings_and_models_that_diverge_give_no_choice():
         loss(StartErrors(NOISE, 0 * GROUP), StartErrors(NOISE, 0 * GROUP))
 
 
-def test_a_law_as_good_with_an_identified_parameter_is_chosen_before_an_adequate_one():
-    """Beside a reference of another form; a law whose errors are larger is not."""
+@pytest.mark.parametrize(("share", "preferred"), [(0.03, 1), (0.05, 1), (0.07, 0)])
+def test_a_near_law_with_an_identified_parameter_is_preferred_to_a_simpler_one(share, preferred):
+    """Where it is undecided, and less than a tenth farther off."""
     group = GROUP % 5
+    apart_in_one = np.where(group == 0, share, 0.0)[:, None] * (apart(1.0).error - NOISE)
+    errors = [StartErrors(NOISE, group), StartErrors(NOISE + apart_in_one, group)]
     levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
-    for distance, recommended in ((0.03, 2), (0.04, 1)):
-        near, adequate = apart(distance).error - NOISE, apart(0.015).error
-        richer = NOISE + np.where(group == 0, 1.0, 0.0)[:, None] * near
-        errors = [StartErrors(e, group) for e in (NOISE, adequate, richer)]
-        choice = choose(errors, np.array([9.0, 1.0, 2.0]))
-        assert choice.standings[1:] == ("adequate", "undecided") and choice.recommended == 1
-        names = [frozenset({"knots"}), levels, peak]
-        assert preferring(choice, names, [frozenset(), levels, peak]).recommended == recommended
-        assert preferring(choice, names, [frozenset(), levels, levels]).recommended == 1
+    choice = choose(errors, np.array([1.0, 2.0]))
+    assert choice.standings[1] == "undecided" and choice.recommended == 0
+    assert preferring(choice, [levels, peak], [levels, peak]).recommended == preferred
+    assert preferring(choice, [levels, peak], [levels, levels]).recommended == 0
+    assert preferring(choice, [peak, levels], [peak, levels]).recommended == 0
 
 
 def scattered(share):
