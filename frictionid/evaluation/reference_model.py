@@ -367,28 +367,21 @@ def preferring(
 ) -> Choice:
     """The choice, where errors cannot tell laws apart, by what the data identify.
 
-    Few recordings scatter more than a parameter's interval. A law that is undecided is compared
-    with those that have all of its identified parameters and are not worse. More than a tenth
-    farther off, it counts as worse where the data identify a parameter that one of them adds; less
-    than a tenth, as adequate where the reference adds none that they identify. Of undecided laws
-    less than a tenth farther off that add an identified parameter to the chosen one the nearest is
-    preferred.
+    Few recordings scatter more than a parameter's interval. A law that is undecided, and more than
+    a tenth farther off, counts as worse where a law that has all of its identified parameters, and
+    is not worse, adds one that the data identify. Of undecided laws less than a tenth farther off
+    that add an identified parameter to the chosen one the nearest is preferred.
 
     names, shown : of each model's parameters, and of those that data tell from zero
     """
     standings, lacking = list(choice.standings), []
     for i in choice.kept:
         mine = shown[i] or names[i]
-        richer = [k for k in choice.kept if mine < names[k]]
-        if standings[i] != "undecided" or not mine or not richer:
-            continue
-        identified = any(shown[k] - names[i] for k in richer)
-        is_far = choice.distance(i) > 1.0 + REGION
-        if is_far and identified:
+        richer = [k for k in choice.kept if mine and mine < names[k]]
+        is_far = standings[i] == "undecided" and choice.distance(i) > 1.0 + REGION
+        if is_far and any(shown[k] - names[i] for k in richer):
             standings[i] = "worse"
             lacking.append(i)
-        elif not is_far and not identified and choice.best in richer:
-            standings[i] = "adequate"
     choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
     if choice.recommended is None:
         return choice
