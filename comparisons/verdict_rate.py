@@ -29,7 +29,8 @@ from scipy.optimize import brentq
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.evaluation.reference_model import REGION, StartErrors, choose
+from frictionid.evaluation.reference_model import StartErrors, choose
+from frictionid.evaluation.statistics import REGION
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction.laws import CoulombViscous, Stribeck

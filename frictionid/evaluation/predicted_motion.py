@@ -27,8 +27,9 @@ from .prepared import (
     prepare,
     prepared_for,
 )
-from .reference_model import FEWEST, StartErrors
+from .reference_model import StartErrors
 from .score_frame import Score, summarise_rollouts
+from .statistics import FEWEST
 
 
 def predict(

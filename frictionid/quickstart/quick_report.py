@@ -15,7 +15,8 @@ from frictionid.check import Verdict
 from frictionid.comparison.kind_descriptions import summary
 from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.errors import InputError
-from frictionid.evaluation.reference_model import FEWEST, Loss
+from frictionid.evaluation.reference_model import Loss
+from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates

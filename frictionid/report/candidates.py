@@ -11,7 +11,6 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.evaluation.complexity import nested_complexity
 from frictionid.evaluation.reference_model import (
-    FEWEST,
     Choice,
     Factor,
     Loss,
@@ -20,6 +19,7 @@ from frictionid.evaluation.reference_model import (
     loss,
     preferring,
 )
+from frictionid.evaluation.statistics import FEWEST
 
 from .memory import has_memory
 from .numbers import decimals, fixed, seconds, short

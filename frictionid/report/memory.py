@@ -16,7 +16,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.hysteresis import HysteresisLoop
-from frictionid.evaluation.reference_model import CorrelatedTest
+from frictionid.evaluation.statistics import CorrelatedTest
 
 from .figures.style import (
     DARK,

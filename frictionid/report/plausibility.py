@@ -10,7 +10,8 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.evaluation.curves import asymmetry, cycle_work, lowest_dissipation, tail_drop
-from frictionid.evaluation.reference_model import FEWEST, Factor, correlated_test
+from frictionid.evaluation.reference_model import Factor
+from frictionid.evaluation.statistics import FEWEST, correlated_test
 
 from .memory import KINDS, loops_of, middle
 from .numbers import MINUS

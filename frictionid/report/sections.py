@@ -14,8 +14,9 @@ from frictionid.comparison.results import Results, task_provenance
 from frictionid.evaluation.curves import Beyond
 from frictionid.evaluation.hysteresis import HysteresisLoop
 from frictionid.evaluation.predicted_motion import HorizonErrors, read_errors
-from frictionid.evaluation.reference_model import CorrelatedTest, StartErrors, paired
+from frictionid.evaluation.reference_model import StartErrors
 from frictionid.evaluation.score_frame import score_tables
+from frictionid.evaluation.statistics import CorrelatedTest, paired
 from frictionid.friction.provenance import Estimate, Estimates, Provenance
 
 from .numbers import either, norm_unit

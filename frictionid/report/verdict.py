@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from frictionid.evaluation.reference_model import FEWEST, REGION, WITHIN, Choice, Factor
+from frictionid.evaluation.reference_model import WITHIN, Choice, Factor
+from frictionid.evaluation.statistics import FEWEST, REGION
 
 from .candidates import Candidate, Measure, candidates_of, judged, recipe_to_judge
 from .estimates import added

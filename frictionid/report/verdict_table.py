@@ -12,7 +12,8 @@ import pandas as pd
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.evaluation.complexity import information_criteria
-from frictionid.evaluation.reference_model import CERTAIN, REGION
+from frictionid.evaluation.reference_model import CERTAIN
+from frictionid.evaluation.statistics import REGION
 from frictionid.files import plain
 
 from .candidates import Candidate

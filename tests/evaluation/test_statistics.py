@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from frictionid.evaluation.reference_model import correlated_test
+from frictionid.evaluation.statistics import correlated_test
 
 FOLDS = np.random.default_rng(1).uniform(0.1, 0.3, (20, 2, 10))
 
