@@ -149,6 +149,18 @@ def cost_rise(before: Solution, after: Solution, huber: float) -> float:
     return float((share[..., None] * (costs[1] - costs[0])).sum())
 
 
+def expected_fall(problem: ShootingProblem, ended: Solution, estimate: Estimate) -> float:
+    """How much a Gauss-Newton step from an estimate lowers the cost [squares of the noise].
+
+    With the states of a fit that ended where friction is that of the estimate.
+    """
+    point = linearised_at(problem, ended.windows, estimate, ended.nodes, ended.sigma)
+    point = point._replace(kinked=ended.kinked, out=ended.kinked)
+    step = _next_step(problem, point, ended.sigma, _DAMPING[0], 1.0).solution
+    slope = step.normal.g[step.closed].sum(axis=0)
+    return float((2.0 * slope - step.curvature @ step.move) @ step.move)
+
+
 def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Array:
     """What a Gauss-Newton step with windows of another length would change in the parameters (D,).
 

@@ -15,6 +15,7 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError
+from frictionid.fitting.one_step.one_step_fit import CLEAR
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
     Estimate,
@@ -24,7 +25,12 @@ from frictionid.fitting.parameters.parameter_block import (
     with_values,
 )
 from frictionid.fitting.shooting.data_checks import check_blocks, check_data, explained, telling
-from frictionid.fitting.shooting.gauss_newton import Solution, cost_rise, solve
+from frictionid.fitting.shooting.gauss_newton import (
+    Solution,
+    cost_rise,
+    expected_fall,
+    solve,
+)
 from frictionid.fitting.shooting.networks import (
     as_given,
     goes_astray,
@@ -52,6 +58,7 @@ from frictionid.friction.provenance import Dropped
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
+_EACH = 2  # of the velocities where a law's fits begin, the step from one that is tried to the next
 _KEPT = 0.8  # of the windows that count
 # Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
 _MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
@@ -146,7 +153,7 @@ def begun(
     none_held = not offered and not any(np.isfinite(p.size) for p in law.parameters)
     half = (settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
-    stage = solved(stage, intervals, rough, use)
+    stage = _with_peaks(solved(stage, intervals, rough, use), intervals, rough, use)
     if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
         longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
         try:
@@ -161,6 +168,36 @@ def begun(
     idle = _local_cost(stage).idle((), settings.significance)
     without = _without(stage, idle, intervals, settings, use)
     return without or solved(stage, intervals, settings, use), settings
+
+
+def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+    """The stage with peaks that ended at zero, and would not at another velocity.
+
+    A velocity is without trace there: friction is the same with any, the slope of its peak is not.
+    """
+    problem, solution, huber = stage.problem, stage.solution, settings.huber
+    estimate, values = solution.estimate, values_of(solution.estimate, problem.blocks)
+    starts, without = np.array(estimate.friction.law.initial), np.diag(solution.curvature) == 0.0
+    for k, p in enumerate(problem.parameters):
+        if p.block != "friction" or not without[k]:
+            continue
+        tried = np.unique(np.clip(starts[:, p.place[1]], p.low, p.high))[::_EACH]
+        trials = [
+            with_values(estimate, problem.blocks, np.r_[values[:k], v, values[k + 1 :]])
+            for v in tried
+        ]
+        falls = [expected_fall(problem, solution, e) for e in (estimate, *trials)]
+        best = int(np.argmax(falls))
+        if falls[best] < falls[0] + CLEAR:
+            continue
+        trial = stage._replace(ended=(problem, solution._replace(estimate=trials[best - 1])))
+        try:
+            trial = solved(trial, intervals, settings, use)
+        except InputError:  # it went astray
+            continue
+        if cost_rise(solution, trial.solution, huber) < 0.0:
+            return _with_peaks(trial, intervals, settings, use)
+    return stage
 
 
 def _not_held(block: ParameterBlock) -> ParameterBlock:

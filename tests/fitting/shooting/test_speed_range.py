@@ -13,7 +13,7 @@ from frictionid.evaluation.curves import curve_error, steady_state
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine
-from frictionid.friction import DataRange, constraints_of
+from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, simulate, write_dataset
 from frictionid.simulate import Stribeck as Truth
@@ -68,6 +68,16 @@ def test_slow_stribeck_friction_comes_out_within_its_intervals(kind, axis):
     grid = velocity_grid(w)
     off = curve_error(curves(found.friction, grid), curves(steady_state(data.truth), grid), grid)
     assert (off < 0.02).all()
+
+
+def test_a_narrow_peak_is_fitted_even_where_the_fit_begins_without_it():
+    """At a peak of zero its velocity has no trace, and a far one would keep the peak at zero."""
+    data = recorded(PENDULUM, (0.06, 0.03, 0.2, 0.01), 0.5, 1e-4)
+    ends = [
+        refine(Friction(Stribeck(), np.array([theta])), data)
+        for theta in ([0.065, 0.0, 9.0, 0.008], [0.06, 0.03, 0.2, 0.01])
+    ]
+    np.testing.assert_allclose(ends[0].friction.theta, ends[1].friction.theta, rtol=0.03)
 
 
 def test_a_velocity_beyond_what_the_data_resolve_ends_there_without_intervals(axis, problem):
