@@ -329,3 +329,20 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
         level="doubtful" if weak else "",
         kind=best.convention.kind,
     )
+
+
+def recording_findings(measured: Measured) -> Iterator[Finding]:
+    """A finding for each of several recordings that follows another convention than the others."""
+    every, names = set(range(len(measured.motions))), measured.dataset.recordings
+    for i in every if len(every) > 1 else ():
+        first, *others = scores(measured.without(every - {i}))
+        fitting = better(others, first)
+        if fitting:
+            yield finding(
+                "convention_of_recording",
+                {"score": fitting[0].score, "given": first.score},
+                {
+                    "recording": names[i].name,
+                    "convention": ", or ".join(s.convention.words for s in fitting),
+                },
+            )

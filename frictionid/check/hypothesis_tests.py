@@ -18,6 +18,7 @@ from frictionid.check.conventions import (
     better,
     convention_findings,
     log_unexplained,
+    recording_findings,
     scored,
     scores,
 )
@@ -244,6 +245,8 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or constant_angle(left, measured)
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
+    if fitting or any(f.kind == "unknown_cause" for f in fault):
+        fault = list(recording_findings(corrected)) or fault
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]
     if not fitting:  # else the joints may be swapped

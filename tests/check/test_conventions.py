@@ -1,4 +1,4 @@
-"""A time in another unit is named as such, whatever it is, and only where it is one."""
+"""Another unit of time is named, and a recording whose signs or units differ from the others'."""
 
 from dataclasses import replace
 
@@ -72,3 +72,35 @@ def test_all_signals_are_on_the_corrected_clock():
     for signal in (r.angle, r.torque, r.velocity, r.covariates["temperature"]):
         np.testing.assert_allclose(signal.time, time)
     assert found[0].numbers["factor"] == 1e-3
+
+
+def _with_second(dataset: Dataset, angle: float, torque: list[float]) -> Dataset:
+    """Some recordings, angles and torques of the second one times factors."""
+    first, r, *others = dataset.recordings[::5]
+    changed = replace(
+        r,
+        angle=r.angle._replace(value=angle * r.angle.value),
+        torque=r.torque._replace(value=torque * r.torque.value),
+    )
+    return replace(dataset, recordings=(first, changed, *others))
+
+
+def _of_recordings(verdict) -> list[str]:
+    return [f.text for f in verdict.findings if f.kind == "convention_of_recording"]
+
+
+def test_a_single_recording_with_another_sign_is_named(acrobot):
+    data = _with_second(acrobot, 1.0, [1.0, -1.0])
+    verdict = check(data)
+    (text,) = _of_recordings(verdict)
+    assert verdict.level == "unusable" and data.recordings[1].name in text
+    assert "torque 2 has the wrong sign" in text
+
+
+def test_recordings_in_two_units_of_angle_are_told_apart(acrobot):
+    data = _with_second(acrobot, 180 / np.pi, [1.0, 1.0])
+    verdict = check(data)
+    assert verdict.findings[0].kind == "degrees"
+    texts = _of_recordings(verdict)
+    assert len(texts) == len(data.recordings) - 1
+    assert all("angles are in rad, not degrees" in text for text in texts)
