@@ -62,7 +62,9 @@ def parse_toml(text: str | bytes, where: str) -> dict[str, Any]:
         return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
     # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is no TOML ({error}); correct it") from None
+        raise InputError(
+            f"{where} is no TOML ({error}); correct it, or name another file"
+        ) from None
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:

@@ -160,8 +160,8 @@ def read_json(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     # ValueError: no JSON, no UTF-8, or a name that no file can have
     except (ValueError, RecursionError) as error:
-        reason = f"is no JSON but a file of another program ({error})" if text else "is empty"
-        raise InputError(f"{path}: {reason}") from None
+        reason = f"no JSON ({error})" if text else "empty"
+        raise InputError(f"{path}: is {reason}; name a file that frictionid wrote") from None
     if not isinstance(document, dict):
         raise InputError(f"{path}: must hold a JSON object, it holds a {type(document).__name__}")
     return document

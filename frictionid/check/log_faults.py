@@ -72,7 +72,8 @@ def kinks(size: Array) -> Array:
     >>> [kinks(np.abs(np.cos(2 * time))).tolist(), kinks(1.0 + np.cos(2 * time)).tolist()]
     [[7, 23], []]
     """
-    first, before, a, b, behind, last = (size[k : len(size) - 5 + k] for k in range(6))
+    count = max(len(size) - 5, 0)
+    first, before, a, b, behind, last = (size[k : k + count] for k in range(6))
     bent = np.abs(before - 2 * a + b) + np.abs(a - 2 * b + behind)
     turned = np.abs(before - 2 * a - b) + np.abs(a + 2 * b - behind)
     falls = (first > before) & (before > a) & (b < behind) & (behind < last)

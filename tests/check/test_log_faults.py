@@ -7,7 +7,7 @@ import pytest
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
-from frictionid.check.log_faults import clock_findings, repeated_rows, unsigned_torques
+from frictionid.check.log_faults import clock_findings, kinks, repeated_rows, unsigned_torques
 from frictionid.check.sensors import coarse_velocities
 from frictionid.data.signals import Signal, taken
 
@@ -61,6 +61,11 @@ def with_velocity(data, step):
         for r, w in zip(data.recordings, values, strict=True)
     ]
     return replace(data, recordings=tuple(recordings))
+
+
+@pytest.mark.parametrize("samples", range(8))
+def test_a_few_samples_have_no_kink(samples):
+    assert not len(kinks(np.linspace(1.0, 2.0, samples)))
 
 
 @pytest.mark.parametrize(("step", "named"), [(0.0, False), (0.01, False), (0.2, True), (0.7, True)])

@@ -152,9 +152,13 @@ def cost_rise(before: Solution, after: Solution, huber: float) -> float:
 def expected_fall(problem: ShootingProblem, ended: Solution, estimate: Estimate) -> float:
     """How much a Gauss-Newton step from an estimate lowers the cost [squares of the noise].
 
-    With the states of a fit that ended where friction is that of the estimate.
+    With the states of a fit that ended where friction is that of the estimate. Nothing where the
+    physics step cannot follow it.
     """
-    point = linearised_at(problem, ended.windows, estimate, ended.nodes, ended.sigma)
+    try:
+        point = linearised_at(problem, ended.windows, estimate, ended.nodes, ended.sigma)
+    except TooSteepError:
+        return 0.0
     point = point._replace(kinked=ended.kinked, out=ended.kinked)
     step = _next_step(problem, point, ended.sigma, _DAMPING[0], 1.0).solution
     slope = step.normal.g[step.closed].sum(axis=0)
