@@ -333,7 +333,7 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
 
 def recording_findings(measured: Measured) -> Iterator[Finding]:
     """A finding for each of several recordings that follows another convention than the others."""
-    every, names = set(range(len(measured.motions))), measured.dataset.recordings
+    every = set(range(len(measured.motions)))
     for i in every if len(every) > 1 else ():
         first, *others = scores(measured.without(every - {i}))
         fitting = better(others, first)
@@ -342,7 +342,7 @@ def recording_findings(measured: Measured) -> Iterator[Finding]:
                 "convention_of_recording",
                 {"score": fitting[0].score, "given": first.score},
                 {
-                    "recording": names[i].name,
+                    "recording": measured.dataset.recordings[i].name,
                     "convention": ", or ".join(s.convention.words for s in fitting),
                 },
             )

@@ -149,24 +149,8 @@ def cost_rise(before: Solution, after: Solution, huber: float) -> float:
     return float((share[..., None] * (costs[1] - costs[0])).sum())
 
 
-def expected_fall(problem: ShootingProblem, ended: Solution, estimate: Estimate) -> float:
-    """How much a Gauss-Newton step from an estimate lowers the cost [squares of the noise].
-
-    With the states of a fit that ended where friction is that of the estimate. Nothing where the
-    physics step cannot follow it.
-    """
-    try:
-        point = linearised_at(problem, ended.windows, estimate, ended.nodes, ended.sigma)
-    except TooSteepError:
-        return 0.0
-    point = point._replace(kinked=ended.kinked, out=ended.kinked)
-    step = _next_step(problem, point, ended.sigma, _DAMPING[0], 1.0).solution
-    slope = step.normal.g[step.closed].sum(axis=0)
-    return float((2.0 * slope - step.curvature @ step.move) @ step.move)
-
-
-def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Array:
-    """What a Gauss-Newton step with windows of another length would change in the parameters (D,).
+def step_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Solution:
+    """The solution after a Gauss-Newton step with windows of another length.
 
     Only in intervals of windows that counted.
     """
@@ -176,7 +160,7 @@ def move_with_windows(problem: ShootingProblem, solution: Solution, seconds: flo
     windows = cut_windows(problem.intervals, use, seconds)
     estimate, nodes, sigma = solution.estimate, solution.nodes, solution.sigma
     point = linearised_at(problem, windows, estimate, nodes, sigma)
-    return _next_step(problem, point, sigma, _DAMPING[0], 1.0).solution.move
+    return _next_step(problem, point, sigma, _DAMPING[0], 1.0).solution
 
 
 def _leading(problem: ShootingProblem) -> ShootingProblem:

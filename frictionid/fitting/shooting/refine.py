@@ -28,7 +28,7 @@ from frictionid.fitting.shooting.data_checks import (
     odd_sentences,
     warnings_of,
 )
-from frictionid.fitting.shooting.gauss_newton import Solution, move_with_windows
+from frictionid.fitting.shooting.gauss_newton import Solution, step_with_windows
 from frictionid.fitting.shooting.networks import (
     as_given,
 )
@@ -68,7 +68,7 @@ def settings_error(problem: ShootingProblem, solution: Solution) -> Array | floa
     seconds, moves = problem.settings.windows[-1], []
     for length in _LENGTHS:
         try:
-            moves.append(move_with_windows(problem, solution, length * seconds))
+            moves.append(step_with_windows(problem, solution, length * seconds).move)
         except InputError:  # no three intervals in one piece are left
             continue
     finite = [np.outer(move, move) for move in moves if np.isfinite(move).all()]
@@ -89,7 +89,7 @@ def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | flo
         return 0.0
     estimate = solution.estimate._replace(friction=replace(friction, law=finer))
     there = solution._replace(estimate=estimate)
-    move = 2.0 * move_with_windows(problem, there, problem.settings.windows[-1])
+    move = 2.0 * step_with_windows(problem, there, problem.settings.windows[-1]).move
     return np.outer(move, move) if np.isfinite(move).all() else 0.0
 
 

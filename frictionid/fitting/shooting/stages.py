@@ -28,8 +28,8 @@ from frictionid.fitting.shooting.data_checks import check_blocks, check_data, ex
 from frictionid.fitting.shooting.gauss_newton import (
     Solution,
     cost_rise,
-    expected_fall,
     solve,
+    step_with_windows,
 )
 from frictionid.fitting.shooting.networks import (
     as_given,
@@ -175,18 +175,17 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
 
     A velocity is without trace there: friction is the same with any, the slope of its peak is not.
     """
-    problem, solution, huber = stage.problem, stage.solution, settings.huber
+    problem, solution = stage.problem, stage.solution
     estimate, values = solution.estimate, values_of(solution.estimate, problem.blocks)
-    starts, without = np.array(estimate.friction.law.initial), np.diag(solution.curvature) == 0.0
-    for k, p in enumerate(problem.parameters):
-        if p.block != "friction" or not without[k]:
+    starts = np.array(estimate.friction.law.initial)
+    for k in np.flatnonzero(np.diag(solution.curvature) == 0.0):
+        p = problem.parameters[k]
+        if p.block != "friction":
             continue
         tried = np.unique(np.clip(starts[:, p.place[1]], p.low, p.high))[::_EACH]
-        trials = [
-            with_values(estimate, problem.blocks, np.r_[values[:k], v, values[k + 1 :]])
-            for v in tried
-        ]
-        falls = [expected_fall(problem, solution, e) for e in (estimate, *trials)]
+        others = np.arange(len(values)) != k
+        trials = [with_values(estimate, problem.blocks, np.where(others, values, v)) for v in tried]
+        falls = [_expected_fall(problem, solution, e) for e in (estimate, *trials)]
         best = int(np.argmax(falls))
         if falls[best] < falls[0] + CLEAR:
             continue
@@ -195,9 +194,23 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
             trial = solved(trial, intervals, settings, use)
         except InputError:  # it went astray
             continue
-        if cost_rise(solution, trial.solution, huber) < 0.0:
+        if cost_rise(solution, trial.solution, settings.huber) < 0.0:
             return _with_peaks(trial, intervals, settings, use)
     return stage
+
+
+def _expected_fall(problem: ShootingProblem, ended: Solution, estimate: Estimate) -> float:
+    """How much a step from an estimate lowers the cost [squares of the noise], with ended states.
+
+    Nothing where the physics step cannot follow its friction.
+    """
+    try:
+        seconds = problem.settings.windows[-1]
+        step = step_with_windows(problem, ended._replace(estimate=estimate), seconds)
+    except InputError:
+        return 0.0
+    slope = step.normal.g[step.closed].sum(axis=0)
+    return float((2.0 * slope - step.curvature @ step.move) @ step.move)
 
 
 def _not_held(block: ParameterBlock) -> ParameterBlock:
