@@ -150,7 +150,7 @@ def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[
     shared = [file for file, digest in dataset.hashes.items() if digest in fitted]
     if shared:
         yield (
-            f"{name} was fitted to {len(shared)} of the {len(dataset.hashes)} tables of "
+            f"{name} was fitted to {len(shared)} of the {len(dataset.hashes)} files of "
             f"{dataset.name!r}: its scores are of training data, not of held-out recordings"
         )
 

@@ -245,8 +245,8 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or constant_angle(left, measured)
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
-    mixed = any(s.convention.kind in ("degrees", "radians") for s in fitting)
-    if mixed or any(f.kind == "unknown_cause" for f in fault):
+    kinds = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}
+    if kinds & {"degrees", "radians", "unknown_cause"}:
         fault = list(recording_findings(corrected)) or fault
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]

@@ -120,9 +120,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
     assert table["score"].tolist() == scores["score"].tolist()
     tables = len(data.hashes)
-    assert f"fitted was fitted to {tables} of the {tables} tables of 'tiny'" in " ".join(
-        out.split()
-    )
+    assert f"fitted was fitted to {tables} of the {tables} files of 'tiny'" in " ".join(out.split())
     assert "states of a kinematic filter" in out
 
     own = ("--initial-states", "model", "--out", "own_states.csv")

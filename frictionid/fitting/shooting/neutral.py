@@ -73,9 +73,8 @@ class Unknown(NamedTuple):
     def sentence(self) -> str:
         """What was done, for people."""
         p = self.parameter
-        return (
-            f"{p.name} is not identified by these data, and stays at {self.neutral:.3g} {p.unit}."
-        )
+        value = f"{self.neutral:.3g} {p.unit}".removesuffix(" 1")
+        return f"{p.name} is not identified by these data, and stays at {value}."
 
     def shown(self, rise: float) -> bool:
         """Whether the cost, in squares of the noise, is clearly higher by a rise after holding it.

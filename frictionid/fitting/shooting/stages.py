@@ -177,12 +177,13 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     """
     problem, solution = stage.problem, stage.solution
     estimate, values = solution.estimate, values_of(solution.estimate, problem.blocks)
-    starts = np.array(estimate.friction.law.initial)
     for k in np.flatnonzero(np.diag(solution.curvature) == 0.0):
         p = problem.parameters[k]
         if p.block != "friction":
             continue
-        tried = np.unique(np.clip(starts[:, p.place[1]], p.low, p.high))[::_EACH]
+        tried = np.unique(
+            np.clip(np.array(estimate.friction.law.initial)[:, p.place[1]], p.low, p.high)
+        )[::_EACH]
         others = np.arange(len(values)) != k
         trials = [with_values(estimate, problem.blocks, np.where(others, values, v)) for v in tried]
         falls = [_expected_fall(problem, solution, e) for e in (estimate, *trials)]

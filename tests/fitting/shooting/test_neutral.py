@@ -14,7 +14,7 @@ from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Settings, refine, stages
 from frictionid.fitting.shooting.gauss_newton import solve
-from frictionid.fitting.shooting.neutral import LocalCost, followed
+from frictionid.fitting.shooting.neutral import LocalCost, Unknown, followed
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Quadratic, Stribeck
@@ -27,6 +27,12 @@ LINE = [[0.1, 0.02]]
 
 def fitted(law, problem, rows, **settings):
     return LeastSquares(law, **settings).fit(problem, rows, 0)[0]
+
+
+@pytest.mark.parametrize(("unit", "value"), [("N m", "0 N m."), ("1", "0.")])
+def test_what_stays_at_its_neutral_value_is_said_in_its_unit(unit, value):
+    held = Unknown(Parameter("friction", "loss of joint 1", unit, 0.2), 0.0, 0.3, 1.0, 1.0)
+    assert held.sentence.endswith(f"stays at {value}")
 
 
 @pytest.mark.parametrize("seed", range(2))
