@@ -176,7 +176,8 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     A velocity is without trace there: friction is the same with any, the slope of its peak is not.
     """
     problem, solution = stage.problem, stage.solution
-    estimate, values = solution.estimate, values_of(solution.estimate, problem.blocks)
+    estimate = solution.estimate
+    values = values_of(estimate, problem.blocks)
     for k in np.flatnonzero(np.diag(solution.curvature) == 0.0):
         p = problem.parameters[k]
         if p.block != "friction":
@@ -187,7 +188,7 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
         others = np.arange(len(values)) != k
         trials = [with_values(estimate, problem.blocks, np.where(others, values, v)) for v in tried]
         falls = [_expected_fall(problem, solution, e) for e in (estimate, *trials)]
-        best = int(np.argmax(falls))
+        best = np.argmax(falls)
         if falls[best] < falls[0] + CLEAR:
             continue
         trial = stage._replace(ended=(problem, solution._replace(estimate=trials[best - 1])))
