@@ -10,12 +10,12 @@ data sets:
 - recipes: `calibrated` for all, `shooting` from there for laws and the sparse sum; of arms whose
   controller is in no log `integral` and `inverse_dynamics`, since without it predictions drift off;
 - samples at least 10 ms apart; horizons of 0.1 to 1 s, judged after 0.5 s, of these arms 0.05 to
-  0.2 s, judged after 0.1 s;
+  0.2 s, judged by the share of the torque that is left;
 - folds of whole recordings, or six of time where there are fewer than five recordings.
 
-An error is the median of the predictions, on test data where a collection has them, else on the
-folds. The choice is the verdict's, by the folds alone; its regret is its error over that of the
-best fitted model by hindsight.
+An error is the median of the predictions, or the torque left, on test data where a collection has
+them, else on the folds. The choice is the verdict's, by the folds alone; its regret is its error
+over that of the best fitted model by hindsight.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
 LAWS = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
 NETWORKS = ("mlp", "lstm")
 APART, FEW, BLOCKS = 0.01, 5, 6
+JUDGED = 0.5  # [s]
 
 
 class Machine(NamedTuple):
@@ -151,8 +152,8 @@ def rows_of(machine: Machine) -> Iterator[Row]:
     answers = {q["name"]: q["answer"].replace("_", " ") for q in verdict["questions"]}
     fitted = {c["name"] for c in verdict["candidates"] if c["identifier"] not in machine.published}
     for judged in machine.tests or (machine.name,):
-        error = errors(scores, judged, 0.1 if machine.held else 0.5)
-        published = error[[name.partition(" (")[0] in machine.published for name in error.index]]
+        error = errors(scores, machine, judged)
+        published = error[list(machine.published)]
         ours = error[[name in fitted for name in error.index]]
         yield Row(
             machine.name,
@@ -167,18 +168,22 @@ def rows_of(machine: Machine) -> Iterator[Row]:
         )
 
 
-def errors(scores: pd.DataFrame, dataset: str, horizon: float) -> pd.Series:
-    """Median errors of all models at a horizon, by the verdict's names: none has no recipe."""
+def errors(scores: pd.DataFrame, machine: Machine, judged: str) -> pd.Series:
+    """Errors of all models on a data set, by the verdict's names: given ones have no recipe."""
+    score, statistic = scores.score == "rollout_angle", scores.statistic == "median"
+    if machine.held:
+        score, statistic = scores.score == "torque_left", scores.statistic == "share"
     rows = scores[
-        (scores.dataset == dataset)
-        & (scores.score == "rollout_angle")
-        & (scores.statistic == "median")
+        (scores.dataset == judged)
+        & score
+        & statistic
         & (scores.joint == "all")
-        & (scores.horizon_s == horizon)
+        & (scores.horizon_s.isna() if machine.held else scores.horizon_s == JUDGED)
         & (scores.fold.astype(str) == "all")
     ]
-    recipe = (" (" + rows.fit + ")").where(rows.identifier != "none", "")
-    return rows.set_index(rows.identifier + recipe).value
+    recipe = (" (" + rows.fit + ")").where(~rows.identifier.isin(["none", *machine.published]), "")
+    value = rows.set_index(rows.identifier + recipe).value
+    return value[~value.index.duplicated()]
 
 
 def table_of(rows: Sequence[Row]) -> str:
