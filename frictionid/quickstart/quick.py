@@ -122,8 +122,8 @@ def time_between_samples(dataset: Dataset, most: int) -> float | None:
 
 def laws_for(dataset: Dataset) -> tuple[str, ...]:
     """Names of the laws that are compared on a data set, from simple to rich."""
-    sampled = torque_is_sampled(dataset)
-    return tuple(name for name in LAWS if sampled or name != "motor_load")
+    driven = torque_is_sampled(dataset) or any(r.servo for r in dataset.recordings)
+    return tuple(name for name in LAWS if driven or name != "motor_load")
 
 
 def _compared(

@@ -21,11 +21,13 @@ from frictionid.__main__ import main
 from frictionid.comparison import cross_validate
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
+from frictionid.data.servo import open_loop
 from frictionid.dynamics.step_size import TooSteepError
 from frictionid.friction.laws import Spline
 from frictionid.quickstart.quick import (
     LAWS,
     STEPS,
+    laws_for,
     quick,
     shortened,
 )
@@ -206,6 +208,15 @@ def test_a_law_that_no_step_can_follow_is_no_candidate(monkeypatch):
     monkeypatch.setattr("frictionid.quickstart.quick.run", run)
     few = tiny(recordings=recordings_of_tiny()[:4])
     assert [c.name for c in quick(few).candidates] == ["none", "coulomb_viscous"]
+
+
+def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
+    data = tiny()
+    logged = data.recordings[0]
+    passive = replace(logged, torque=logged.torque._replace(value=0.0 * logged.torque.value))
+    driven = replace(passive, servo=open_loop(logged.torque))
+    offered = [laws_for(replace(data, recordings=(r,))) for r in (logged, driven, passive)]
+    assert ["motor_load" in laws for laws in offered] == [True, True, False]
 
 
 # --- As much as takes a minute --------------------------------------------------------------------
