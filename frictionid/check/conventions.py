@@ -331,18 +331,17 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     )
 
 
-def recording_findings(measured: Measured) -> Iterator[Finding]:
-    """A finding for each of several recordings that follows another convention than the others."""
-    every = set(range(len(measured.motions)))
-    for i in every if len(every) > 1 else ():
+def recording_findings(measured: Measured) -> list[Finding]:
+    """A finding for each recording that clearly follows another convention than the rest."""
+    every, odd = set(range(len(measured.motions))), list[Finding]()
+    for i in every:
         first, *others = scores(measured.without(every - {i}))
         fitting = better(others, first)
-        if fitting:
-            yield finding(
-                "convention_of_recording",
-                {"score": fitting[0].score, "given": first.score},
-                {
-                    "recording": measured.dataset.recordings[i].name,
-                    "convention": ", or ".join(s.convention.words for s in fitting),
-                },
-            )
+        if fitting and first.score - fitting[0].score > MARGIN:
+            values = {"score": fitting[0].score, "given": first.score}
+            words = {
+                "recording": measured.dataset.recordings[i].name,
+                "convention": ", or ".join(s.convention.words for s in fitting),
+            }
+            odd.append(finding("convention_of_recording", values, words))
+    return odd if len(odd) < len(every) else []

@@ -247,7 +247,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     )
     kinds = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}
     if kinds & {"degrees", "radians", "unknown_cause"}:
-        fault = list(recording_findings(corrected)) or fault
+        fault = recording_findings(corrected) or fault
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]
     if not fitting:  # else the joints may be swapped

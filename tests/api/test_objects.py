@@ -121,7 +121,7 @@ def test_the_command_scores_as_the_function(data, folder, tmp_path, run):
 
 def test_scores_on_training_data_are_said_to_be_that(data):
     fit = fid.fit(data, "coulomb_viscous")
-    with pytest.warns(UserWarning, match="fitted to 5 of the 5 tables"):
+    with pytest.warns(UserWarning, match="fitted to 5 of the 5 files"):
         fit.score(data)
 
 
