@@ -209,7 +209,7 @@ class ShootingProblem:
             T = of_last_joints(plant.mechanism, np.stack([T.min(axis=0), T.max(axis=0)]))
             friction = friction.at_temperature(T)
         away = step_size_of(plant, friction, longest, longest=_PIECE).pieces / longest
-        return alike(np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1))
+        return rounded_up(np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1))
 
     def _motor_torque(
         self, estimate: Estimate, drive: Drive, rows: Array, pieces: int
@@ -300,10 +300,10 @@ class ShootingProblem:
         return out
 
 
-def alike(counts: Array) -> Array:
-    """Counts (K,) that are not lower, and few of them differ: each is computed by itself.
+def rounded_up(counts: Array) -> Array:
+    """Counts (K,) rounded up to four binary digits: intervals of one count are computed together.
 
-    >>> alike(np.array([7.0, 15.0, 17.0, 500.0]))
+    >>> rounded_up(np.array([7.0, 15.0, 17.0, 500.0]))
     array([  7,  15,  18, 512])
     """
     unit = 2.0 ** np.maximum(np.floor(np.log2(counts)) - 3, 0)
