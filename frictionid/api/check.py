@@ -13,6 +13,7 @@ import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
+from frictionid.quickstart.plan import plan_for
 from frictionid.quickstart.quick_report import Quick
 from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
@@ -140,6 +141,7 @@ def check(data: DatasetLike, published: Any = None) -> Verdict:
 def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> Quick:
     """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
+    They are fitted as `frictionid.fit` fits them: by shooting, or to the torques of an arm.
     `done` is called with the name of each step that is finished.
 
     Raises
@@ -148,5 +150,5 @@ def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> Quick
         Where the recordings are too short to hold any motion out.
     """
     dataset = dataset_of(data)
-    with counted(len(first.STEPS), "first verdict", done) as step:
+    with counted(len(plan_for(dataset).steps), "first verdict", done) as step:
         return first.quick(dataset, step)

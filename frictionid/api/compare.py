@@ -22,6 +22,7 @@ from frictionid.comparison.results import (
 from frictionid.comparison.suite import NamedIdentifier
 from frictionid.comparison.suite_tasks import tasks_on
 from frictionid.comparison.tasks import Task, results_of
+from frictionid.comparison.usual_method import usual_recipe, usual_sample_time
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -31,7 +32,7 @@ from frictionid.friction import Law
 from frictionid.outputs import check_writable
 
 from .comparison import Comparison
-from .fit import method_of, usual_recipe, usual_sample_time
+from .fit import method_of
 from .models import (
     DatasetLike,
     count,

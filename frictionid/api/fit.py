@@ -6,23 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from frictionid.comparison.equal_joints import groups_of, with_equal
 from frictionid.comparison.fit_model import fit_model, with_smoothing_bias
-from frictionid.comparison.registry import RECIPES
-from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_named, recipe_of
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_named, recipe_of
+from frictionid.comparison.usual_method import ONE_STEP, usual_method, usual_sample_time
 from frictionid.config import checked, nearest
-from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol
-from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
-from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.shooting.recipe import KnownCalibration, known_calibration
-from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction import Law
-from frictionid.quickstart.quick import time_between_samples
 
 from .fitted import Fit
 from .models import (
@@ -37,10 +30,7 @@ from .models import (
 )
 from .notebook import counted
 
-ONE_STEP = (*RECIPES, CALIBRATED.name)
 METHODS = ("one_step", "shooting", "inverse_dynamics", *ONE_STEP)
-_ARM = 3  # joints
-_MOST = 100_000  # samples of all joints that are fitted by default
 
 
 def method_of(
@@ -113,54 +103,6 @@ def _names(names: str | Sequence[str]) -> list[str]:
 def _calibration_of(calibration: Any) -> KnownCalibration:
     name = str(calibration) if isinstance(calibration, str | Path) else "the model"
     return known_calibration(friction_of(calibration), name)
-
-
-def usual_method(dataset: Dataset, identifier: Identifier) -> str:
-    """Method of `METHODS` that a fit takes where none is named.
-
-    Shooting, whose inertia, bias and delay are free where the data tell them. For arms inverse
-    dynamics: three joints or more, each with a sampled torque. In one step networks of arms,
-    networks with memory, which take minutes by shooting, and what uses no physics.
-
-    Examples
-    --------
-    >>> from frictionid.fitting.identifiers import Frictionless
-    >>> usual_method(dataset_of("acrobot_clean"), Frictionless())
-    'shooting'
-    """
-    law: Any = getattr(identifier, "law", None)
-    network = getattr(law, "is_network", False)
-    if not identifier.uses_mechanism or (network and law.has_memory):
-        return "one_step"
-    driven = np.any([np.any(r.torque.value, axis=0) for r in dataset.recordings], axis=0)
-    if dataset.mechanism.n < _ARM or not (driven.all() and torque_is_sampled(dataset)):
-        return "shooting"
-    return "one_step" if network else "inverse_dynamics"
-
-
-def usual_recipe(dataset: Dataset, identifiers: Sequence[Identifier]) -> str:
-    """Recipe of a comparison that names none: how `frictionid.fit` fits, where it fits all alike.
-
-    Else "calibrated", one step on data whose inertia and clock shooting has corrected, the same for
-    all; of arms, and with what uses no physics, "integral".
-
-    Examples
-    --------
-    >>> from frictionid.fitting.identifiers import Frictionless
-    >>> usual_recipe(dataset_of("acrobot_clean"), [Frictionless()])
-    'shooting'
-    """
-    methods = {usual_method(dataset, identifier) for identifier in identifiers}
-    if len(methods) == 1 and methods != {"one_step"}:
-        return methods.pop()
-    physics = all(identifier.uses_mechanism for identifier in identifiers)
-    return CALIBRATED.name if physics and dataset.mechanism.n < _ARM else INTEGRAL.name
-
-
-def usual_sample_time(dataset: Dataset, method: str) -> float | None:
-    """Time [s] between samples that a fit of long data takes where none is named; None: all."""
-    one_step = method == "one_step" or method in ONE_STEP
-    return None if one_step else time_between_samples(dataset, _MOST)
 
 
 def fit(

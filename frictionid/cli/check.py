@@ -65,7 +65,7 @@ def quick(
     replace: bool = False,
     trust: bool = False,
 ) -> None:
-    """Check a data set, compare three friction laws on held-out motion, and say which one holds.
+    """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     The exit status is 2 where the data are unusable, else 0.
 
@@ -81,7 +81,7 @@ def quick(
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
-    from frictionid.quickstart.quick import STEPS
+    from frictionid.quickstart.plan import plan_for
     from frictionid.quickstart.quick_report import quick_figure, quick_json, show_quick
     from frictionid.report.figures.style import png
 
@@ -93,7 +93,7 @@ def quick(
     paths = (Path(f"{name}{end}.png") for end in ends)
     figure = figure or next(path for path in paths if replace or not os.path.lexists(path))
     check_outputs([figure], dataset_files(dataset, data), replace=replace)
-    with running(STEPS, f"first verdict ({loaded.name})") as done:
+    with running(plan_for(loaded).steps, f"first verdict ({loaded.name})") as done:
         verdict = first_verdict(loaded, done)
     print(quick_json(verdict)) if json else show_quick(verdict)
     if verdict.chosen is None:

@@ -67,6 +67,10 @@ def init(
         from frictionid.quickstart.describe_robot import describe_robot
         from frictionid.quickstart.robot_columns import robot_file
 
+        from .progress import is_quiet
+
+        if not is_quiet():
+            typer.echo(f"reading {robot} and the tables, which takes seconds ...", err=True)
         described = describe_robot(source, robot_file(robot), dict(map(setting, set_ or [])), facts)
     else:
         machine = _mechanism(mechanism, set_ or [])

@@ -13,8 +13,9 @@ from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 
 from .column_guesses import ColumnGuesses
-from .quick import laws_for
+from .plan import BY_ANGLES, BY_TORQUES, plan_for
 
+_SIMPLE = ("none", "coulomb_viscous", "stribeck")  # laws of robots without measured torques
 _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment
 
@@ -60,13 +61,14 @@ def dataset_text(draft: Draft) -> str:
 def suite_text(draft: Draft, horizons: Sequence[float], dataset: Dataset) -> str:
     """Text of a first suite: the laws of `frictionid quick`, by shooting.
 
-    Laws of arms by torques where these are measured, else by one step.
+    Of robots by torques where these are measured, else fewer by one step.
     """
     robot, single = draft.machine.kind in ("urdf", "mjcf"), len(dataset.recordings) == 1
-    laws = laws_for(dataset)[2:]  # beside none, and Coulomb and viscous friction
-    if robot:
-        laws = ("stribeck",) if draft.actuator else ("stribeck", "load_dependent")
-    context = {"horizons": horizons, "single": single, "robot": robot, "laws": laws}
+    laws = BY_TORQUES.laws if robot else plan_for(dataset).laws
+    if robot and draft.actuator:
+        laws = tuple(law for law in BY_ANGLES.laws if law.kind in _SIMPLE)
+    tables = [law.model_dump(exclude_none=True) for law in laws]
+    context = {"horizons": horizons, "single": single, "robot": robot, "laws": tables}
     return _rendered("suite.toml.j2", draft, context)
 
 

@@ -2,8 +2,9 @@
 
 The rule is that of a comparison (`frictionid.evaluation.reference_model`), on fewer candidates:
 the simplest law whose predictions are not practically worse than those of the best one. Laws are
-fitted by shooting, with its defaults. Only folds count that hold out motion: in others all errors
-are noise. With fewer than three of them the law of the smallest error counts.
+fitted as `frictionid.fit` fits them: by shooting, of arms by inverse dynamics, where the torque
+left takes the place of predictions. Only folds count that hold out motion: in others all errors are
+noise. With fewer than three of them the law of the smallest error counts.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
 from frictionid.comparison.suite import identifier_named
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.suite_recipes import recipe_of
+from frictionid.comparison.usual_method import time_between_samples
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
@@ -29,27 +31,23 @@ from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import StartErrors, choose, preferring
-from frictionid.fitting.shooting.settings import torque_is_sampled
+from frictionid.evaluation.score_frame import score_tables
+from frictionid.evaluation.torque_left import torque_frame
 from frictionid.friction.provenance import Estimates
+from frictionid.report.candidates import Measure
 
+from .plan import Plan, plan_for
 from .quick_report import Candidate, Quick
 
-# by their number of parameters; `motor_load` where a motor's torque is sampled
-LAWS = ("none", "coulomb_viscous", "motor_load", "stribeck", "spline")
-STEPS = ("check", *LAWS)
-_HORIZONS = (0.5, 0.25, 0.1)  # [s], the first one counts that the folds hold out
-_FOLDS = 10
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
-_SAMPLES = 6_000  # of all joints: so many are compared in a minute
-_COARSEST = 0.01  # [s] between samples
 _SHORTEST = 3.0  # [s] of a recording
 
 
 def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     """A first verdict on a data set: are the data good, and which friction do they show.
 
-    `done` is called with the name of each of `STEPS` that is finished.
+    `done` is called with the name of each step that is finished, see `Plan`.
 
     Raises
     ------
@@ -64,14 +62,16 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     """
     report = done or (lambda _: None)
     verdict = check(dataset)
-    report(STEPS[0])
+    report("check")
     if verdict.level == "unusable":
         return Quick(verdict)
-    part, sample_time = shortened(dataset)
-    horizon, results = _compared(part, sample_time, report)
+    plan = plan_for(dataset)
+    part, sample_time = shortened(dataset, plan.samples)
+    horizon, results = _compared(part, plan, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
-    moving, candidates, chosen = candidates_of(results, part, horizon, float(noise))
+    least = 0.0 if plan.by_torque else _ABOVE * float(noise)
+    moving, candidates, chosen = candidates_of(results, part, horizon, least)
     result = results[chosen.name]
     kept = () if chosen.refined is None else (e.block for e in chosen.refined.parameters)
     return Quick(
@@ -93,15 +93,15 @@ def _estimates(result: Result, dataset: Dataset) -> Estimates | None:
     return None if result.refined is None else result.refined.estimates(dataset, result.grid)
 
 
-def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
-    """As much of a data set as is compared in a minute, and the time [s] between its samples.
+def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
+    """So many samples of all joints of a data set, and the time [s] between them.
 
     Fast samples are thinned first; then some recordings are taken, evenly spread; then the begin of
     each.
     """
-    most = _SAMPLES / np.shape(dataset.recordings[0].angle.value)[1]
+    most = samples / np.shape(dataset.recordings[0].angle.value)[1]
     spans = np.array([np.ptp(r.angle.time) for r in dataset.recordings])
-    sample_time = time_between_samples(dataset, _SAMPLES)
+    sample_time = time_between_samples(dataset, samples)
     seconds = most * (sample_time or usual_interval(dataset))
     if spans.sum() <= seconds:
         return dataset, sample_time
@@ -112,59 +112,51 @@ def shortened(dataset: Dataset) -> tuple[Dataset, float | None]:
     return replace(dataset, recordings=parts), sample_time
 
 
-def time_between_samples(dataset: Dataset, most: int) -> float | None:
-    """Time [s] between samples that leaves so many of all joints, or 0.01; None: all of them."""
-    usual, joints = usual_interval(dataset), np.shape(dataset.recordings[0].angle.value)[1]
-    seconds = sum(float(np.ptp(r.angle.time)) for r in dataset.recordings)
-    apart = max(usual, min(seconds * joints / most, _COARSEST))
-    return apart if apart > 1.5 * usual else None
-
-
-def laws_for(dataset: Dataset) -> tuple[str, ...]:
-    """Names of the laws that are compared on a data set, from simple to rich."""
-    driven = torque_is_sampled(dataset) or any(r.servo for r in dataset.recordings)
-    return tuple(name for name in LAWS if driven or name != "motor_load")
-
-
 def _compared(
     dataset: Dataset,
+    plan: Plan,
     sample_time: float | None,
     done: Callable[[str], None],
 ) -> tuple[float, dict[str, Result]]:
-    """The longest horizon that the folds hold out, and the results of all laws."""
-    recipe = recipe_of(RecipeEntry(name="shooting", by="shooting"))
-    folds = _folds(dataset)
-    for horizon in _HORIZONS:
+    """The longest horizon that the folds hold out, NaN of torques, and the results of all laws."""
+    recipe, folds = recipe_of(plan.recipe), _folds(dataset, plan.folds)
+    for horizon in plan.horizons:
         protocol = Protocol(horizons=(horizon,), sample_time=sample_time)
         benchmark = Benchmark(dataset, folds, protocol)
         try:
             shared = prepare_benchmark(benchmark, [recipe])
             break
         except InputError:  # no fold holds out so much motion
-            if horizon == _HORIZONS[-1]:
+            if horizon == plan.horizons[-1]:
                 raise
     results = {}
-    for name in laws_for(dataset):
+    for law in plan.laws:
         with suppress(TooSteepError):  # a law that no step can follow is no candidate
-            results[name] = run(benchmark, identifier_named(name, {}), recipe, 0, shared)
-        done(name)
-    return horizon, results
+            identifier = identifier_named(law.kind, law.table)
+            results[law.label] = run(benchmark, identifier, recipe, 0, shared)
+        done(law.label)
+    return float("nan") if plan.by_torque else horizon, results
 
 
-def _folds(dataset: Dataset) -> Folds:
+def _folds(dataset: Dataset, most: int) -> Folds:
     several = len(dataset.recordings) >= _FEWEST
-    count = min(len(dataset.recordings), _FOLDS) if several else _FOLDS
+    count = min(len(dataset.recordings), most) if several else most
     split = Split(count=count, kind="recordings" if several else "blocks")
     return make_folds(dataset.recordings, split)
 
 
 def candidates_of(
-    results: Mapping[str, Result], dataset: Dataset, horizon: float, noise: float
+    results: Mapping[str, Result], dataset: Dataset, horizon: float, least: float
 ) -> tuple[int, tuple[Candidate, ...], Candidate]:
-    """Number of folds that hold out motion, the laws compared on these, and the chosen one."""
-    folds = np.array([_by_fold(result, horizon) for result in results.values()])
+    """Number of folds that hold out motion, the laws compared on these, and the chosen one.
+
+    horizon : [s], NaN where laws are compared by the torque left; least : error in such a fold
+    """
+    column = Measure(horizon).column
+    tables = [score_tables(result.scores.assign(task=name)) for name, result in results.items()]
+    by_fold = pd.concat([folds[column].droplevel("task") for folds, _ in tables], axis=1)
+    moving = by_fold.index[by_fold.max(axis=1) > least].to_numpy()
     frictionless = np.array([result.overall.theta.size == 0 for result in results.values()])
-    moving = np.flatnonzero(folds.max(axis=0) > _ABOVE * noise)
     errors = [_starts(result, horizon, moving) for result in results.values()]
     counts = [_complexity(result) for result in results.values()]
     names = [frozenset(result.overall.law.names) for result in results.values()]
@@ -175,15 +167,16 @@ def candidates_of(
         Candidate(
             name=name,
             parameters=int(result.overall.theta.size),
-            error=result.value("rollout_angle", "median", horizon),
-            by_fold=by_fold,
+            error=float(tables[i][1][column].iloc[0]),
+            by_fold=by_fold.iloc[:, i].to_numpy(),
             curves=result.curves,
             standing=choice.standings[i] if choice.standings else "",
             loss=choice.losses[i] if choice.losses else None,
             lacks=i in choice.lacking,
             refined=refined[i],
+            torque=torque_frame(result.scores.itertuples(index=False)),
         )
-        for i, ((name, result), by_fold) in enumerate(zip(results.items(), folds, strict=True))
+        for i, (name, result) in enumerate(results.items())
     )
     laws = [c for c in candidates if c.parameters]
     smallest = min(laws, key=lambda c: c.error)
@@ -192,7 +185,7 @@ def candidates_of(
 
 
 def _starts(result: Result, horizon: float, moving: Array) -> StartErrors:
-    """Errors of predictions that start in some of the folds."""
+    """Errors of predictions that start in some of the folds, or of the torque left."""
     assert result.errors is not None
     held_out = result.errors.held_out & np.isin(result.errors.fold, moving)
     return result.errors._replace(held_out=held_out).after(horizon)
@@ -203,13 +196,3 @@ def _complexity(result: Result) -> float:
     with suppress(InputError):
         return result.value("effective_parameters", "count")
     return float(result.overall.theta.size)
-
-
-def _by_fold(result: Result, horizon: float) -> Array:
-    """Median error after a horizon in each fold."""
-    scores: Any = result.scores
-    of_all = {"horizon_s": horizon, "score": "rollout_angle", "statistic": "median", "joint": "all"}
-    for key, value in of_all.items():
-        scores = scores[scores[key] == value]
-    scores = scores[scores["fold"] != "all"].sort_values("fold")
-    return np.asarray(scores["value"], dtype=float)

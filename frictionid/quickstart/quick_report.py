@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,6 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.check import Verdict
 from frictionid.comparison.kind_descriptions import summary
-from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
@@ -22,6 +21,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimates
 from frictionid.mechanics import Mechanism
 from frictionid.pictures import as_html, drawn
+from frictionid.report.candidates import Measure
 from frictionid.report.console import console, printed, printed_html, say
 from frictionid.report.diagnostics import COLOURS as LEVEL_COLOURS
 from frictionid.report.estimates import added
@@ -37,7 +37,7 @@ from frictionid.report.figures.style import (
 from frictionid.report.figures.style import line as key_line
 from frictionid.report.numbers import NOTHING, factor, norm_unit, short
 from frictionid.report.tables import Table, table_of, text_columns
-from frictionid.report.terminal import parameter_table
+from frictionid.report.terminal import parameter_table, show_torque_left
 from frictionid.report.verdict import times
 
 
@@ -45,7 +45,7 @@ from frictionid.report.verdict import times
 class Candidate:
     """A law on held-out motion.
 
-    error : median error after the horizon [rad], of all folds
+    error : median error after the horizon [rad], or share of the torque left, of all folds
     by_fold : (F,) the same in each fold
     curves : (F + 1, V, n) [N m] friction of the folds and, last, of all data
     standing : against the best law, see `frictionid.evaluation.reference_model.Choice`; "" where
@@ -53,6 +53,7 @@ class Candidate:
     loss : against it, None of itself
     lacks : whether it counts as worse as it lacks a parameter that the data identify
     refined : what its fit to all data estimated
+    torque : what it leaves of each joint's torque, see `frictionid.evaluation.torque_left`
     """
 
     name: str
@@ -64,6 +65,7 @@ class Candidate:
     loss: Loss | None = None
     lacks: bool = False
     refined: Estimates | None = None
+    torque: pd.DataFrame = field(default_factory=pd.DataFrame)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,8 +76,8 @@ class Quick:
     ----------
     check : Verdict
     seconds : float [s] of motion that were compared, all where that takes no more than a minute
-    horizon : float [s], after which errors are compared
-    free : blocks of shooting that the chosen law's fit to all data kept free
+    horizon : float [s], after which errors are compared, NaN where the torque left is
+    free : blocks that the chosen law's fit to all data kept free
     folds : number of folds that hold out motion
     candidates : tuple of Candidate, by their number of parameters; empty for unusable data
     chosen : Candidate or None, what the rule chooses
@@ -103,8 +105,13 @@ class Quick:
         return printed_html(partial(show_quick, self)) + picture
 
     @property
+    def measure(self) -> Measure:
+        """What laws are compared by."""
+        return Measure(self.horizon, norm_unit(_mechanism(self).position_units))
+
+    @property
     def frame(self) -> pd.DataFrame:
-        """The laws on held-out motion: name, parameters, error [rad], standing."""
+        """The laws on held-out motion: name, parameters, error [rad] or torque left, standing."""
         rows = [(c.name, c.parameters, c.error, c.standing or "undecided") for c in self.candidates]
         return pd.DataFrame(rows, columns=["name", "parameters", "error", "standing"])
 
@@ -136,6 +143,9 @@ def show_quick(result: Quick) -> None:
         say("No law was fitted: correct the data first.")
         return
     say(_table(result), *verdict(result))
+    if result.measure.is_torque:
+        say("")
+        show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
     if result.refined:
         say("", parameter_table(result.refined.parameters))
     say(*(f"next: {advice}" for advice in check.next))
@@ -143,19 +153,24 @@ def show_quick(result: Quick) -> None:
 
 def verdict(result: Quick) -> list[str]:
     """The verdict in sentences; none for unusable data."""
-    if result.chosen is None:
+    if result.chosen is None or result.friction is None:
         return []
-    chosen, unit, best = result.chosen, _unit(result), best_of(result)
+    chosen, measure, best = result.chosen, result.measure, best_of(result)
+    median = "" if measure.is_torque else " (median)"
     out = [
-        f"Verdict: {chosen.name}, {summary(IDENTIFIERS[chosen.name].parts[-1])}",
-        f"It is {short(chosen.error)} {unit} off after {result.horizon:g} s on held-out motion "
-        f"(median), {short(_without(result).error)} {unit} without friction.",
+        f"Verdict: {chosen.name}, {summary(type(result.friction.law))}",
+        f"It {measure.words(chosen.error)} on held-out motion{median}, "
+        f"{measure.size(_without(result).error)} without friction.",
     ]
     if result.folds < FEWEST:
         return [*out, "Too little motion was held out to compare laws: it has the smallest error."]
     if best is not chosen and chosen.loss is not None:
         words = times(chosen.loss.factor)
-        out.append(f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %).")
+        out.append(
+            f"{best.name} leaves least; {chosen.name} {words} times as much (80 %)."
+            if measure.is_torque
+            else f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %)."
+        )
     unsure = [c for c in result.candidates if c.standing == "undecided"]
     if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
         out.append(f"These data cannot tell whether {', '.join(simpler)} would do.")
@@ -211,12 +226,14 @@ def quick_json(result: Quick) -> str:
 
 
 def _table(result: Quick) -> Table:
-    error = f"error after {result.horizon:g} s [{_unit(result)}]"
+    measure = result.measure
     rows = []
     for c in result.candidates:
         mark = f"{c.name} *" if c is result.chosen else c.name
-        rows.append([mark, str(c.parameters), short(c.error), _times_best(c)])
-    return table_of([*text_columns("law"), "parameters", error, "times the best (80 %)"], rows)
+        error = measure.size(c.error) if measure.is_torque else short(c.error)
+        rows.append([mark, str(c.parameters), error, _times_best(c)])
+    head = "torque left" if measure.is_torque else measure.of_what
+    return table_of([*text_columns("law"), "parameters", head, "times the best (80 %)"], rows)
 
 
 def best_of(result: Quick) -> Candidate:
@@ -243,24 +260,20 @@ def _mechanism(result: Quick) -> Mechanism:
     return result.check.regression.measured.dataset.mechanism
 
 
-def _unit(result: Quick) -> str:
-    return norm_unit(_mechanism(result).position_units)
-
-
 _HIGH = 1.25  # of the largest friction shown
 
 
 def quick_figure(result: Quick) -> Any:
-    """For each joint friction over velocity, each fold thin; then the errors of the folds."""
+    """For each joint or part friction over velocity, each fold thin; then the folds' errors."""
     laws, mechanism = [c.name for c in result.candidates if c.parameters], _mechanism(result)
     colours = {"none": GREY, **dict(zip(laws, COLOURS, strict=False))}
-    joints = len(mechanism.joints)
-    picture, panels = panel_grid(joints + 1, 3, 2.7, 0.4)
-    for joint, axes in enumerate(panels[:joints]):
-        _friction(axes, result, joint, colours)
-    _errors(panels[joints], result, colours)
+    parts = len(mechanism.friction_names)
+    picture, panels = panel_grid(parts + 1, 3, 2.7, 0.4)
+    for part, axes in enumerate(panels[:parts]):
+        _friction(axes, result, part, colours)
+    _errors(panels[parts], result, colours)
     key = {_label(c, result): key_line(colours[c.name]) for c in result.candidates if c.parameters}
-    key_above(picture, {**key, "each fold": key_line(GREY, linewidth=0.5)})
+    key_above(picture, {**key, "each fold; all without load": key_line(GREY, linewidth=0.5)})
     return picture
 
 
@@ -268,23 +281,23 @@ def _label(c: Candidate, result: Quick) -> str:
     return f"{c.name}: the verdict" if c is result.chosen else c.name
 
 
-def _friction(axes: Any, result: Quick, joint: int, colours: dict[str, str]) -> None:
+def _friction(axes: Any, result: Quick, part: int, colours: dict[str, str]) -> None:
     assert result.velocity is not None
-    mechanism, w = _mechanism(result), result.velocity[:, joint]
+    mechanism, w = _mechanism(result), result.velocity[:, part]
     high = 0.0
     for c in result.candidates:
         if not c.parameters:
             continue
-        folds, overall = c.curves[:-1, :, joint], c.curves[-1, :, joint]
+        folds, overall = c.curves[:-1, :, part], c.curves[-1, :, part]
         axes.plot(w, folds.T, color=colours[c.name], linewidth=0.4, alpha=0.5)
         width, order = (1.8, 4) if c is result.chosen else (1.0, 3)
         axes.plot(w, overall, color=colours[c.name], linewidth=width, zorder=order)
         high = max(high, float(np.abs(overall).max()))
     end = _HIGH * high or 1.0
     velocity_axis(axes, w, (-end, end))
-    axes.set_title(mechanism.joints[joint], loc="left")
-    axes.set_xlabel(f"velocity [{mechanism.velocity_units[joint]}]")
-    axes.set_ylabel(f"friction [{mechanism.torque_units[joint]}]")
+    axes.set_title(mechanism.friction_names[part], loc="left")
+    axes.set_xlabel(f"velocity [{mechanism.friction_units[part]}/s]")
+    axes.set_ylabel(f"friction [{mechanism.friction_torque_units[part]}]")
 
 
 def _errors(axes: Any, result: Quick, colours: dict[str, str]) -> None:
@@ -293,6 +306,7 @@ def _errors(axes: Any, result: Quick, colours: dict[str, str]) -> None:
         axes.plot(place + offsets, c.by_fold, "o", color=colours[c.name], markersize=3, alpha=0.5)
         axes.plot([place - 0.3, place + 0.3], 2 * [c.error], color=colours[c.name], linewidth=2)
     plain_logarithm(axes)
-    axes.set_xticks(range(len(result.candidates)), [c.name for c in result.candidates], rotation=20)
-    axes.set_title(f"after {result.horizon:g} s, held out; dots: folds", loc="left", color=DARK)
-    axes.set_ylabel(f"error [{_unit(result)}]")
+    names = [c.name for c in result.candidates]
+    axes.set_xticks(range(len(names)), names, rotation=20, ha="right")
+    axes.set_title("held out; dots: folds", loc="left", color=DARK)
+    axes.set_ylabel(result.measure.of_what)

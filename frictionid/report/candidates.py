@@ -38,20 +38,25 @@ class Measure(NamedTuple):
     unit: str = ""
 
     @property
+    def is_torque(self) -> bool:
+        """Whether it is torque left."""
+        return bool(np.isnan(self.horizon))
+
+    @property
     def column(self) -> str:
         """Column of the scores."""
-        return "torque_left_share" if np.isnan(self.horizon) else rollout(self.horizon)
+        return "torque_left_share" if self.is_torque else rollout(self.horizon)
 
     @property
     def of_what(self) -> str:
         """What is an error, as the title of an axis."""
-        if np.isnan(self.horizon):
+        if self.is_torque:
             return "torque left, share of the measured rms"
         return f"error after {seconds(self.horizon)} [{self.unit}]"
 
     def size(self, error: float) -> str:
         """An error with its unit."""
-        return f"{100 * error:.2g} %" if np.isnan(self.horizon) else f"{short(error)} {self.unit}"
+        return f"{100 * error:.2g} %" if self.is_torque else f"{short(error)} {self.unit}"
 
     def words(self, error: float) -> str:
         """What a model of an error does.
@@ -59,7 +64,7 @@ class Measure(NamedTuple):
         >>> Measure(0.5, "rad").words(0.1), Measure().words(0.047)
         ('is 0.10 rad off after 0.5 s', 'leaves 4.7 % of the torque')
         """
-        if np.isnan(self.horizon):
+        if self.is_torque:
             return f"leaves {self.size(error)} of the torque"
         return f"is {self.size(error)} off after {seconds(self.horizon)}"
 

@@ -6,8 +6,8 @@ import numpy as np
 from fixtures import compared
 
 import frictionid
-from frictionid.api.fit import usual_recipe
 from frictionid.api.models import identifier_of
+from frictionid.comparison.usual_method import usual_recipe
 
 
 def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():

@@ -14,8 +14,8 @@ from fixtures.seven_joints import urdf_text
 from matplotlib.figure import Figure
 
 import frictionid as fid
-from frictionid.api.fit import usual_method
 from frictionid.api.models import identifier_of
+from frictionid.comparison.usual_method import usual_method
 
 TOML = """
 name = "arm"

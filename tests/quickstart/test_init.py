@@ -16,7 +16,7 @@ from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
-from frictionid.quickstart.quick import LAWS
+from frictionid.quickstart.plan import BY_ANGLES
 
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
@@ -90,7 +90,7 @@ def test_the_first_suite_can_be_compared(call, tmp_path):
         suite = tmp_path / folder / "suite.toml"
         tasks = tasks_of(load_suite(suite), suite)
         assert {task.benchmark.folds.count for task in tasks} == {count}
-        assert {task.name for task in tasks} == set(LAWS)
+        assert {task.name for task in tasks} == {law.label for law in BY_ANGLES.laws}
         assert {task.recipe.name for task in tasks} == {"shooting"}
 
 

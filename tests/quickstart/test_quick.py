@@ -24,17 +24,13 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.servo import open_loop
 from frictionid.dynamics.step_size import TooSteepError
 from frictionid.friction.laws import Spline
-from frictionid.quickstart.quick import (
-    LAWS,
-    STEPS,
-    laws_for,
-    quick,
-    shortened,
-)
+from frictionid.quickstart.plan import BY_ANGLES, plan_for
+from frictionid.quickstart.quick import quick, shortened
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve
 
+LAWS = BY_ANGLES.steps[1:]
 PAGE = ROOT / "docs" / "quickstart.md"
 
 
@@ -75,7 +71,7 @@ def found(place):
 
 def test_the_true_law_is_found_with_its_numbers(found):
     result, steps = found
-    assert steps == list(STEPS)
+    assert steps == list(BY_ANGLES.steps)
     assert result.check.level == "good" and result.chosen.name == "stribeck"
     w = result.velocity[:, 0]
     use = np.abs(w) > 0.05
@@ -204,7 +200,9 @@ def test_a_law_that_no_step_can_follow_is_no_candidate(monkeypatch):
             raise TooSteepError("spline: too steep")
         return cross_validate.run(benchmark, identifier, *rest)
 
-    monkeypatch.setattr("frictionid.quickstart.quick.LAWS", ("none", "coulomb_viscous", "spline"))
+    laws = tuple(law for law in BY_ANGLES.laws if law.kind in ("none", "coulomb_viscous", "spline"))
+    few_laws = BY_ANGLES._replace(laws=laws)
+    monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: few_laws)
     monkeypatch.setattr("frictionid.quickstart.quick.run", run)
     few = tiny(recordings=recordings_of_tiny()[:4])
     assert [c.name for c in quick(few).candidates] == ["none", "coulomb_viscous"]
@@ -215,8 +213,8 @@ def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
     logged = data.recordings[0]
     passive = replace(logged, torque=logged.torque._replace(value=0.0 * logged.torque.value))
     driven = replace(passive, servo=open_loop(logged.torque))
-    offered = [laws_for(replace(data, recordings=(r,))) for r in (logged, driven, passive)]
-    assert ["motor_load" in laws for laws in offered] == [True, True, False]
+    offered = [plan_for(replace(data, recordings=(r,))) for r in (logged, driven, passive)]
+    assert ["motor_load" in plan.steps for plan in offered] == [True, True, False]
 
 
 # --- As much as takes a minute --------------------------------------------------------------------
@@ -224,13 +222,13 @@ def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
 
 def test_short_data_are_used_as_they_are():
     data = tiny()
-    assert shortened(data) == (data, None)
+    assert shortened(data, 6_000) == (data, None)
 
 
 @pytest.mark.parametrize("copies", [5, 40])
 def test_long_data_are_shortened_to_the_same_work(copies):
     many = [replace(r, name=f"{r.name}-{k}") for k in range(copies) for r in recordings(300)]
-    part, sample_time = shortened(Dataset("long", MACHINE, tuple(many)))
+    part, sample_time = shortened(Dataset("long", MACHINE, tuple(many)), 6_000)
     apart = sample_time or 0.01
     samples = sum(np.ptp(r.angle.time) / apart for r in part.recordings)
     assert samples <= 6_000 * 1.02

@@ -177,6 +177,7 @@ class TorqueSettings:
     window : [s], time over which torques are averaged; ripple that is faster does not count
     node_time : [s], shortest time between the samples along which friction and inertia are computed
     iterations : Gauss-Newton steps at most, in each round of weights
+    tolerance : a round ends with a step of less [standard errors]
     huber : residuals beyond so many standard deviations count less
     significance : a block of sensors (delay, gain, bias) whose deviation from an ideal sensor has a
         larger p-value is left out, and the fit repeated without it; 1 keeps all
@@ -187,18 +188,18 @@ class TorqueSettings:
     window: float = 0.05
     node_time: float = 0.004
     iterations: int = 60
+    tolerance: float = 1e-3
     huber: float = 2.5
     significance: float = 0.01
     consistent: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("window", "node_time", "iterations", "huber", "significance"):
+        for name in ("window", "node_time", "iterations", "tolerance", "huber", "significance"):
             if not getattr(self, name) > 0:
                 raise InputError(f"{name} = {getattr(self, name)} must be positive")
 
 
 _ROUNDS = 4  # of weights
-_STILL = 1e-3  # [standard errors], step with which a round ends
 
 
 class TorqueSolution(NamedTuple):
@@ -237,7 +238,7 @@ def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> Torqu
     residual = problem.residual(x)[0]
     for _ in range(_ROUNDS):
         under = problem.conditions(*_weights(residual, counts, settings.huber))
-        end = minimum(problem, x, under, settings.iterations, still=_STILL)
+        end = minimum(problem, x, under, settings.iterations, still=settings.tolerance)
         x, residual, iterations = end.x, end.residual[0], iterations + end.iterations
     estimate, free = problem.at(x), ((x > under.low) & (x < under.high))[0]
     sigma, weight = _weights(residual, counts, settings.huber)

@@ -1,0 +1,63 @@
+"""frictionid quick of an arm: laws are fitted to torques, and judged by the torque they leave."""
+
+import json
+
+import numpy as np
+import pytest
+from fixtures import driven_wrist as wrist
+
+import frictionid as fid
+from frictionid.quickstart.plan import BY_ANGLES, BY_TORQUES, plan_for
+from frictionid.quickstart.quick import quick
+from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
+from frictionid.report.figures.style import png
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Ten seconds of an arm with Coulomb and viscous friction in four parts, 1 % of noise."""
+    arm = wrist.mechanism(tmp_path_factory.mktemp("arm"))
+    return wrist.dataset(arm, wrist.frame(arm, 10.0, rate=100.0))
+
+
+FRICTION = BY_TORQUES.recipe.model_copy(update={"free": ["friction"]})
+PLAN = BY_TORQUES._replace(recipe=FRICTION, laws=BY_TORQUES.laws[:3], folds=3)
+
+
+@pytest.fixture(scope="module")
+def result(data):
+    """The verdict on three laws."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("frictionid.quickstart.quick.plan_for", lambda _: PLAN)
+        return quick(data)
+
+
+def test_the_true_friction_is_found(result):
+    assert [c.name for c in result.candidates] == list(PLAN.steps[1:])
+    assert result.chosen.name == "coulomb_viscous"
+    w = np.array([-0.5, 0.5])
+    true = np.sign(w)[:, None] * wrist.COULOMB + w[:, None] * wrist.VISCOUS
+    np.testing.assert_allclose(result.friction.curve(w), true, rtol=0.02)
+
+
+def test_it_is_judged_by_the_torque_left(result):
+    """The noise alone is left, and more without friction."""
+    assert np.isnan(result.horizon) and result.folds == PLAN.folds
+    by_name = {c.name: c for c in result.candidates}
+    assert result.chosen.error < 0.02 < by_name["none"].error
+    assert by_name["none"].standing == "worse"
+    assert result.chosen.torque["left"].iloc[-1] == result.chosen.error
+
+
+def test_the_words_and_the_picture_are_of_torques(result):
+    words, text = " ".join(verdict(result)), repr(result)
+    assert "of the torque on held-out motion" in words and "rad" not in words
+    assert "Practically worse" in words and "torque left" in text and "N m" in text
+    document = json.loads(quick_json(result))
+    assert document["horizon"] is None and document["verdict"] == verdict(result)
+    assert png(lambda: quick_figure(result)).startswith(b"\x89PNG")
+
+
+def test_the_method_is_that_of_a_fit(data):
+    acrobot = fid.load_dataset("acrobot_clean")
+    assert plan_for(data) is BY_TORQUES and plan_for(acrobot) == BY_ANGLES
