@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 560_425, 396, 591, 73
-TEST_TOKENS, WORDS = 445_711, 27_960
+TOKENS, FILES, CLASSES, NAMES = 561_004, 398, 592, 73
+TEST_TOKENS, WORDS = 446_255, 27_960
 
 
 def tokens(path):
