@@ -57,7 +57,6 @@ _COARSE = {
     "by": "inverse_dynamics",
     "node_time": 0.01,
     "tolerance": 0.05,
-    "significance": 1.0,  # all sensors stay: to leave one out takes a second fit
 }
 _PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
 # `motor_load` explains any torque beside free inertias; without its controller an arm drifts off
