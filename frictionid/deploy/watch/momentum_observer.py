@@ -25,6 +25,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.coordinates import at_places
 from frictionid.mechanics import Plant
+from frictionid.programs.loops import compiled
 
 SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
 _QUICK = 6.0  # times the rate, that of the first filter
@@ -244,12 +245,21 @@ def _filtered(
 
     begin, end : inputs (K, ...) at the ends of each interval; x, y : both stages (...) before
     """
-    first, second = np.empty_like(begin), np.empty_like(begin)
-    decays, steps = np.exp(-rate * dt).tolist(), (rate * dt).tolist()
-    for k, (a, b, decay, step) in enumerate(zip(begin, end, decays, steps, strict=True)):
-        lag = (b - a) / step
-        off = x - a + lag
-        y = b - 2.0 * lag + decay * (y - a + 2.0 * lag + step * off)
-        x = b - lag + decay * off
-        first[k], second[k] = x, y
-    return first, second
+    flat = (np.ascontiguousarray(a).reshape(len(dt), -1) for a in (begin, end))
+    out = _stages(*flat, np.exp(-rate * dt), rate * dt, x.ravel(), y.ravel())
+    return out[0].reshape(begin.shape), out[1].reshape(begin.shape)
+
+
+@compiled
+def _stages(begin: Array, end: Array, decay: Array, step: Array, x: Array, y: Array) -> Array:
+    """Stages (2, K, m) of the filter, sample by sample, from those before, x and y (m,)."""
+    out = np.empty((2, *begin.shape))
+    for k in range(len(begin)):
+        for i in range(len(x)):
+            a, b = begin[k, i], end[k, i]
+            before = (x[i], y[i]) if k == 0 else (out[0, k - 1, i], out[1, k - 1, i])
+            lag = (b - a) / step[k]
+            off = before[0] - a + lag
+            out[0, k, i] = b - lag + decay[k] * off
+            out[1, k, i] = b - 2.0 * lag + decay[k] * (before[1] - a + 2.0 * lag + step[k] * off)
+    return out
