@@ -352,7 +352,7 @@ def external_torque(
     Examples
     --------
     >>> import frictionid as fid
-    >>> fit = fid.fit("acrobot_clean", "stribeck")
+    >>> fit = fid.fit("acrobot_clean", "stribeck", method="one_step")
     >>> torque = external_torque(fit, "acrobot_clean", quiet="acrobot_clean")
     >>> torque.joints, len(torque.contacts) < 3
     (('joint 1', 'joint 2'), True)

@@ -46,7 +46,7 @@ def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0):
     machine = {"kind": "pendulum", "parameters": parameters}
     drive = Drive(rate=200.0)
     varied = Variation(scatter=scatter) if scatter else None
-    settings = {"variation": varied, "seed": seed, "substeps": 4}
+    settings = {"variation": varied, "seed": seed, "substeps": 1}
     return simulate(Rig("p", machine, true, camera, runs, drive=drive, **settings))
 
 
