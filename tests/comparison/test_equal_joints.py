@@ -151,7 +151,7 @@ def rig(levels):
     friction = TrueStribeck(Curve(levels, levels, (0.01, 0.01)))
     table = {"kind": "double_pendulum", "driven": [True, True]}
     camera = Camera(samples=150, angle_noise=0.001)
-    return Rig("two", table, friction, camera, runs, seed=7, substeps=8)
+    return Rig("two", table, friction, camera, runs, seed=7, substeps=4)
 
 
 @pytest.fixture(scope="module")

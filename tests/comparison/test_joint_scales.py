@@ -44,7 +44,7 @@ def carriage():
         friction=Stribeck(Curve(coulomb, coulomb, viscous, peak, peak, (0.1,))),
         camera=Camera(samples=150, rate=60.0, angle_noise=1e-6),
         recordings=runs,
-        substeps=12,
+        substeps=4,
     )
     return simulate(rig)
 
@@ -156,7 +156,7 @@ def stage():
             Run("slow", (0.0, 1.0), torques=(Sine(3.5, 0.4), Sine(0.15, 0.4))),
             Run("other", (0.0, 1.0), torques=(Sine(4.0, 0.5), Steps(0.25, 0.3))),
         ),
-        substeps=12,
+        substeps=4,
     )
     return simulate(rig)
 

@@ -24,7 +24,7 @@ def sets():
     """Simulated acrobots of a truth that sticks, 2 s at 250 Hz, finely integrated."""
     rig = rig_of(CASE, range(1, 1 + SETS), RECORDINGS, late=False)
     camera = replace(rig.camera, samples=round(2 * RATE) + 1, rate=RATE)
-    everything = simulate(replace(rig, camera=camera, substeps=6))
+    everything = simulate(replace(rig, camera=camera, substeps=3))
     at = range(0, len(everything.recordings), RECORDINGS)
     return [replace(everything, recordings=everything.recordings[k : k + RECORDINGS]) for k in at]
 

@@ -53,6 +53,7 @@ def swings(sigma_of):
         Stribeck(Curve((0.02,), (0.02,), (0.004,))),
         Camera(samples=240, rate=RATE),
         tuple(Run(f"r{k}", start_angle=(a,)) for k, a in enumerate((2.4, -2.0, 1.5, 2.8))),
+        substeps=4,
     )
     data = simulate(rig)
     rng = np.random.default_rng(3)

@@ -12,7 +12,7 @@ from frictionid.friction import Friction, Law
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import CoulombViscous, FilmLag
 from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
+from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
 
 CURVE = Curve((0.02,), (0.02,), (0.002,))
 TRUE = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
@@ -29,7 +29,7 @@ def data(noise=0.0016, seed=3, rate=60.0):
         tuple(
             Run(f"{k}", (1.5 - k,), torques=(Sine(0.1 + 0.1 * k, 0.8 + 0.2 * k),)) for k in range(3)
         ),
-        drive=Drive(),
+        substeps=4,
     )
     return simulate(rig, seed)
 

@@ -51,6 +51,7 @@ def pendulums():
         tuple(runs),
         true_parameters=HEAVIER,
         drive=Drive(delay=DELAY),
+        substeps=4,
     )
     return simulate(rig, 5)
 

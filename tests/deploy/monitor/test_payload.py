@@ -30,7 +30,7 @@ def recorded(mass, count, worn):
         *(Stribeck(Curve((LEVEL[mass],), (LEVEL[mass],), (0.004,))), Camera(361, 60.0, 0.0016)),
         runs,
         variation=Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True),
-        substeps=8,
+        substeps=4,
     )
     return tuple(replace(r, parameters={"mass": mass}) for r in simulate(rig).recordings)
 

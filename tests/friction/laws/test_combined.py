@@ -73,7 +73,7 @@ def data():
             )
             for k in range(4)
         ),
-        substeps=8,
+        substeps=4,
     )
     return simulate(rig, 2)
 
