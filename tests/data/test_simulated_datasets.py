@@ -26,12 +26,12 @@ def speeds(dataset):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_data_set_is_what_its_rig_makes(name, committed):
-    """One to its end; the others in the first 2 s of commands that do not depend on the length."""
+    """One to its end; the others in the first second of commands that depend on no length."""
     rig = load_rig(DATA / name / "rig.toml")
     found, kept = committed[name], rig.recordings
     if name != "acrobot_clean":
         kept = [r for r in kept if r.name[3:] not in ("chirp", "multisine", "noise")]
-        rig = replace(rig, recordings=tuple(kept), camera=replace(rig.camera, samples=121))
+        rig = replace(rig, recordings=tuple(kept), camera=replace(rig.camera, samples=61))
     expected = simulate(rig)
     assert found.mechanism == expected.mechanism
     assert found.truth == expected.truth
@@ -52,7 +52,7 @@ def test_a_data_set_is_what_its_rig_makes(name, committed):
 
 
 def test_rounding_does_not_grow_to_what_the_regeneration_tolerates():
-    rig = replace(load_rig(DATA / "acrobot_sim" / "rig.toml"), substeps=8)
+    rig = replace(load_rig(DATA / "acrobot_sim" / "rig.toml"), substeps=4)
     moved = tuple(
         replace(run, start_angle=tuple(q + 1e-11 for q in run.start_angle))
         for run in rig.recordings

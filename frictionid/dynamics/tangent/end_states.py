@@ -32,7 +32,7 @@ from .substep import (
 )
 from .tangent import MotionModel, MotorTorque, advance_in_pieces
 
-COMPILED = 500  # intervals: fewer are done before loops are compiled
+COMPILED = 64  # intervals: fewer are done before loops are compiled
 
 
 class EndStates(NamedTuple):
