@@ -34,7 +34,7 @@ STRIBECK = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0
 FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 SAMPLED = Friction(Sampled(), np.array([[0.02], [0.01]]))
 FRICTIONS = {"stribeck": STRIBECK, "film lag": FILM, "sampled": SAMPLED}
-T = 30
+T = 16
 EVEN = np.full(T, 1 / 60)
 RESOLUTION = 2e-3  # [rad], where joints stick and slip: what another number of substeps changes
 
@@ -60,7 +60,7 @@ def test_a_rollout_is_one_step_after_the_other():
     most = step_size_of(PLANT, STRIBECK, dt.max())
     state = start
     for k in range(T):
-        step_size = most._replace(pieces=int(np.ceil(most.pieces * dt[k] / dt.max())))
+        step_size = most._replace(pieces=int(np.ceil(most.pieces * (dt[k] / dt.max()))))
         state = adaptive_step(PLANT, STRIBECK, state, u[k], dt[k : k + 1], step_size)
         np.testing.assert_array_equal(motion.q[k + 1], state.q)
         np.testing.assert_array_equal(motion.w[k + 1], state.w)
@@ -115,8 +115,8 @@ def test_finer_substeps_change_a_second_by_little():
 
 
 def test_a_step_near_rest_converges_as_it_is_halved():
-    """2000 steps of 1/60 s from rest and slow motion, beside steps of 16 us near rest."""
-    plant, rng, count = Plant.from_parameters(acrobot(), {}), np.random.default_rng(7), 2000
+    """1000 steps of 1/60 s from rest and slow motion, beside steps of 16 us near rest."""
+    plant, rng, count = Plant.from_parameters(acrobot(), {}), np.random.default_rng(7), 1000
     friction = Friction(Stribeck(), np.array([[0.165, 0.0, 1.0, 0.01], [0.055, 0.03, 1.5, 0.003]]))
     w = rng.choice([0.0, 0.05, 1.0], (count, 2)) * rng.normal(size=(count, 2))
     start = State(rng.uniform(-2, 2, (count, 2)), w)
@@ -126,7 +126,7 @@ def test_a_step_near_rest_converges_as_it_is_halved():
         step_size = StepSize(2, parts)
         return adaptive_step(plant, friction, start, u, np.full((count, 1), 1 / 60), step_size).w
 
-    finest = end(512)
+    finest = end(256)
     error = [np.sqrt(np.mean((end(parts) - finest) ** 2)) for parts in (1, 4, 16, 64)]
     assert all(finer < coarser / 3 for coarser, finer in pairwise(error))
     assert error[2] < 1e-3  # [rad/s]
@@ -226,10 +226,10 @@ def test_every_start_may_have_its_own_clock():
 def test_a_motion_that_diverges_is_nan_from_there_on_and_alone(name, method):
     start, u = starts(np.random.default_rng(13))
     calm = rollout(PLANT, FRICTIONS[name], start, u, EVEN, method=method)
-    u[10, 2] = 1e9
-    u[20, 4] = np.inf
+    u[5, 2] = 1e9
+    u[10, 4] = np.inf
     motion = rollout(PLANT, FRICTIONS[name], start, u, EVEN, method=method)
-    for k, first in ((2, 11), (4, 21)):
+    for k, first in ((2, 6), (4, 11)):
         np.testing.assert_array_equal(motion.q[:first, k], calm.q[:first, k])
         assert np.isnan(motion.q[first:, k]).all() and np.isnan(motion.w[first:, k]).all()
     others = [0, 1, 3, 5, 6]
@@ -301,8 +301,8 @@ def test_a_continuous_memory_along_a_motion_comes_near_that_of_the_prediction():
     )
     x = Inputs(fine.q, fine.w, 0 * fine.q, 0 * fine.q)
     every = memory_along(FILM, Nodes(x, np.arange(20 * T + 1) / 1200, np.array([0, 20 * T + 1])))
-    begin = State(fine.q[400], fine.w[400], (every[400][0][0],))
-    rest = rollout(PLANT, FILM, begin, u[20:, 0], EVEN[20:])
+    begin = State(fine.q[160], fine.w[160], (every[160][0][0],))
+    rest = rollout(PLANT, FILM, begin, u[8:, 0], EVEN[8:])
     np.testing.assert_allclose(rest.q[-1], fine.q[-1], rtol=0, atol=1e-3)
 
 
