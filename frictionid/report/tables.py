@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -297,19 +298,23 @@ def render(
     markup : whether names are marked as code and escaped for Markdown; else they stay plain
     filters, tests : by their names, beside those of numbers
     """
-    templates = environment()
-    templates.globals["inf"] = float("inf")
-    templates.filters |= {
-        "text": escape_markdown if markup else str,
-        "code": code if markup else str,
-        "table": markdown,
-        **(filters or {}),
-    }
-    templates.tests |= tests or {}
+    names = {"text": escape_markdown, "code": code} if markup else {"text": str, "code": str}
+    named = tuple({**names, "table": markdown, **(filters or {})}.items())
+    templates = environment(filters=named, tests=tuple((tests or {}).items()))
     return templates.get_template(template).render(context)
 
 
-def environment(package: str = "frictionid.report", *, escape: bool = False) -> Any:
+Named = tuple[tuple[str, Callable[..., Any]], ...]
+
+
+@cache  # with the templates that it has compiled
+def environment(
+    package: str = "frictionid.report",
+    *,
+    escape: bool = False,
+    filters: Named = (),
+    tests: Named = (),
+) -> Any:
     """Environment of a room's templates, with the filters of numbers; text ends as they do."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -321,5 +326,7 @@ def environment(package: str = "frictionid.report", *, escape: bool = False) -> 
         keep_trailing_newline=not escape,
         autoescape=escape,
     )
-    templates.filters |= {function.__name__: function for function in NUMBERS}
+    templates.globals["inf"] = float("inf")
+    templates.filters |= {function.__name__: function for function in NUMBERS} | dict(filters)
+    templates.tests |= dict(tests)
     return templates

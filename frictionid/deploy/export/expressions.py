@@ -331,7 +331,7 @@ def rendered(
     """Text of a template of this room, which knows the friction, its functions and the language."""
     from frictionid.report.tables import environment
 
-    templates = environment("frictionid.deploy.export")
-    templates.filters |= {"folded": folded, "repr": repr}
+    filters = (("folded", folded), ("repr", repr))
+    templates = environment("frictionid.deploy.export", filters=filters)
     names = {"model": model, "n": len(model.joints), "language": language, **context}
     return templates.get_template(template).render(names).encode()
