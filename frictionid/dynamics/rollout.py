@@ -29,6 +29,7 @@ def rollout(
     *,
     method: str = "rk4",
     refine: int = 1,
+    step_size: StepSize | None = None,
     base_motion: Array | None = None,
 ) -> State:
     """Motion q, w (T + 1, ..., n) from start states under the given motor torques.
@@ -46,6 +47,8 @@ def rollout(
     method : "rk4" (the physics step, with stiction), "euler" or "semi_implicit" (one step a sample)
     refine : int
         Multiplies the number of RK4 steps.
+    step_size : StepSize or None
+        Of all intervals, in place of what friction and lengths ask for.
     base_motion : array, shape (T, ..., 9), or None
         Motion of a floating base in each interval, see `Plant.on_base`.
 
@@ -69,7 +72,8 @@ def rollout(
         names = ", ".join(map(repr, ("rk4", *_ONE_STEP)))
         raise InputError(f"the step {method!r} is unknown; known are {names}")
     xp = namespace(start.q, u)
-    sizes = _step_sizes(plant, friction, dt, refine) if method == "rk4" else []
+    sizes = [step_size] * len(dt) if step_size else []
+    sizes = sizes or (_step_sizes(plant, friction, dt, refine) if method == "rk4" else [])
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
     many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:

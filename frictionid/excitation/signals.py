@@ -21,7 +21,6 @@ from frictionid.data.kalman import even_series, likeliest_jerk_ratio, rts_smooth
 from frictionid.data.signals import Signal
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize
 from frictionid.errors import InputError
 from frictionid.friction import Friction
@@ -179,18 +178,9 @@ def predict_motions(
     u = averages(flat, images).reshape(len(images) - 1, *torque.shape[1:])
     theta = np.multiply.outer(np.array(experiment.friction_scales), experiment.friction.theta)
     friction = Friction(experiment.friction.law, theta[:, None])
-    state, dt = State(start, 0.0 * start), np.diff(images)
-    if not quick:
-        out = rollout(experiment.plant, friction, state, u, dt)
-        return Motions(out.q, out.w, u)
-    shape = (len(experiment.friction_scales), *start.shape)
-    states = [State(np.broadcast_to(state.q, shape), np.broadcast_to(state.w, shape))]
-    with np.errstate(all="ignore"):  # anything may follow a divergence
-        for torques, step in zip(u, dt[:, None], strict=True):
-            state = adaptive_step(experiment.plant, friction, states[-1], torques, step, QUICK)
-            states.append(state)
-    q, w = np.array([s.q for s in states]), np.array([s.w for s in states])
-    return Motions(q, w, u)
+    state, size = State(start, 0.0 * start), QUICK if quick else None
+    out = rollout(experiment.plant, friction, state, u, np.diff(images), step_size=size)
+    return Motions(out.q, out.w, u)
 
 
 _SUPPORT = 60  # samples; a smoothed state depends on those farther away by less than 1e-6
