@@ -4,10 +4,9 @@
 
 Every card is made by the defaults, from public recordings:
 
-- `quick`: laws by shooting, each on the same held-out recordings (or stretches of time), and the
-  one that the rule of the verdict chooses, fitted to what was compared;
-- arms whose controller is in no log: Coulomb and viscous friction by inverse dynamics, fitted to
-  the first 70 % of the motion and judged by the torque that is left on the rest;
+- `quick`: laws on the same held-out recordings (or stretches of time), and the one that the rule
+  of the verdict chooses, fitted to what was compared; of arms whose controller is in no log by
+  inverse dynamics, judged by the torque that is left;
 - a servo that follows targets: laws by shooting with its controller, fitted to every second log and
   judged on the others;
 - a quadruped in the air: laws by shooting with its controller, fitted to the first two thirds and
@@ -27,7 +26,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import arms
 import go2
 import numpy as np
 
@@ -35,7 +33,6 @@ import frictionid as fid
 from frictionid.api.machines import Machine
 from frictionid.comparison.registry import LAWS
 from frictionid.data.joint_scales import norm_of
-from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.mujoco import physical_parameters
@@ -77,9 +74,9 @@ CARDS = {
     "dfki_a0": Card("double pendulum A.0 of DFKI, two AK80-6 drives", "dfki_a0"),
     "emps": Card("electro-mechanical positioning system, a motor on a carriage", "emps"),
     "simple_pendulum": Card("torque-limited pendulum of DFKI, direct drive", "simple_pendulum"),
-    "tx40": Card("Staubli TX40, an arm of six joints", "tx40", "arm"),
+    "tx40": Card("Staubli TX40, an arm of six joints", "tx40"),
     "go2": Card("Unitree Go2, twelve joints of a quadruped in the air", "go2", "legs"),
-    "tiago": Card("PAL Robotics TIAGo, four joints of the arm", "tiago", "arm"),
+    "tiago": Card("PAL Robotics TIAGo, four joints of the arm", "tiago"),
     "xl330_m1": Card("Dynamixel XL330-M288, BAM's M1", "bam_xl330_whole", "published", "m1"),
     "xl330_m6": Card("Dynamixel XL330-M288, BAM's M6", "bam_xl330_whole", "published", "m6"),
 }
@@ -99,30 +96,18 @@ def quick(dataset: Dataset) -> tuple[Friction, Held, str]:
     result = fid.quick(dataset, lambda step: print("  ", step, flush=True))
     assert result.chosen is not None and result.friction is not None
     (without,) = (c.error for c in result.candidates if not c.parameters)
-    units = dataset.mechanism.position_units
-    unit = norm_of(np.zeros((1, len(units))), units, dataset.scales.size)[1]
-    what = f"median of predictions after {result.horizon:g} s, {result.folds} folds"
-    held = Held(result.chosen.error, without, unit, what)
+    if np.isfinite(result.horizon):
+        units = dataset.mechanism.position_units
+        unit = norm_of(np.zeros((1, len(units))), units, dataset.scales.size)[1]
+        what = f"median of predictions after {result.horizon:g} s, {result.folds} folds"
+        held = Held(result.chosen.error, without, unit, what)
+    else:
+        left = 100 * result.chosen.error, 100 * without
+        held = Held(*left, "%", f"of the torque is left, {result.folds} folds")
     friction = result.friction
     if result.refined is not None:
         friction = friction.noted({"refined": result.refined})
     return friction, held, " ".join(verdict(result)[:1] + verdict(result)[2:])
-
-
-def arm(dataset: Dataset) -> tuple[Friction, Held, str]:
-    """Coulomb and viscous friction by inverse dynamics."""
-    (recording,) = dataset.recordings
-    until = arms.ARMS[dataset.name].until
-    train = within(recording, 0.0, until - float(recording.angle.time[0]))
-    method: dict[str, Any] = {"law": "coulomb_viscous", "method": "inverse_dynamics"}
-    fit = fid.fit(replace(dataset, recordings=(train,)), **method)
-    shares = []
-    for model in (fit, fid.Fit(without_friction(fit.friction))):
-        e, u, clock = arms.left(arms.balances(dataset.name), model)
-        shares.append(100 * arms.share(e, u, clock >= until))
-    held = Held(*shares, "%", "of the torque is left on the last 30 %")
-    sentence = "Coulomb and viscous friction by inverse dynamics; other laws were not tried."
-    return fid.fit(dataset, **method).friction, held, sentence
 
 
 def servo(dataset: Dataset) -> tuple[Friction, Held, str]:
@@ -189,7 +174,7 @@ def made(name: str) -> dict[str, Any]:
         file = DATA / "bam_xl330" / f"{card.file}.json"
         friction, held, sentence = published(dataset, file)
     else:
-        makers = {"quick": quick, "arm": arm, "servo": servo, "legs": legs}
+        makers = {"quick": quick, "servo": servo, "legs": legs}
         friction, held, sentence = makers[card.how](dataset)
     mechanism, calibration = dataset.mechanism, friction.calibration
     described = mechanism.kind in ("urdf", "mjcf")
@@ -294,7 +279,7 @@ def picture() -> Any:
         axes.set_xlabel(f"velocity [{units[0]}/s]")
         axes.set_ylabel("friction [N m]" if units[0] == "rad" else "friction [N]")
         if len(alike) * len(alike[0].joints) <= 7:
-            axes.legend(fontsize=6, loc="upper left")
+            axes.legend(fontsize=6)
     return figure
 
 

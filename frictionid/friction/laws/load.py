@@ -34,7 +34,7 @@ from .levels import (
 
 @dataclass(frozen=True)
 class LoadDependent(LevelLaw):
-    """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w, sgn smoothed over `width`.
+    """Tf = (coulomb + load_coefficient load) sgn(w) + viscous w; with `stribeck` a peak, too.
 
     `load_coefficient` is the coefficient of friction times the radius at which the bearing rubs.
 
