@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -18,7 +19,7 @@ from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.friction import Friction
-from frictionid.friction.provenance import Estimates
+from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.mechanics import Mechanism
 from frictionid.pictures import as_html, drawn
 from frictionid.report.candidates import Measure
@@ -36,6 +37,7 @@ from frictionid.report.figures.style import (
 )
 from frictionid.report.figures.style import line as key_line
 from frictionid.report.numbers import NOTHING, factor, norm_unit, short
+from frictionid.report.shooting_results import MANY
 from frictionid.report.tables import Table, table_of, text_columns
 from frictionid.report.terminal import parameter_table, show_torque_left
 from frictionid.report.verdict import times
@@ -147,8 +149,18 @@ def show_quick(result: Quick) -> None:
         say("")
         show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
     if result.refined:
-        say("", parameter_table(result.refined.parameters))
+        say("", *_parameters(result.refined.parameters))
     say(*(f"next: {advice}" for advice in check.next))
+
+
+def _parameters(read: Sequence[Estimate]) -> list[Table | str]:
+    """The table of the parameters, and in a sentence inertial ones that are too many for it."""
+    inertial = [e for e in read if e.block == "inertia"]
+    if len(inertial) <= MANY:
+        return [parameter_table(read)]
+    count = sum(e.identified for e in inertial)
+    said = f"{len(inertial)} inertial parameters, {count} of them identified: see `frictionid fit`."
+    return [parameter_table([e for e in read if e.block != "inertia"]), said]
 
 
 def verdict(result: Quick) -> list[str]:

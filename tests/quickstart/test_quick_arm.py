@@ -1,6 +1,7 @@
 """frictionid quick of an arm: laws are fitted to torques, and judged by the torque they leave."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,18 @@ def test_the_words_and_the_picture_are_of_torques(result):
     document = json.loads(quick_json(result))
     assert document["horizon"] is None and document["verdict"] == verdict(result)
     assert png(lambda: quick_figure(result)).startswith(b"\x89PNG")
+
+
+def test_many_inertial_parameters_are_counted_and_not_listed(result):
+    friction = result.refined.parameters[0]
+    inertial = [
+        replace(friction, block="inertia", name=f"Ixx_{k}", identified=k < 3) for k in range(30)
+    ]
+    for count, listed in ((30, False), (5, True)):
+        parameters = (friction, *inertial[:count])
+        text = repr(replace(result, refined=replace(result.refined, parameters=parameters)))
+        assert friction.name in text and ("Ixx_4" in text) == listed
+        assert ("30 inertial parameters, 3 of them identified" in text) != listed
 
 
 def test_the_method_is_that_of_a_fit(data):
