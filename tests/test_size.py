@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 561_226, 398, 592, 73
-TEST_TOKENS, WORDS = 446_383, 27_957
+TEST_TOKENS, WORDS = 446_383, 27_960
 
 
 def tokens(path):
