@@ -23,7 +23,7 @@ _COARSEST = 0.01  # [s] between samples
 
 
 def usual_method(dataset: Dataset, identifier: Identifier) -> str:
-    """Method of `METHODS` that a fit takes where none is named.
+    """Name of the method that a fit takes where none is named.
 
     Shooting, whose inertia, bias and delay are free where the data tell them. For arms inverse
     dynamics: three joints or more, each with a sampled torque. In one step networks of arms,
