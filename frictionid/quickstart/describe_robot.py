@@ -36,7 +36,6 @@ from .robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
 _QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own
-_HORIZONS = (0.05, 0.1, 0.2)  # [s]: an arm drifts off without its controller
 _MISSING = "MISSING, see above"
 _GEAR = (
     "gear ratios (--gear, turns of each motor for one of its joint, negative where these turn "
@@ -129,7 +128,7 @@ def describe_robot(
             motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
     blind = not {_GEAR, _KT, GAINS}.isdisjoint(missing)
-    return described_draft(draft, tables, _HORIZONS, missing, blind=blind)
+    return described_draft(draft, tables, missing, blind=blind)
 
 
 def _taken(gains: Mapping[str, Gain | None]) -> str:

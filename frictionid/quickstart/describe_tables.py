@@ -27,9 +27,7 @@ from .column_names import is_target, quantity_of
 from .draft_text import Draft, dataset_text, suite_text
 
 Constants = float | Sequence[float]  # one, or one per joint
-_HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]
 GAINS = "gains of the controller (--gains P,D [N m/rad], [N m s/rad]): without them nothing holds"
-_BEFORE = 0.5  # [s] of a recording that predictions need beside their horizon
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,7 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
         comments=comments,
         actuator=actuator_of(targets, facts.gains),
     )
-    return described_draft(draft, tables, _HORIZONS, missing, blind=bool(missing))
+    return described_draft(draft, tables, missing, blind=bool(missing))
 
 
 def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
@@ -204,14 +202,12 @@ def missing_lines(missing: Sequence[str]) -> tuple[str, ...]:
 def described_draft(
     draft: Draft,
     tables: Tables,
-    horizons: Sequence[float],
     missing: tuple[str, ...] = (),
     *,
     blind: bool = False,
 ) -> Described:
     """Texts of a draft, its signs and units corrected where the motion contradicts them.
 
-    horizons : of the suite, of which those stay that the recordings hold
     missing : what is not known; blind : whether that is so much that no sign can be corrected
     """
     dataset = loaded(draft, tables.folder)
@@ -220,10 +216,7 @@ def described_draft(
         if corrected is draft:
             break
         draft, dataset = corrected, loaded(corrected, tables.folder)
-    longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
-    fitting = [h for h in horizons if h + _BEFORE <= longest] or [horizons[0]]
-    suite = suite_text(draft, fitting, dataset)
-    return Described(dataset_text(draft), suite, dataset, draft, missing)
+    return Described(dataset_text(draft), suite_text(draft, dataset), dataset, draft, missing)
 
 
 def loaded(draft: Draft, folder: Path) -> Dataset:

@@ -13,9 +13,8 @@ from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 
 from .column_guesses import ColumnGuesses
-from .plan import BY_ANGLES, BY_TORQUES, plan_for
+from .plan import plan_for
 
-_SIMPLE = ("none", "coulomb_viscous", "stribeck")  # laws of robots without measured torques
 _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment
 
@@ -58,17 +57,11 @@ def dataset_text(draft: Draft) -> str:
     return _rendered("dataset.toml.j2", draft, context)
 
 
-def suite_text(draft: Draft, horizons: Sequence[float], dataset: Dataset) -> str:
-    """Text of a first suite: the laws of `frictionid quick`, by shooting.
-
-    Of robots by torques where these are measured, else fewer by one step.
-    """
-    robot, single = draft.machine.kind in ("urdf", "mjcf"), len(dataset.recordings) == 1
-    laws = BY_TORQUES.laws if robot else plan_for(dataset).laws
-    if robot and draft.actuator:
-        laws = tuple(law for law in BY_ANGLES.laws if law.kind in _SIMPLE)
-    tables = [law.model_dump(exclude_none=True) for law in laws]
-    context = {"horizons": horizons, "single": single, "robot": robot, "laws": tables}
+def suite_text(draft: Draft, dataset: Dataset) -> str:
+    """Text of a first suite: the laws and the method of `frictionid quick`."""
+    plan, single = plan_for(dataset), len(dataset.recordings) == 1
+    laws = [law.model_dump(exclude_none=True) for law in plan.laws]
+    context = {"single": single, "by_torque": plan.by_torque, "laws": laws}
     return _rendered("suite.toml.j2", draft, context)
 
 

@@ -9,10 +9,14 @@ import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.command_line import run_command
 
+from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.usual_method import usual_method
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.errors import InputError
 from frictionid.mechanics import mjcf, urdf
+from frictionid.quickstart.plan import plan_for
 from frictionid.quickstart.robot_columns import robot_columns, robot_file, tokens
 
 LIMITS = '<limit lower="-2" upper="2" velocity="3" effort="60"/></joint>'
@@ -185,6 +189,28 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     assert (actuator["P"], actuator["D"]) == (20.0, 1.5) and "missing" not in out
     assert load_dataset(call.folder).mechanism.joints == ("hip_joint", "knee_joint")
     assert mjcf(tmp_path / "legged.xml", base="trunk").defaults["rotor_hip_joint"] == 0.01
+
+
+@pytest.mark.parametrize(
+    ("column", "joints", "method"),
+    [("tau", 3, "inverse_dynamics"), ("tau", 2, "shooting"), ("goal", 2, "shooting")],
+)
+def test_the_first_suite_has_the_method_of_fit_and_the_laws_of_quick(
+    call, exact, arm, tmp_path, column, joints, method
+):
+    _, q, u = exact
+    (tmp_path / "legged.xml").write_text(LEGGED)
+    names = ("one", "two", "three") if joints == 3 else ("hip", "knee")
+    second = u if column == "tau" else q
+    columns = {f"q_{name}": q[:, j] for j, name in enumerate(names)}
+    columns |= {f"{column}_{name}": second[:, j] for j, name in enumerate(names)}
+    robot = arm.options["urdf"] if joints == 3 else "legged.xml"
+    call(columns, robot=robot, known=())
+    tasks = tasks_of(load_suite(call.folder / "suite.toml"), call.folder / "suite.toml")
+    data = load_dataset(call.folder)
+    assert {task.recipe.name for task in tasks} == {method}
+    assert {usual_method(data, task.identifier) for task in tasks} == {method}
+    assert [task.name for task in tasks] == [law.label for law in plan_for(data).laws]
 
 
 def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
