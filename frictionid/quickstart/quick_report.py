@@ -19,6 +19,7 @@ from frictionid.evaluation.reference_model import Loss
 from frictionid.evaluation.statistics import FEWEST
 from frictionid.files import plain
 from frictionid.friction import Friction
+from frictionid.friction.laws.levels import LOAD, LOSS
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.mechanics import Mechanism
 from frictionid.pictures import as_html, drawn
@@ -285,7 +286,10 @@ def quick_figure(result: Quick) -> Any:
         _friction(axes, result, part, colours)
     _errors(panels[parts], result, colours)
     key = {_label(c, result): key_line(colours[c.name]) for c in result.candidates if c.parameters}
-    key_above(picture, {**key, "each fold; all without load": key_line(GREY, linewidth=0.5)})
+    read = (e for c in result.candidates if c.refined for e in c.refined.parameters)
+    loaded = not {e.parameter for e in read}.isdisjoint({LOAD.name, LOSS.name})
+    fold = "each fold; all without load" if loaded else "each fold"
+    key_above(picture, {**key, fold: key_line(GREY, linewidth=0.5)})
     return picture
 
 

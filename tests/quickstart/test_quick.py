@@ -124,6 +124,17 @@ def test_the_picture_is_one_and_always_the_same(found):
     assert picture.startswith(b"\x89PNG") and picture == png(lambda: quick_figure(result))
 
 
+def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(found):
+    result, _ = found
+    others = tuple(c for c in result.candidates if c.name != "motor_load")
+
+    def legend(result):
+        return [text.get_text() for text in quick_figure(result).legends[0].get_texts()]
+
+    assert "each fold; all without load" in legend(result)
+    assert legend(replace(result, candidates=others))[-1] == "each fold"
+
+
 # --- The page for newcomers -----------------------------------------------------------------------
 
 
