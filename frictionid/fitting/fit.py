@@ -266,6 +266,7 @@ def _estimates(
             bool(identified[k]),
             p.tolerance if 0.0 < p.tolerance < np.inf else None,
             _nominal(p, dataset, shift),
+            p.tolerance == 0.0,
         )
 
 

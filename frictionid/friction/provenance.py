@@ -48,6 +48,7 @@ class Estimate:
     identified : whether the data determine it: its interval is no wider, to either side, than the
         value
     prior : standard deviation, where it had one; nominal : value by the data set's description
+    held : whether it stays at a value that the data do not tell; its intervals are assumed
     """
 
     block: str
@@ -62,6 +63,7 @@ class Estimate:
     identified: bool = True
     prior: float | None = None
     nominal: float | None = None
+    held: bool = False
 
     @property
     def parameter(self) -> str:

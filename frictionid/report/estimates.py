@@ -75,9 +75,17 @@ def value_text(estimate: Estimate) -> str:
     """The value as tables show it: without digits where the data do not determine it."""
     if estimate.at_bound:
         return f"at its bound, {estimate.value:.3g}"
+    if estimate.held:
+        return f"held at {estimate.value:.3g}"
     if not estimate.identified:
         return "not identified"
     return digits(estimate.value, estimate.error)
+
+
+def interval_text(estimate: Estimate) -> str:
+    """The 95 % interval as tables show it: none of a value that is held, where it is assumed."""
+    error = math.inf if estimate.held else estimate.error
+    return interval(estimate.low, estimate.high, error)
 
 
 def digits(value: float, error: float) -> str:
@@ -129,6 +137,6 @@ def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
         shown = [e for e in friction if e.identified and e.unit != "rad/s"]
         shown = [e for e in shown if e.parameter not in names]
         if shown and names < {e.parameter for e in friction}:
-            values = (f"{e.name} {value_text(e)} {interval(e.low, e.high, e.error)}" for e in shown)
+            values = (f"{e.name} {value_text(e)} {interval_text(e)}" for e in shown)
             parts.append(f"{name} shows {', '.join(values)}")
     return f"Identified, but no practical difference here: {'; '.join(parts)}." if parts else ""

@@ -17,7 +17,7 @@ from .estimates import (
     change,
     digits,
     estimate_frame,
-    interval,
+    interval_text,
     mark_of,
     names_of,
     span,
@@ -222,7 +222,7 @@ def given_numbers(model: Model, read: Sequence[Estimate]) -> dict[str, float]:
 def _cells(e: Estimate, nominal: bool) -> list[str | Cell]:
     """Cells of a parameter behind its group's name."""
     name = e.parameter if e.block in OWN else e.name
-    cells = [value_text(e), interval(e.low, e.high, e.error)]
+    cells = [value_text(e), interval_text(e)]
     if nominal:
         shown = e.identified and e.nominal and e.block in SIZES
         cells += [_beside(e.nominal, e), f"{change(e)[0]} %" if shown else NOTHING]

@@ -17,7 +17,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 
 from .console import console, say
-from .estimates import interval, value_text
+from .estimates import interval_text, value_text
 from .sections import Section, sections_of
 from .shooting_results import shooting_results
 from .side_by_side import (
@@ -154,7 +154,7 @@ def parameter_table(read: Sequence[Estimate], *, noise_alone: bool = False) -> T
     """
     intervals = "interval of the noise alone" if noise_alone else "95 % interval"
     heads = (*text_columns("parameter"), "value", intervals, *text_columns("unit"))
-    rows = ((e.name, value_text(e), interval(e.low, e.high, e.error), e.unit) for e in read)
+    rows = ((e.name, value_text(e), interval_text(e), e.unit) for e in read)
     return table_of(heads, rows)
 
 

@@ -9,6 +9,7 @@ from scipy.stats import t as student
 from frictionid.fitting.parameters.parameter_block import IDEAL
 from frictionid.report.shooting_results import delay_explains, delay_fixed, shooting_results
 from frictionid.report.tables import render
+from frictionid.report.terminal import parameter_table
 
 
 def results(refined, **data):
@@ -142,3 +143,9 @@ def test_the_interval_shown_covers_what_it_says():
         low, high = map(float, calibration.text[1:])
         covered.append(norm.cdf((high - v) / e) - norm.cdf((low - v) / e))
     assert np.mean(covered) > 0.93 and min(covered) > 0.85
+
+
+def test_a_value_that_is_held_has_no_interval_that_seems_to_tell_it_from_zero():
+    entry = made.parameter("inertia", "Ixx_link", 0.5, 0.05, identified=False, held=True)
+    (held,) = parameter_table(made.estimates(made.shot([entry])).parameters).lines
+    assert [cell.text for cell in held.cells][1:3] == ["held at 0.5", "–"]

@@ -73,7 +73,9 @@ class RigidBodyTree(Mechanism):
     def base(self, parameters: Mapping[str, Any]) -> Array:
         for name in parameters:
             self.check_name(name)
-        return self._inertial({**self.defaults, **parameters}) @ self.reduction.regrouping.T
+        base = self._inertial({**self.defaults, **parameters}) @ self.reduction.regrouping.T
+        most = np.abs(base).max(axis=-1, keepdims=True)
+        return np.where(np.abs(base) > _ROUNDING * most, base, 0.0)
 
     def dynamics(self, p: Array, q: Array, w: Array) -> tuple[Array, Array]:
         n = self.n
@@ -245,6 +247,7 @@ def parameters_of_tree(tree: Tree, rotors: Array, payload: bool) -> tuple[Parame
     )
 
 
+_ROUNDING = 1e-14  # of the largest base parameter: what is left of sums that cancel
 _LOWER = np.tril_indices(4)
 _LEAST = 1e-6  # of a typical body, which every body has
 _WEAK = 1e-4  # [standard errors] pull to the nominal bodies, where the data tell none apart

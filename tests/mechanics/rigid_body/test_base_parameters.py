@@ -5,6 +5,7 @@ import pytest
 from fixtures.random_robots import motions, random_robot, urdf_text
 
 from frictionid.arrays import times
+from frictionid.data.readers.dataset import load_dataset
 from frictionid.mechanics import urdf
 from frictionid.mechanics.rigid_body.base_parameters import regressor
 
@@ -79,6 +80,15 @@ def arm(tmp_path, right_angle):
     path = tmp_path / "arm.urdf"
     path.write_text(f'<robot name="arm"><link name="base"/>{links}{joints}</robot>')
     return urdf(path)
+
+
+def test_what_rounding_leaves_of_a_base_parameter_is_zero():
+    """Of the last link of this arm Ixx - Iyy is zero in the file, and a product of many turns."""
+    machine = load_dataset("tx40").mechanism
+    base = machine.nominal_base
+    assert f"{base[machine.base_names.index('Ixx_link_6')]:g}" == "0"
+    sizes = np.abs(base[base != 0.0])
+    assert sizes.min() > 1e-12 * sizes.max()
 
 
 def test_a_rotor_is_one_more_parameter_unless_it_acts_like_the_link(tmp_path):
