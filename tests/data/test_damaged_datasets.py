@@ -147,6 +147,18 @@ def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
     assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
 
 
+def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_go(tmp_path):
+    times = [0, 1, 1, 2, 2, 2, 3, 1, 4]
+    rows = [f"{time},1,2,3" for time in times]
+    with pytest.raises(InputError, match="row 4: time.* 1 after 1 .4 such rows: 4, 6, 7, 9.; del"):
+        load(tmp_path, a_csv=table(*rows))
+    kept = [row for k, row in enumerate(rows) if k + 2 not in (4, 6, 7, 9)]
+    (recording,) = load(tmp_path, a_csv=table(*kept)).recordings
+    assert recording.angle.time.tolist() == [0, 1, 2, 3, 4]
+    with pytest.raises(InputError, match=r"\(18 such rows: 3, 4, 5, 6, 7, \.\.\.\)"):
+        load(tmp_path, a_csv=table(*(19 * rows[:1])))
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [

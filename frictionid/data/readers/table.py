@@ -20,6 +20,7 @@ from .unpacking import check_cells, most_bytes, unzip
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
 # Formats that only readers of their own understand.
 OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
+_NAMED = 5  # rows of a fault, at most
 
 
 class Table(NamedTuple):
@@ -249,6 +250,11 @@ def signal_of(
     if fault:
         at, reason = fault
         way = "repair or delete it"
+        back = rows[1:][time[1:] <= np.fmax.accumulate(time)[:-1]]
+        if "must increase" in reason and len(back) > 1:
+            listed = ", ".join(map(str, back[:_NAMED])) + ", ..." * (len(back) > _NAMED)
+            reason += f" ({len(back)} such rows: {listed})"
+            way = "delete them all, or write times with more digits"
         if at and time[at] < time[at - 1]:
             way += f"; where another run begins there, say split = {clock!r}"
         if "empty" in reason:
