@@ -138,7 +138,7 @@ def _unknown(table: Table, quantity: str, fault: str) -> InputError:
 
 
 def _time(table: Table, named: Sequence[str] | None) -> Guess:
-    increasing = [name for name, c in table.columns.items() if _runs(c) == 1]
+    increasing = [n for n, c in table.columns.items() if _runs(c) and (np.diff(c) > 0).all()]
     called = [name for name in increasing if quantity_of(name) == "time"]
     again = [n for n, c in table.columns.items() if quantity_of(n) == "time" and _runs(c)]
     candidates = list(named or called or again or increasing)
@@ -147,7 +147,8 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     name = candidates[0]
     if not _runs(table.columns[name]):
         raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
-    step = float(np.nanmedian(np.diff(table.columns[name])))
+    steps = np.diff(table.columns[name])
+    step = float(np.median(steps[steps > 0]))
     unit = unit_of(name, "time") or _time_unit(step)
     rate = 1.0 / (step * UNITS["time"][unit])
     runs = _runs(table.columns[name])
@@ -156,10 +157,10 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
 
 
 def _runs(column: Array) -> int:
-    """Number of runs in which a column increases from row to row; 0 where it does not."""
+    """Number of runs in which a column rises, but for repeated rows; 0 where it does not."""
     step = np.diff(column)
     runs = 1 + int((step < 0).sum())
-    increases = len(step) and np.isfinite(column).all() and (step != 0).all()
+    increases = step.any() and np.isfinite(column).all()
     return runs if increases and (runs == 1 or len(column) >= _RUN * runs) else 0
 
 

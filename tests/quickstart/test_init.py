@@ -32,6 +32,10 @@ def lab(tmp_path_factory):
     for name, text in (
         ("words", "t_ms,pos_deg,u\n0,1,2\n10,lost,2\n"),
         ("nameless", "0,1,2\n10,1,2\n"),
+        (
+            "repeated",
+            "t_ms,pos_deg,u\n" + "".join(f"{k - k % 3},{k % 7},{k % 2}\n" for k in range(99)),
+        ),
     ):
         (folder / name).mkdir()
         (folder / name / "run1.csv").write_text(text)
@@ -116,6 +120,7 @@ MISSING = {
     "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "--time: 'pos_deg' does not increase"),
     "two angles": (("arm", *INIT, "--angle", "t_ms,pos_deg"), "--angle names 2 columns"),
     "a word": (("words", *INIT), "run1.csv, row 3: column 'pos_deg' holds 'lost', which is no"),
+    "repeated rows": (("repeated", *INIT, "--torque", "u"), "run1.csv, row 3: .* .66 such rows: 3"),
     "no names": (("nameless", *INIT), "run1.csv: the first line holds numbers; write a line above"),
     "no robot": (("arm", "--mechanism", "no.xml"), "--mechanism no.xml: no such file"),
     "no parameter": (("arm", *INIT, "--set", "mas=1"), "--set mas: pendulum .* mean 'mass'"),
