@@ -19,6 +19,7 @@ from frictionid.mechanics import Plant
 from .findings import Finding, finding, sentence
 from .motion import WIDTH, Measured
 from .partial_regression import MODEL, PartialRegression, partial_regression
+from .servos import servos_of
 
 # Nominal numbers of real machines are rarely better than this share; friction that grows with the
 # torque shows from this share of it.
@@ -44,6 +45,7 @@ USUAL = 0.03
 MISFIT = 0.1
 # The same in one recording, where it is more than twice that of the others.
 LOCAL = 0.05
+_SERVO = "; torque is computed from gains: a wrong position gain may be the cause, too"
 
 
 class ModelError(NamedTuple):
@@ -160,7 +162,8 @@ class Misfit(NamedTuple):
     share : RMS over the terms of the balance ; noise : that which errors of the motion make ;
     errors : suspects, the one that leaves least first ; free : share of the squares that free base
     parameters leave ; where, there : recording that it is much worse in than in the others, and the
-    share in it; "" and `share` where there is none
+    share in it; "" and `share` where there is none ; rival : another cause, in words, that no
+    column tells from these
     """
 
     share: float
@@ -169,6 +172,7 @@ class Misfit(NamedTuple):
     free: float
     where: str
     there: float
+    rival: str
 
 
 def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
@@ -186,6 +190,7 @@ def misfit(measured: Measured, rows: Rows, torque: Array) -> Misfit:
         model_errors(measured.plant, rows, torque, fit),
         free_share(rows, torque, nominal, fit),
         *_worst(measured, left, number),
+        _SERVO if servos_of(measured.dataset) else "",
     )
 
 
@@ -241,13 +246,14 @@ def findings_of(left: Misfit, coarse: bool = False) -> list[Finding]:
     """
     causes = _singled_out(left) or _wrong_gain(left)
     if causes:
-        return [_cause(causes)]
+        return [_cause(causes, left.rival)]
     if left.share < max(NOISE * left.noise, USUAL) or not left.errors:
         return []
     suspect = _suspect(left)
     free = left.free <= 0.5
     if free and left.free <= SINGLED_OUT and left.free**0.5 * left.share < LOCAL:
-        return [finding("nominal_mechanism", {"left": left.free}, {"removed": 1 - left.free})]
+        words = {"removed": 1 - left.free, "rival": left.rival}
+        return [finding("nominal_mechanism", {"left": left.free}, words)]
     # no friction and no usual error of a model would leave so much
     beyond = left.there > max(LOCAL if left.where else MISFIT, 3.0 * left.noise)
     if not coarse and (suspect is not None or free or beyond):
@@ -296,14 +302,15 @@ def _possible(errors: Sequence[ModelError]) -> list[ModelError]:
     return [e for e in errors if e.kind not in ("rotor", "load") or e.size > 0]
 
 
-def _cause(causes: list[ModelError]) -> Finding:
+def _cause(causes: list[ModelError], rival: str) -> Finding:
     best = causes[0]
-    also = "; ".join(sentence(e.kind, {**e._asdict(), "also": ""}) for e in causes[1:3])
-    tail = f" (equally likely by the data: {also})" if also else ""
+    others = "; ".join(sentence(e.kind, {**e._asdict(), "also": ""}) for e in causes[1:3])
+    tail = f" (equally likely by the data: {others})" if others else ""
     numbers = {"size": best.size, "error": best.error, "explains": 1 - best.left}
     # load-dependent friction is no fault of the data
     level = "good" if all(e.kind == "load" for e in causes) else ""
-    return finding(best.kind, numbers, {**best._asdict(), "also": tail}, level=level)
+    also = tail if level else f"{rival}{tail}"
+    return finding(best.kind, numbers, {**best._asdict(), "also": also}, level=level)
 
 
 def _unknown(left: Misfit, suspect: ModelError | None) -> Finding:
@@ -317,4 +324,5 @@ def _unknown(left: Misfit, suspect: ModelError | None) -> Finding:
         else ""
     )
     numbers = {"left": left.share, "noise": left.noise}
-    return finding("unknown_cause", numbers, {"where": where, "least": least})
+    words = {"where": where, "least": least, "rival": left.rival}
+    return finding("unknown_cause", numbers, words)

@@ -147,6 +147,18 @@ def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
     assert "one_gain_set" not in found and verdict.level == "good"
 
 
+@pytest.mark.parametrize(("factor", "named"), [(0.5, 1), (0.8, 1), (1.0, 0), (4.0, 1)])
+def test_check_names_a_wrong_position_gain_beside_other_causes(factor, named):
+    """Of all recordings, and of one gain set alone."""
+    rig, P = ServoPendulum(), 4.0 * factor
+    for own, changes in (
+        (frames(rig), {"P": P, "recordings": {"stiff*": {"P": 10.0 * factor, "D": 0.15}}}),
+        (frames(rig, ("soft",)), {"P": P}),
+    ):
+        texts = fid.check(dataset(own, rig, **changes)).findings["text"]
+        assert texts.str.contains("a wrong position gain may be the cause").sum() == named
+
+
 def two_payloads(**friction):
     """One gain set, two masses at the end of the arm."""
     rigs = {"light": ServoPendulum(**friction), "heavy": ServoPendulum(mass=0.8, **friction)}
