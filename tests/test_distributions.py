@@ -27,6 +27,7 @@ def test_every_extra_is_imported_somewhere():
         "pyserial": "serial",
         "pyyaml": "yaml",
         "scikit-learn": "sklearn",
+        "usd-core": "pxr",
     }
     optional = project["optional-dependencies"]
     wanted = {Requirement(r).name for extra in optional.keys() - tools for r in optional[extra]}

@@ -102,7 +102,7 @@ def export(
             f"the model has friction at {friction.n} parts, the data set at {len(named)}: "
             "name the one that it was fitted to"
         )
-    chosen = with_fields(chosen, stem=Path(out).stem)
+    chosen = with_fields(chosen, stem=Path(out).stem, folder=Path(out).parent)
     prepared = exported(friction, joints, speeds, dataset, card)
     written = write(prepared, chosen)
     if chosen.randomise:

@@ -305,6 +305,7 @@ class ExportSettings:
     randomise : number of samples of the parameters, in a file beside the others; 0 for none
     seed : of the samples
     stem : name of the files without their endings, for those that name each other
+    folder : of the files, for those that name others
     """
 
     name: str = "friction"
@@ -314,6 +315,7 @@ class ExportSettings:
     randomise: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     seed: int = 0
     stem: str = "friction"
+    folder: Path = Path()
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):

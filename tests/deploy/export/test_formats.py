@@ -32,12 +32,20 @@ def test_every_law_is_written_or_refused_in_one_line(to):
     assert refused == {"latex": {"mlp"}, "onnx": {"none"}, "torchscript": {"none"}}.get(to, set())
 
 
-@pytest.mark.parametrize("package", ["casadi", "onnx", "yaml"])
-def test_a_missing_package_is_asked_for(package, monkeypatch):
-    monkeypatch.delitem(sys.modules, f"frictionid.deploy.export.formats.{package}", raising=False)
+@pytest.mark.parametrize(
+    ("to", "package", "extra"),
+    [
+        ("casadi", "casadi", "export"),
+        ("onnx", "onnx", "export"),
+        ("usd", "pxr", "usd"),
+        ("yaml", "yaml", "export"),
+    ],
+)
+def test_a_missing_package_is_asked_for(to, package, extra, monkeypatch):
+    monkeypatch.delitem(sys.modules, f"frictionid.deploy.export.formats.{to}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=r"not installed: pip install 'frictionid\[export\]'"):
-        writer_of(package)
+    with pytest.raises(InputError, match=rf"not installed: pip install 'frictionid\[{extra}\]'"):
+        writer_of(to)
 
 
 def test_the_help_lists_the_formats_that_are_there(tmp_path, monkeypatch, capsys):
