@@ -166,7 +166,7 @@ def test_a_delay_is_in_an_actuator_in_place_of_the_drive(tmp_path, rate, steps):
         assert gain * values["newton:kd"] == pytest.approx(0.5)
         assert 0.1 ** (2 - j) * values["newton:maxEffort"] == pytest.approx(LATE.limit[j])
         assert number(stage, joint, f"drive:{AXES[j]}:physics:stiffness") == 0.0
-    assert any(f"{steps} steps late: 12 ms" in note for note in made.notes) and made.lost == ()
+    assert any(f"12 ms late: {steps} steps at" in note for note in made.notes) and made.lost == ()
 
 
 def test_an_envelope_is_that_of_a_dc_motor(tmp_path):

@@ -59,16 +59,18 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         raise InputError(
             "usd: name the stage whose joints are given the friction (--into robot.usda)"
         )
-    stage, notes = _stage(path), list[str]()
+    stage = _stage(path)
     rates = (prim.GetAttribute(name).Get() for prim in stage.Traverse() for name in _RATES)
     rate = next(filter(None, rates), 1000)  # Newton's
-    steps = 0 if drive is None else max(round(drive.delay * rate), 0)
+    delay = 0.0 if drive is None else max(drive.delay, 0.0)
+    steps = round(delay * rate)
+    notes: list[str] = []
     for j, joint in enumerate(_joints(stage, model, str(path))):
         notes += _friction(model, friction, j, joint)
         if drive is not None and j in model.driven.values():
             notes += _drive(joint, drive, j, steps)
-    if steps:
-        notes.append(f"targets are {steps} steps late: {1e3 * steps / rate:.3g} ms at {rate:g} Hz")
+    if delay:
+        notes.append(f"targets are {1e3 * delay:.3g} ms late: {steps} steps at {rate:g} Hz")
     sublayer = os.path.relpath(path.resolve(), settings.folder.resolve())
     notes.append(f"the layer names {sublayer}: open it in place of that, and move both together")
     lost = lost_by(model, friction, "Newton", "friction and damping") + _left(model)
@@ -112,7 +114,7 @@ def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint)
     """Gives a joint friction; notes."""
     prim, axis = joint.prim, f"physxJointAxis:{joint.axis}"
     level, viscous = friction.theta[j]
-    if model.drive is not None:
+    if model.drive is not None and j in model.driven.values():
         viscous = viscous + model.drive.back_emf[j]
     of_joint = {"friction": joint.effort * level, "damping": joint.by_degree * viscous}
     of_axis = {
@@ -121,9 +123,9 @@ def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint)
         "viscousFrictionCoefficient": of_joint["damping"],
     }
     for name in ("armature", "maxJointVelocity"):  # the axis' own replace the joint's
-        before = prim.GetAttribute(f"physxJoint:{name}")
-        if before and not prim.GetAttribute(f"{axis}:{name}"):
-            of_axis[name] = before.Get()
+        before = prim.GetAttribute(f"physxJoint:{name}").Get()
+        if before is not None and not prim.GetAttribute(f"{axis}:{name}"):
+            of_axis[name] = before
     if model.rotor is not None:
         of_joint["armature"] = of_axis["armature"] = joint.gain * model.rotor
     if prim.GetAttribute("physxJoint:jointFriction"):  # acts beside the axis'
@@ -157,8 +159,8 @@ def _drive(joint: Joint, drive: PositionControl, j: int, steps: int) -> Iterable
     }
     if motor is not None:
         schemas["NewtonDCMotorClampingAPI"] = {
-            "saturationEffort": joint.effort * motor.stall,
-            "velocityLimit": joint.speed * motor.no_load,
+            "saturationEffort": joint.effort * float(motor.stall),
+            "velocityLimit": joint.speed * float(motor.no_load),
             "maxMotorEffort": limit,
         }
     if steps:
@@ -174,8 +176,8 @@ def _author(prim: Any, schema: str, namespace: str, values: Mapping[str, float])
     for name, value in values.items():
         kind = types.Int if isinstance(value, int) else types.Float
         attribute = prim.CreateAttribute(f"{namespace}:{name}", kind, False)
-        if attribute.HasAuthoredValue():
-            before[name] = f"{attribute.Get():.4g}"
+        if attribute.HasAuthoredValue() and isinstance(old := attribute.Get(), float):
+            before[name] = f"{old:.4g}"
         attribute.Set(value)
     return stated_before(prim.GetName(), before, {name: f"{x:.4g}" for name, x in values.items()})
 
