@@ -27,9 +27,11 @@ def console() -> Any:
 
 
 def say(*parts: Any) -> None:
-    """Print texts as they stand, and tables, whose lines are as long as they are."""
+    """Print texts, which a terminal wraps between words, and tables, whose lines stay whole."""
+    out = console()
     for part in parts:
-        console().print(part, markup=False, soft_wrap=True)
+        wraps = out.is_terminal and isinstance(part, str)
+        out.print(part, markup=False, soft_wrap=not wraps)
 
 
 def printed(show: Callable[[], object]) -> str:

@@ -59,9 +59,7 @@ def show_summary(results: Results) -> None:
                 say(left)
     for section in sections:
         words = verdict(section)
-        text = f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n"
-        out = console()
-        out.print(text, markup=False, soft_wrap=not out.is_terminal)
+        say(f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n")
 
 
 def verdict(section: Section) -> str:

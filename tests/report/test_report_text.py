@@ -12,11 +12,12 @@ from fixtures import result_folders as made
 from frictionid.comparison.results import load_results, model_scores
 from frictionid.evaluation import score_frame
 from frictionid.report import show, show_scores
+from frictionid.report.console import say
 from frictionid.report.figures.style import styles
 from frictionid.report.fit_table import equation_of, horizons_of
 from frictionid.report.sections import rollout
 from frictionid.report.summary_table import summary_of, summary_table
-from frictionid.report.tables import escape_latex, latex, markdown
+from frictionid.report.tables import escape_latex, latex, markdown, table_of, text_columns
 from frictionid.report.verdict import verdict_of
 from frictionid.report.write import astray, loose
 
@@ -155,6 +156,19 @@ def test_tables_fit_the_terminal(width, typical, capsys, monkeypatch):
     heads = [line for line in plain if "identifier" in line]
     assert all("1 s" in line for line in heads)
     assert ("0.1 s" in heads[0]) == (width > 100)
+
+
+def test_a_terminal_wraps_sentences_between_words_and_no_line_of_a_table(capsys, monkeypatch):
+    text, wide = "  " + "measured friction " * 9, "joint_of_a_long_name " * 5
+    for forced in ("1", ""):
+        monkeypatch.setenv("FORCE_COLOR", forced)
+        monkeypatch.setenv("COLUMNS", "80")
+        say(text, table_of(text_columns(wide), [[wide]]))
+        lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
+        sentence, table = lines[:-4], lines[-4:]
+        assert [line.strip() for line in table[0::2]] == [wide.strip(), wide.strip()]
+        assert (max(map(len, sentence)) <= 80) == bool(forced)
+        assert " ".join(sentence).split() == text.split()
 
 
 def test_given_models_are_shown_in_short(capsys):
