@@ -75,7 +75,15 @@ class Table(NamedTuple):
     lines: tuple[Line, ...]
 
     def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
-        yield from for_terminal(self)
+        """Lines, and where a terminal is too narrow the other columns below, beside the first."""
+        count = stop = len(self.columns)
+        rows = for_terminal(self)
+        while console.is_terminal and stop > 2 and rows[-1].cell_len > options.max_width:
+            stop -= 1
+            rows = for_terminal(_picked(self, range(stop)))
+        yield from rows
+        if stop < count:
+            yield _picked(self, [0, *range(stop, count)])
 
 
 Part = tuple[Column, Iterable[str | Cell]]  # heading, and cell of every line
@@ -101,6 +109,11 @@ def table_of(
     columns = tuple(head if isinstance(head, Column) else Column(head) for head in heads)
     lines = tuple(row if isinstance(row, Line) else line(row) for row in rows)
     return Table(caption, label, columns, lines)
+
+
+def _picked(table: Table, columns: Sequence[int]) -> Table:
+    lines = (e._replace(cells=tuple(e.cells[i] for i in columns)) for e in table.lines)
+    return table_of([table.columns[i] for i in columns], lines)
 
 
 def by_columns(caption: str, label: str, parts: Sequence[Part]) -> Table:

@@ -171,6 +171,24 @@ def test_a_terminal_wraps_sentences_between_words_and_no_line_of_a_table(capsys,
         assert " ".join(sentence).split() == text.split()
 
 
+@pytest.mark.parametrize(("forced", "parts"), [("1", 2), ("", 1)])
+def test_a_wide_table_stands_in_parts_below_each_other_in_a_terminal(
+    forced, parts, capsys, monkeypatch
+):
+    monkeypatch.setenv("FORCE_COLOR", forced)
+    monkeypatch.setenv("COLUMNS", "80")
+    numbers = [f"a number of the name {k}" for k in range(6)]
+    say(table_of([*text_columns("joint"), *numbers], [["knee", *"123456"], ["hip", *"abcdef"]]))
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
+    assert (max(map(len, lines)) <= 80) == bool(forced)
+    rows = [line.split() for line in lines]
+    for name, cells in (("knee", "123456"), ("hip", "abcdef")):
+        own = [row[1:] for row in rows if row[0] == name]
+        assert len(own) == parts and "".join(map("".join, own)) == cells
+    heads = " ".join(line.split(maxsplit=1)[1] for line in lines if "joint" in line)
+    assert re.findall(r"name (\d)", heads) == list("012345")
+
+
 def test_given_models_are_shown_in_short(capsys):
     rows = {"mine": made.rows(0.3, 0.2, curve=0.1), "theirs": made.rows(0.5, np.inf, curve=0.2)}
     frames = {k: score_frame(r for r in v if r[0] == "all") for k, v in rows.items()}
