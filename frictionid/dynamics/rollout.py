@@ -10,13 +10,13 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
-from .compiled.loops import machine_of, rolled_out
+from .compiled.loops import are_many, machine_of, rolled_out
 from .state import State, inputs
 from .step import adaptive_step, euler_step, semi_implicit_step
 from .step_size import StepSize, step_size_of
 
 _ONE_STEP = {"euler": euler_step, "semi_implicit": semi_implicit_step}  # for each sample
-MANY = 300  # samples: fewer are predicted before loops are compiled
+MANY = 300  # samples of two joints: fewer are predicted before loops are compiled
 _RUNAWAY = 1e5  # times as fast as slow joints, they have diverged: they are frozen as NaN
 
 
@@ -75,7 +75,7 @@ def rollout(
     sizes = [step_size] * len(dt) if step_size else []
     sizes = sizes or (_step_sizes(plant, friction, dt, refine) if method == "rk4" else [])
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
-    many = method == "rk4" and len(u) * math.prod(state.q.shape[:-1]) >= MANY
+    many = method == "rk4" and are_many(len(u) * math.prod(state.q.shape[:-1]), MANY, plant.n)
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         counts = np.array(sizes, dtype=int)
         return rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)

@@ -5,7 +5,7 @@ arrays here are NumPy's, with scalars that record; NumPy hands its functions ove
 [NEP18]. A law's parameters are numbers: what follows from them alone becomes a constant.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -102,7 +102,7 @@ class Traced(np.ndarray):
             For functions that programs do not have.
         """
         name = _SAME.get(ufunc.__name__, ufunc.__name__)
-        recorder = _recorder(inputs)
+        recorder = recorder_of(inputs)
         if name == "matmul" and method == "__call__":
             return _product(*(as_traced(recorder, a) for a in inputs))
         if dtype not in (None, bool, object) or where is not True:
@@ -123,7 +123,7 @@ class Traced(np.ndarray):
         return _each(recorder, recorded, *inputs)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        recorder = _recorder(args)
+        recorder = recorder_of(args)
         if func is np.where and len(args) == 3:
             return self._apply(recorder, "select", args)
         if func is np.astype:  # values of a program are of one type
@@ -143,14 +143,14 @@ class Traced(np.ndarray):
         raise NotImplementedError("a decision by values that are not known")
 
 
-def _recorder(arrays: Any) -> Recorder:
+def recorder_of(arrays: Any) -> Recorder:
     """Recorder of the first traced array, in sequences, too."""
     for array in arrays:
         if isinstance(array, Traced):
             return array.recorder
         if isinstance(array, list | tuple):
             with suppress(LookupError):
-                return _recorder(array)
+                return recorder_of(array)
     raise LookupError("no traced array")
 
 
@@ -230,7 +230,9 @@ _COMPOSED: dict[str, Callable[..., Operand]] = {
 
 
 def traced(
-    function: Callable[[Mapping[str, Array]], Mapping[str, Array]], inputs: Mapping[str, int]
+    function: Callable[[Mapping[str, Array]], Mapping[str, Array]],
+    inputs: Mapping[str, int],
+    zeros: Collection[str] = (),
 ) -> Program:
     """Program of a function of arrays.
 
@@ -240,6 +242,7 @@ def traced(
         Gives arrays by name.
     inputs : sizes by name
         The program's inputs are named w_1, w_2 ... of an input w.
+    zeros : names of inputs that are known to be zero
 
     Raises
     ------
@@ -255,7 +258,7 @@ def traced(
     for name, size in inputs.items():
         entries = np.empty(size, dtype=object)
         for k in range(size):
-            entries[k] = Value(at + k)
+            entries[k] = 0.0 if names[at + k] in zeros else Value(at + k)
         arrays[name] = as_traced(recorder, entries.view(Traced))
         at += size
     result = function(arrays)
@@ -287,3 +290,48 @@ def chained(first: Program, then: Program) -> Program:
     last = then.run(values, functions)
     outputs = {name: tuple(row) for name, row in (*middle.items(), *last.items())}
     return needed(Program(inputs, tuple(recorder.lines), outputs))
+
+
+def without_zeros(programs: Mapping[str, Program], given: Collection[str]) -> dict[str, Program]:
+    """Programs that read and write the numbers of one row, zero at first, without those that stay.
+
+    given : inputs that are set from outside, by name
+
+    >>> set_u = traced(lambda x: {"u": np.stack([2.0 * x["w"][0], 0.0 * x["w"][0]])}, {"w": 1})
+    >>> add_up = traced(lambda x: {"y": x["u"][0] + x["u"][1] * x["w"][0]}, {"u": 2, "w": 1})
+    >>> len(without_zeros({"set_u": set_u, "add_up": add_up}, ["w"])["add_up"].lines)
+    0
+    """
+    out, zeros, fresh = dict(programs), set[str](), {""}
+    while fresh:
+        written = {entry for program in out.values() for entry in _written(program)}
+        read = {x for program in out.values() for x in _read(program)}
+        fresh = {x for x in read - written if x.rpartition("_")[0] not in given}
+        zeros |= fresh
+        out = {
+            name: _with_zeros(program, zeros) if _read(program) & fresh else program
+            for name, program in out.items()
+        }
+    return out
+
+
+def _read(program: Program) -> set[str]:
+    """Inputs that are read."""
+    operands = (*(line.operands for line in program.lines), *program.outputs.values())
+    numbers = {x.number for row in operands for x in row if isinstance(x, Value)}
+    return {name for k, name in enumerate(program.inputs) if k in numbers}
+
+
+def _written(program: Program) -> Iterator[str]:
+    """Entries of outputs that are not always zero, named as inputs are."""
+    for name, row in program.outputs.items():
+        yield from (f"{name}_{k + 1}" for k, operand in enumerate(row) if operand != 0.0)
+
+
+def _with_zeros(program: Program, zeros: Collection[str]) -> Program:
+    """The program of inputs of which these are zero."""
+    recorder = Recorder(program.inputs)
+    functions = {name: partial(recorder.record, name) for name in OPERATIONS}
+    values = {x: 0.0 if x in zeros else Value(k) for k, x in enumerate(program.inputs)}
+    outputs = {name: tuple(row) for name, row in program.run(values, functions).items()}
+    return needed(Program(program.inputs, tuple(recorder.lines), outputs))

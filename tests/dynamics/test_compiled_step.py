@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from fixtures.random_robots import mechanism as robot
 
 from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.compiled.loops import machine_of
@@ -53,11 +54,13 @@ MECHANISMS = {
     "acrobot": acrobot(),
     "coupled": replace(double_pendulum(), coupled=(("both", (1.0, -2.0)),)),
     "crane": crane(),
+    "robot": robot(seed=2, n=4),
 }
 CASES = [
     *((law, "acrobot") for law in LAWS),
     *(("stribeck", "pendulum"), ("bristles", "crane"), ("bearing load", "crane")),
     *(("an arctangent", "coupled"), ("a film", "coupled")),
+    *(("stribeck", "robot"), ("bristles", "robot"), ("bearing load", "robot")),
 ]
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.random_robots import mechanism as robot
 
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent import end_states as sensitivities
@@ -35,6 +36,8 @@ CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
         known.CoulombViscous(),
         [0.05, 0.01],
     ),
+    "robot, stribeck": (robot(seed=2, n=4), known.Stribeck(symmetric=False), STRIBECK),
+    "robot, load": (robot(seed=5, n=3), known.LoadDependent(), [0.5, 0.005, 0.01]),
     "acrobot, none": (acrobot(), known.NoFriction(), []),
     "acrobot, network": (acrobot(), NETWORK, list(0.1 + np.arange(len(NETWORK.names)) / 40)),
 }

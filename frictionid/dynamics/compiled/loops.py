@@ -11,10 +11,12 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 from frictionid.programs.loops import called, compiled, kept
 from frictionid.programs.machine_code import machine_code, run_at
+from frictionid.programs.program import Program
+from frictionid.programs.trace import without_zeros
 
 from ..state import State
 from ..torque_balance import SWEEPS, has_break_away
-from .row import NO_PROGRAM, Row, places_of, program_of
+from .row import GIVEN, NO_PROGRAM, Row, places_of, program_of
 
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
@@ -76,12 +78,19 @@ class Machine(NamedTuple):
     size: int
 
 
+def are_many(intervals: int, least: int, n: int) -> bool:
+    """Whether so many intervals are worth compiling: what of two joints is at least this many.
+
+    The programs of n joints grow with their square.
+    """
+    return intervals >= least * max(1.0, n / 2) ** 2
+
+
 def machine_of(plant: Plant, friction: Friction, *states: Array) -> Machine | None:
     """Machine code of a plant and its friction; None where there is none.
 
-    Symbolic mechanisms have it, and laws that do with arrays nothing but arithmetic, not too much
-    of it: large networks stay what they are, products of matrices. Parameters and `states` must be
-    arrays of NumPy.
+    Laws have it that do with arrays nothing but arithmetic, not too much of it: large networks stay
+    what they are, products of matrices. Parameters and `states` must be arrays of NumPy.
     """
     row = row_of(plant, friction, *states)
     return None if row is None else _machine(row)
@@ -94,27 +103,40 @@ def row_of(plant: Plant, friction: Friction, *states: Array) -> Row | None:
         return None
     if friction.theta.shape[-2] != plant.parts or law.uses_temperature or law.sample_time:
         return None
+    if plant.p.shape[-1] != len(plant.mechanism.base_names):  # a base that moves
+        return None
     loop = plant.feedback is not None
     return Row(plant.mechanism, law, has_break_away(friction), loop)
 
 
 @lru_cache(maxsize=64)
 def _machine(row: Row) -> Machine | None:
-    sizes, sequences = row.sizes, row.sequences
-    names = {name for parts in sequences.values() for name in parts}
-    names |= set(Code._fields) - sequences.keys()
-    try:
-        programs = {name: program_of(getattr(row, name), sizes) for name in sorted(names)}
-    except NO_PROGRAM:
-        return None
-    if len(programs["torque"].lines) > LINES:
+    sizes, programs = row.sizes, programs_of(row)
+    if programs is None:
         return None
     places = places_of(sizes)
-    code = machine_code(programs, places, sequences)
+    code = machine_code(programs, places, row.sequences)
     at = Places(*(places[name] for name in Places._fields))
     head = places["physical"] + sizes["physical"]
     addresses = Code(*(code[name] for name in Code._fields))
     return Machine(addresses, at, row.sharp, row.entries > 0, head, sum(sizes.values()))
+
+
+@lru_cache(maxsize=64)
+def programs_of(row: Row) -> dict[str, Program] | None:
+    """The programs of a row; None where there are none, or where they are too long."""
+    sizes, sequences = row.sizes, row.sequences
+    names = {name for parts in sequences.values() for name in parts}
+    names |= set(Code._fields) - sequences.keys()
+    try:
+        programs = {
+            name: program_of(getattr(row, name), sizes, row.zeros) for name in sorted(names)
+        }
+    except NO_PROGRAM:
+        return None
+    if len(programs["torque"].lines) > LINES:
+        return None
+    return without_zeros(programs, GIVEN)
 
 
 @called

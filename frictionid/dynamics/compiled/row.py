@@ -4,8 +4,9 @@ What `step`, `zero_crossing` and `torque_balance` compute of arrays is written d
 that a row holds, and all that programs hand on to each other, are named numbers of one array.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
 from types import SimpleNamespace
 from typing import Any
@@ -44,12 +45,28 @@ from ..zero_crossing import (
     turned_back,
 )
 
+GIVEN = "q w memory u dt slow feedback p theta physical".split()  # numbers that loops set
 NO_PROGRAM = (NotImplementedError, TypeError, ValueError, AttributeError)
 
 
-def program_of(function: Callable[[Any], Mapping[str, Array]], sizes: dict[str, int]) -> Program:
-    """Program of a function of named numbers."""
-    return traced(lambda x: function(SimpleNamespace(**x)), sizes)
+def program_of(
+    function: Callable[[Any], Mapping[str, Array]],
+    sizes: dict[str, int],
+    zeros: Collection[str] = (),
+) -> Program:
+    """Program of a function of named numbers, of which some are known to be zero."""
+    return traced(lambda x: function(SimpleNamespace(**x)), sizes, zeros)
+
+
+def zero_entries(programs: Iterable[Program]) -> set[str]:
+    """Entries of outputs that are always zero."""
+    return {
+        f"{name}_{k + 1}"
+        for program in programs
+        for name, row in program.outputs.items()
+        for k, operand in enumerate(row)
+        if operand == 0.0
+    }
 
 
 def places_of(sizes: dict[str, int]) -> dict[str, int]:
@@ -133,6 +150,13 @@ class Row:
             "look_back": (*sliding, "choose_crossing", "hold"),
             "change_side": ("locate", "torque", "turn_back"),
         }
+
+    @cached_property
+    def zeros(self) -> frozenset[str]:
+        """Entries of mass matrices that are zero, such as those between two legs."""
+        zeros = zero_entries([program_of(self.dynamics, self.sizes)])
+        of_inertia = [x.partition("_")[2] for x in zeros if x.startswith("M_")]
+        return frozenset(f"{name}_{k}" for name in ("M", "M0", "M_end") for k in of_inertia)
 
     # ------------------------------------------------------------ torques
 

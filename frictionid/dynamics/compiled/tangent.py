@@ -16,6 +16,7 @@ from frictionid.mechanics import Partials
 from frictionid.programs.derivative import with_derivatives
 from frictionid.programs.machine_code import machine_code
 from frictionid.programs.program import Operand, Program, needed
+from frictionid.programs.trace import without_zeros
 
 from ..state import State
 from ..tangent.law_derivatives import FreeTheta, Slopes
@@ -30,8 +31,8 @@ from ..tangent.substep import (
     without_held,
 )
 from ..tangent.tangent import MotionModel
-from .loops import Machine, machine_of, row_of
-from .row import NO_PROGRAM, Row, places_of, program_of
+from .loops import Machine, machine_of, programs_of, row_of
+from .row import GIVEN, NO_PROGRAM, Row, places_of, program_of, zero_entries
 
 
 class TangentMachine(NamedTuple):
@@ -72,11 +73,14 @@ def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
 
 @lru_cache(maxsize=64)
 def _tangent_machine(machine: Machine, row: TangentRow) -> TangentMachine | None:
-    sizes = row.sizes
+    sizes, step = row.sizes, programs_of(row.row)
     try:
         programs = row.programs
     except NO_PROGRAM:
         return None
+    every = programs | {f"step: {name}": program for name, program in (step or {}).items()}
+    every = without_zeros(every, [*GIVEN, "moment"])
+    programs = {name: every[name] for name in programs}
     places = places_of(sizes)
     code = machine_code(programs, places, row.sequences)
     names = ("moment", "change", "by_moment", "by_base_moment")
@@ -103,25 +107,33 @@ class TangentRow:
     def sizes(self) -> dict[str, int]:
         """How many numbers each name has."""
         sizes, e, F = self.row.sizes, self.row.entries, len(self.free)
-        n, m, nb, nf = sizes["q"], sizes["slow"], sizes["p"], len(self.base)
+        n, m, nf = sizes["q"], sizes["slow"], len(self.base)
         s = 2 * n + e * m
         return {
             **sizes,
             **{"by_v": m * m, "by_q": m * n, "by_w": m * n, "by_u": m * n, "by_z": e * m},
             **{"by_theta": F, "by_level": F, "memory_by_z": e * e * m, "memory_by_v": e * m},
             **{"memory_by_theta": e * F, "a": n, "moment": n, "memory1": e * m},
-            **{"partial_q": n * n, "partial_w": n * n, "partial_p": n * nb},
+            **{"partial_q": n * n, "partial_w": n * n, "partial_p": n * nf},
             **{"change": s * (s + F + nf + n), "by_moment": n * n, "by_base_moment": n * nf},
         }
 
     @property
     def programs(self) -> dict[str, Program]:
         """Programs of the derivatives, and those of the step that they need."""
-        law = {"slopes": self._slopes(), "levels": self._levels(), "rates": self._rates()}
         names = dict.fromkeys(name for parts in self.sequences.values() for name in parts)
-        sizes, others = self.sizes, [name for name in names if name not in law]
-        methods = {name: getattr(self, name, None) or getattr(self.row, name) for name in others}
-        return law | {name: program_of(method, sizes) for name, method in methods.items()}
+        methods = {
+            name: getattr(self, name, None) or getattr(self.row, name, None) for name in names
+        }
+        slopes = {"slopes": self._slopes(), "levels": self._levels(), "rates": self._rates()}
+        slopes["partials"] = program_of(self.partials, self.sizes)
+        zeros = self.row.zeros | zero_entries(slopes.values())
+        others = {
+            name: program_of(method, self.sizes, zeros)
+            for name, method in methods.items()
+            if method and name not in slopes
+        }
+        return slopes | others
 
     @property
     def sequences(self) -> dict[str, tuple[str, ...]]:
@@ -240,7 +252,8 @@ class TangentRow:
 
     def partials(self, x: Any) -> dict[str, Array]:
         partials = self.row.mechanism.partials(x.p, x.at_q, x.at_w, x.a)
-        return {"partial_q": partials.by_q, "partial_w": partials.by_w, "partial_p": partials.by_p}
+        by_p = partials.by_p[:, list(self.base)]
+        return {"partial_q": partials.by_q, "partial_w": partials.by_w, "partial_p": by_p}
 
     def transition(self, x: Any) -> dict[str, Array]:
         return {"change": self._change(x)[1]}
@@ -262,7 +275,8 @@ class TangentRow:
         partials = Partials(by_q, by_w, x.partial_p.reshape(n, -1))
         motors = self.row.mechanism.motors
         loop = x.feedback.reshape(2, n) if self.row.feedback else None
-        here = linear(M, self.slopes_of(x), partials, self.base, motors, turns, rates, loop)
+        base = tuple(range(len(self.base)))  # the partials are of these alone
+        here = linear(M, self.slopes_of(x), partials, base, motors, turns, rates, loop)
         size = 2 * n + e * m
         T = np.eye(size, size + len(self.free) + len(self.base) + n) + 0.0 * x.dt
         start = without_held(T[n : 2 * n], x.sticking, x.M0.reshape(n, n), turns)

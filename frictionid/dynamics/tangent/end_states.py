@@ -15,6 +15,7 @@ from frictionid.friction.coordinates import of_parts, onto_joints, torque_map
 from frictionid.mechanics import Plant
 
 from ..compiled.end_states import end_states_of
+from ..compiled.loops import are_many
 from ..compiled.tangent import tangent_machine_of
 from ..state import State, driven, inputs, velocities
 from ..torque_balance import Stiction, constrained
@@ -32,7 +33,7 @@ from .substep import (
 )
 from .tangent import MotionModel, MotorTorque, advance_in_pieces
 
-COMPILED = 64  # intervals: fewer are done before loops are compiled
+COMPILED = 64  # intervals of two joints: fewer are done before loops are compiled
 
 
 class EndStates(NamedTuple):
@@ -57,7 +58,8 @@ def end_states(
     parts : of a piece, a power of two: at most so many substeps where a joint comes near rest;
         other pieces are one substep
     """
-    machine = tangent_machine_of(model) if len(dt) >= COMPILED else None
+    many = are_many(len(dt), COMPILED, start.q.shape[-1])
+    machine = tangent_machine_of(model) if many else None
     if machine is not None:
         state, T = end_states_of(machine, model, start, motor, dt, parts)
         size = T.shape[1]

@@ -113,7 +113,7 @@ def _scaled_regressor(tree: Tree) -> Array:
             [[10.0 / length]],
         ]
         base = np.concatenate([*turning, rng.uniform(-10, 10, (_MOTIONS, 3))], axis=-1)
-    Y = regressor(tree, q, w, a, np.arange(10 * tree.n + len(tree.rotors)), base)
+    Y = regressor(tree, q, w, a, base)
     rows = np.where(tree.prismatic, length, 1.0)[:, None] / 10.0
     return (Y * rows).reshape(-1, Y.shape[-1]) * _scales(tree)
 
@@ -137,21 +137,14 @@ def geometry(tree: Tree, reduction: BaseParameters | None = None) -> Geometry:
     )
 
 
-def regressor(
-    tree: Tree, q: Array, w: Array, a: Array, columns: Array, base: Array | None = None
-) -> Array:
-    """Torques (K, n, C) of motions (K, n) with one unit inertial parameter each.
+def regressor(tree: Tree, q: Array, w: Array, a: Array, base: Array | None = None) -> Array:
+    """Torques (K, n, N) of motions (K, n) with one unit inertial parameter each, 10 n and rotors.
 
-    columns : array of int, shape (C,), in order, of the ten of each body and those of the rotors
     base : array, shape (1, 9) or (K, 9), motion of the base, at rest if not given
     """
-    base = np.concatenate([np.zeros(6), -tree.gravity])[None] if base is None else base
-    bodies = columns[columns < 10 * tree.n]
-    Y = np.empty((*q.shape, len(columns)))
-    loops.regressor(geometry(tree), base, bodies, q, w, a, Y)
-    turning = tree.rotors[columns[len(bodies) :] - 10 * tree.n]
-    Y[..., len(bodies) :] = turning.T * (a @ turning.T)[:, None]
-    return Y
+    count = 10 * tree.n + len(tree.rotors)
+    p = np.zeros((1, count)) if base is None else np.pad(base, ((0, 0), (count, 0)))
+    return loops.evaluate(loops.regressor, geometry(tree), ((tree.n, count),), p, q, w, a)[0]
 
 
 def _independent(Y: Array, order: Array) -> Array:

@@ -3,8 +3,9 @@
 Everything is in the frame of the base, so that no later algorithm knows frames.
 """
 
-import math
 from typing import Any
+
+import numpy as np
 
 from frictionid.programs.loops import inlined
 
@@ -64,7 +65,7 @@ def placements(tree: Any, q: Any, R: Any, o: Any, S: Any) -> None:
     for i in range(len(q)):
         p = tree.parent[i]
         x, y, z = tree.axis[i, 0], tree.axis[i, 1], tree.axis[i, 2]
-        s, c = (0.0, 1.0) if tree.prismatic[i] else (math.sin(q[i]), math.cos(q[i]))
+        s, c = (0.0, 1.0) if tree.prismatic[i] else (np.sin(q[i]), np.cos(q[i]))
         t = 1.0 - c
         for r in range(3):
             a, b, d = tree.turn[i, r, 0], tree.turn[i, r, 1], tree.turn[i, r, 2]

@@ -4,12 +4,16 @@ Base parameters p have shape (1, nb) or (K, nb), with the motion of the base beh
 moves (nb + 9); results are written to the arrays that come last.
 """
 
+import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.programs.loops import compiled, inlined
+from frictionid.programs.trace import Traced
+from frictionid.programs.trace_loops import traced_loop
 
 from .kinematics import add_to_parents, dot, momentum, motion, placements, world_inertias
 from .rnea import (
@@ -41,12 +45,19 @@ class Geometry(NamedTuple):
 
 
 @inlined
-def _expand(tree: Any, p: Any, pi: Any, rotor: Any, base: Any) -> None:
-    """Write inertial parameters (N,), the rotors' share in M (n, n), the base's motion (9,)."""
-    n, count = len(tree.parent), len(tree.leading)
+def _base_motion(tree: Any, p: Any, base: Any) -> None:
+    """Write the base's motion (9,), which stands behind base parameters p where it moves."""
+    count = len(tree.leading)
     for c in range(9):
         at_rest = -tree.gravity[c - 6] if c >= 6 else 0.0
         base[c] = p[count + c] if len(p) > count else at_rest
+
+
+@inlined
+def _expand(tree: Any, p: Any, pi: Any, rotor: Any, base: Any) -> None:
+    """Write inertial parameters (N,), the rotors' share in M (n, n), the base's motion (9,)."""
+    n, count = len(tree.parent), len(tree.leading)
+    _base_motion(tree, p, base)
     for k in range(len(pi)):
         pi[k] = p[tree.carrier] * tree.silent[k]
     for k in range(count):
@@ -60,12 +71,12 @@ def _expand(tree: Any, p: Any, pi: Any, rotor: Any, base: Any) -> None:
 
 
 @inlined
-def _scratch(tree: Any) -> Any:
-    """Arrays for base, pi, rotors, R, o, S, inertia, v, dS, a, force of one sample."""
-    n, base, pi = len(tree.parent), np.empty(9), np.empty(len(tree.silent))
-    rotor, R, o = np.empty((n, n)), np.empty((n, 3, 3)), np.empty((n, 3))
-    S, bodies, v = np.empty((n, 6)), np.empty((n, 10)), np.empty((n, 6))
-    dS, a, force = np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6))
+def _scratch(tree: Any, kind: Any) -> Any:
+    """Arrays of a type for base, pi, rotors, R, o, S, inertia, v, dS, a, force of one sample."""
+    n, base, pi = len(tree.parent), np.empty(9, kind), np.empty(len(tree.silent), kind)
+    rotor, R, o = np.empty((n, n), kind), np.empty((n, 3, 3), kind), np.empty((n, 3), kind)
+    S, bodies, v = np.empty((n, 6), kind), np.empty((n, 10), kind), np.empty((n, 6), kind)
+    dS, a, force = np.empty((n, 6), kind), np.empty((n, 6), kind), np.empty((n, 6), kind)
     return base, pi, rotor, R, o, S, bodies, v, dS, a, force
 
 
@@ -80,7 +91,7 @@ def _copy(source: Any, target: Any) -> None:
 @compiled
 def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
     """Mass matrices M (K, n, n)."""
-    base, pi, rotor, R, o, S, bodies, _, _, _, _ = _scratch(tree)
+    base, pi, rotor, R, o, S, bodies, _, _, _, _ = _scratch(tree, q.dtype)
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor, base)
@@ -94,7 +105,7 @@ def inertia(tree: Geometry, p: Array, q: Array, M: Array) -> None:
 @compiled
 def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -> None:
     """Mass matrices M (K, n, n) and h (K, n)."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree)
+    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
     rate = np.zeros(q.shape[1])
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
@@ -115,7 +126,7 @@ def lagrangian(
     tree: Geometry, p: Array, q: Array, w: Array, slope: Array, energy: Array, turned: Array
 ) -> None:
     """dL/dq (K, n), potential energies (K,) [J], momenta (K, n) as the base turns them all."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, moving = _scratch(tree)
+    base, pi, rotor, R, o, S, bodies, v, dS, a, moving = _scratch(tree, q.dtype)
     carried = np.empty_like(bodies)
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
@@ -136,8 +147,8 @@ def derivatives(
     tree: Geometry, p: Array, q: Array, w: Array, rate: Array, by_q: Array, by_w: Array
 ) -> None:
     """Derivatives of M dw/dt - h by q and w (K, n, n)."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree)
-    B, twice, out = np.empty((len(o), 12)), np.empty_like(S), np.empty(len(o))
+    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
+    B, twice, out = np.empty((len(o), 12), q.dtype), np.empty_like(S), np.empty_like(q[0])
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor, base)
@@ -151,17 +162,47 @@ def derivatives(
 
 
 @compiled
-def regressor(
-    tree: Geometry, bases: Array, columns: Array, q: Array, w: Array, rate: Array, Y: Array
-) -> None:
-    """Torques (K, n, C) of motions with one unit parameter each, of the 10 n of all bodies.
-
-    bases : motions of the base, shape (1, 9) or (K, 9)
-    """
-    _, _, _, R, o, S, _, v, dS, a, _ = _scratch(tree)
-    wrench = np.empty((10, 6))
+def regressor(tree: Geometry, p: Array, q: Array, w: Array, rate: Array, Y: Array) -> None:
+    """Torques (K, n, nb) of motions by one unit of each leading parameter, the others zero."""
+    base, _, _, R, o, S, _, v, dS, a, _ = _scratch(tree, q.dtype)
+    wrench, n = np.empty((10, 6), q.dtype), len(tree.parent)
+    bodies = tree.leading[tree.leading < 10 * n]
     for k in range(len(q)):
+        if k == 0 or len(p) > 1:
+            _base_motion(tree, p[k], base)
         placements(tree, q[k], R, o, S)
-        base = bases[k] if len(bases) > 1 else bases[0]
         motion(tree, base, S, w[k], rate[k], v, dS, a)
-        torque_regressor(tree.parent, (R, o), S, v, a, columns, wrench, Y[k])
+        torque_regressor(tree.parent, (R, o), S, v, a, bodies, wrench, Y[k])
+        for c in range(len(bodies), len(tree.leading)):
+            turns, speed = tree.rotors[tree.leading[c] - 10 * n], 0.0 * rate[k, 0]
+            for i in range(n):
+                speed += turns[i] * rate[k, i]
+            for i in range(n):
+                Y[k, i, c] = turns[i] * speed
+
+
+def evaluate(
+    loop: Callable[..., object],
+    tree: Geometry,
+    shapes: tuple[tuple[int, ...], ...],
+    p: Array,
+    *states: Array,
+) -> list[Array]:
+    """Arrays (..., *shape) that a loop fills, of p and states whose batch axes broadcast."""
+    if any(isinstance(x, Traced) for x in (p, *states)):
+        return traced_loop(loop, tree, shapes, p, *states)
+    lead = np.broadcast_shapes(*(np.shape(x)[:-1] for x in (p, *states)))
+    p = _flat(p, (1,) if math.prod(np.shape(p)[:-1]) == 1 else lead)
+    out = [np.empty((math.prod(lead), *shape)) for shape in shapes]
+    loop(tree, p, *(_flat(x, lead) for x in states), *out)
+    return [x.reshape((*lead, *x.shape[1:])) for x in out]
+
+
+def _flat(x: Array, lead: tuple[int, ...]) -> Array:
+    """Rows (K, n) of an array whose batch axes broadcast to `lead`."""
+    x = np.asarray(x, dtype=float)
+    if x.shape[:-1] != lead and x.size > x.shape[-1]:
+        x = np.broadcast_to(x, (*lead, x.shape[-1]))
+    x = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
+    rows = math.prod(lead)
+    return x if len(x) == rows else np.ascontiguousarray(np.broadcast_to(x, (rows, x.shape[-1])))

@@ -24,7 +24,7 @@ from frictionid.mechanics.rigid_body import loops
 
 from ..mechanism import Mechanism, Parameter, Partials, Terms
 from ..plant import base_motion_of, with_base_motion
-from .base_parameters import BaseParameters, geometry, regressor
+from .base_parameters import BaseParameters, geometry
 from .kinematics import placements
 from .loops import Geometry
 from .robot import Attached, Tree, moved
@@ -96,21 +96,17 @@ class RigidBodyTree(Mechanism):
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
         n, reduction = self.n, self.reduction
         by_q, by_w = self._evaluate(loops.derivatives, ((n, n), (n, n)), p, q, w, a)
-        lead = by_q.shape[:-2]
-        motion = base_motion_of(p, len(self.base_names))
-        base = None if motion is None else _flat(motion, lead)
-        q, w, a = (_flat(x, lead) for x in (q, w, a))
-        by_p = regressor(self.tree, q, w, a, reduction.leading, base)
+        (by_p,) = self._evaluate(loops.regressor, ((n, len(self.base_names)),), p, q, w, a)
         if reduction.rounded:
-            by_p[..., reduction.carrier] += self._silent_torques(base, q, w, a)
-        return Partials(by_q, by_w, by_p.reshape((*lead, *by_p.shape[1:])))
+            column = by_p[..., reduction.carrier] + self._silent_torques(p, q, w, a)
+            by_p[..., reduction.carrier] = column
+        return Partials(by_q, by_w, by_p)
 
-    def _silent_torques(self, base: Array | None, q: Array, w: Array, a: Array) -> Array:
-        """Torques (K, n) of the silent parameters, see `BaseParameters`."""
-        M, h, silent = np.empty((*q.shape, self.n)), np.empty(q.shape), self.reduction.silent[None]
-        if base is not None:
-            silent = np.hstack([np.broadcast_to(silent, (len(base), silent.size)), base])
-        loops.dynamics(geometry(self.tree), silent, q, w, M, h)
+    def _silent_torques(self, p: Array, q: Array, w: Array, a: Array) -> Array:
+        """Torques (..., n) of the silent parameters, see `BaseParameters`."""
+        silent = with_base_motion(self.reduction.silent, base_motion_of(p, len(self.base_names)))
+        shapes, tree = ((self.n, self.n), (self.n,)), geometry(self.tree)
+        M, h = loops.evaluate(loops.dynamics, tree, shapes, silent, q, w)
         return times(M, a) - h
 
     def points(self, q: Array) -> Array:
@@ -170,7 +166,8 @@ class RigidBodyTree(Mechanism):
         return replace(self.tree, inertia=bodies), inertial[10 * self.n :]
 
     def _rotor_inertias(self, values: Mapping[str, Any]) -> Array:
-        arrays = [np.asarray(values[name], dtype=float) for name in self.tree.rotor_names]
+        numbers = [values[name] for name in self.tree.rotor_names]
+        arrays = [x if hasattr(x, "shape") else np.asarray(x, dtype=float) for x in numbers]
         return np.stack(np.broadcast_arrays(*arrays), axis=-1)
 
     def _inertial(self, values: Mapping[str, Any]) -> Array:
@@ -207,22 +204,7 @@ class RigidBodyTree(Mechanism):
                     f"{self.kind}: trees of rigid bodies are evaluated on NumPy arrays, not on "
                     "tensors; convert them with .numpy()"
                 )
-        p, *states = arrays
-        lead = np.broadcast_shapes(*(np.shape(x)[:-1] for x in arrays))
-        p = _flat(p, (1,) if math.prod(np.shape(p)[:-1]) == 1 else lead)
-        out = [np.empty((math.prod(lead), *shape)) for shape in shapes]
-        loop(self._geometry, p, *(_flat(x, lead) for x in states), *out)
-        return [x.reshape((*lead, *x.shape[1:])) for x in out]
-
-
-def _flat(x: Array, lead: tuple[int, ...]) -> Array:
-    """Rows (K, n) of an array whose batch axes broadcast to `lead`."""
-    x = np.asarray(x, dtype=float)
-    if x.shape[:-1] != lead and x.size > x.shape[-1]:
-        x = np.broadcast_to(x, (*lead, x.shape[-1]))
-    x = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
-    rows = math.prod(lead)
-    return x if len(x) == rows else np.ascontiguousarray(np.broadcast_to(x, (rows, x.shape[-1])))
+        return loops.evaluate(loop, self._geometry, shapes, *arrays)
 
 
 def _payload_inertia(values: Mapping[str, Any], at: Attached) -> Array:

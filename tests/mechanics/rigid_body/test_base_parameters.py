@@ -22,7 +22,7 @@ def robot(tmp_path, seed, n=5, serial=False):
 def test_there_are_as_many_as_the_regressor_has_rank(tmp_path, seed):
     tree = robot(tmp_path, seed).tree
     q, w, a = motions(np.random.default_rng(7), (200, tree.n))
-    Y = regressor(tree, q, w, a, np.arange(11 * tree.n)).reshape(-1, 11 * tree.n)
+    Y = regressor(tree, q, w, a).reshape(-1, 11 * tree.n)
     singular = np.linalg.svd(Y, compute_uv=False)
     mechanism = robot(tmp_path, seed)
     assert len(mechanism.base_names) == int((singular > 1e-9 * singular[0]).sum())
@@ -34,7 +34,7 @@ def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(tmp_p
     rng, mechanism = np.random.default_rng(seed), robot(tmp_path, seed)
     q, w, a = motions(rng, (50, mechanism.n))
     pi = rng.normal(size=(3, 11 * mechanism.n))
-    Y = regressor(mechanism.tree, q, w, a, np.arange(11 * mechanism.n))
+    Y = regressor(mechanism.tree, q, w, a)
     p = pi @ mechanism.reduction.regrouping.T
     tau = times(mechanism.partials(p[:, None], q, w, a).by_p, p[:, None])
     np.testing.assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
@@ -57,7 +57,7 @@ def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_pat
     assert rounded.base_names == exact.base_names
     q, w, a = motions(np.random.default_rng(0), (50, 3))
     pi = np.concatenate([rounded.tree.inertia.ravel(), np.zeros(3)])
-    Y = regressor(rounded.tree, q, w, a, np.arange(33))
+    Y = regressor(rounded.tree, q, w, a)
     by_p = rounded.partials(rounded.base({}), q, w, a).by_p
     np.testing.assert_allclose(times(by_p, rounded.base({})), Y @ pi, atol=1e-12)
     M, h = rounded.dynamics(rounded.base({}), q, w)
