@@ -79,11 +79,8 @@ class Machine(NamedTuple):
 
 
 def are_many(intervals: int, least: int, n: int) -> bool:
-    """Whether so many intervals are worth compiling: what of two joints is at least this many.
-
-    The programs of n joints grow with their square.
-    """
-    return intervals >= least * max(1.0, n / 2) ** 2
+    """Whether so many intervals are worth compiling, at least those of two joints, by joint."""
+    return intervals >= least * max(1.0, n / 2)
 
 
 def machine_of(plant: Plant, friction: Friction, *states: Array) -> Machine | None:

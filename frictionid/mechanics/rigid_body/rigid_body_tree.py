@@ -9,7 +9,6 @@ those of a distribution of mass where its pseudo-inertia
 is positive semidefinite [Wensing2018].
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
