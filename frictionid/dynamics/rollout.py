@@ -75,7 +75,8 @@ def rollout(
     sizes = [step_size] * len(dt) if step_size else []
     sizes = sizes or (_step_sizes(plant, friction, dt, refine) if method == "rk4" else [])
     state, alive = begin(plant, friction, start, u[0], dt[0]), None
-    many = method == "rk4" and are_many(len(u) * math.prod(state.q.shape[:-1]), MANY, plant.n)
+    many = are_many(len(u) * math.prod(state.q.shape[:-1]), MANY, plant.n)
+    many = many and method == "rk4" and base_motion is None
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
         counts = np.array(sizes, dtype=int)
         return rolled_out(machine, plant, friction.theta, state, u, dt, counts, _RUNAWAY)
