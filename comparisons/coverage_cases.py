@@ -1,4 +1,4 @@
-"""Simulated sets for `coverage.py`: each law's own truth, on one joint and on the acrobot.
+"""Simulated sets for `intervals.py`: each law's own truth, on one joint and on the acrobot.
 
 Truths are set-valued where the law sticks, and finely integrated; the fit knows neither. For
 shooting the torque acts 12 ms late and the rotor's inertia is missing from the nominal mechanism,

@@ -1,4 +1,4 @@
-"""What intervals of one set show, for `coverage.py`: fits by one step and by shooting."""
+"""What intervals of one set show, for `intervals.py`: fits by one step and by shooting."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
     python comparisons/stress.py [SEEDS] [--only WORD]    # figures of docs/failures.md
 
-Simulated acrobots with set-valued Stribeck friction, as in `coverage.py`, are recorded under one
+Simulated acrobots with set-valued Stribeck friction, as in `intervals.py`, are recorded under one
 stress each: other rates, noise, encoders, glitches, what is lost or does not move. Stribeck
 friction is fitted by the momentum balance and by shooting, as `frictionid fit` does.
 """

@@ -1,4 +1,4 @@
-"""95 % intervals of shooting hold the truth; 100 sets of each law: comparisons/coverage.py."""
+"""95 % intervals of shooting hold the truth; 100 sets of each law: comparisons/intervals.py."""
 
 import sys
 from pathlib import Path

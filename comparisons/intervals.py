@@ -1,6 +1,6 @@
 """How often intervals hold the truth: simulated sets of each law, by one step and by shooting.
 
-    python comparisons/coverage.py [--sets 100] [--laws stribeck,dahl] [--machines joint,acrobot]
+    python comparisons/intervals.py [--sets 100] [--laws stribeck,dahl] [--machines joint,acrobot]
         [--methods integral,shooting] [--seed 1] [--recordings 8] [--wrong 0] [--jobs 1] [--each]
 
 Each set has motor torques, initial angles and noise of its own, all drawn from its seed, and each
