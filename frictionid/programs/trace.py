@@ -292,10 +292,10 @@ def chained(first: Program, then: Program) -> Program:
     return needed(Program(inputs, tuple(recorder.lines), outputs))
 
 
-def without_zeros(programs: Mapping[str, Program], given: Collection[str]) -> dict[str, Program]:
+def without_zeros(programs: Mapping[str, Program], external: Collection[str]) -> dict[str, Program]:
     """Programs that read and write the numbers of one row, zero at first, without those that stay.
 
-    given : inputs that are set from outside, by name
+    external : inputs that are set from outside, by name
 
     >>> set_u = traced(lambda x: {"u": np.stack([2.0 * x["w"][0], 0.0 * x["w"][0]])}, {"w": 1})
     >>> add_up = traced(lambda x: {"y": x["u"][0] + x["u"][1] * x["w"][0]}, {"u": 2, "w": 1})
@@ -306,7 +306,7 @@ def without_zeros(programs: Mapping[str, Program], given: Collection[str]) -> di
     while fresh:
         written = {entry for program in out.values() for entry in _written(program)}
         read = {x for program in out.values() for x in _read(program)}
-        fresh = {x for x in read - written if x.rpartition("_")[0] not in given}
+        fresh = {x for x in read - written if x.rpartition("_")[0] not in external}
         zeros |= fresh
         out = {
             name: _with_zeros(program, zeros) if _read(program) & fresh else program

@@ -16,7 +16,7 @@ from frictionid.programs.trace import without_zeros
 
 from ..state import State
 from ..torque_balance import SWEEPS, has_break_away
-from .row import GIVEN, NO_PROGRAM, Row, places_of, program_of
+from .row import EXTERNAL, NO_PROGRAM, Row, places_of, program_of
 
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
@@ -133,7 +133,7 @@ def programs_of(row: Row) -> dict[str, Program] | None:
         return None
     if len(programs["torque"].lines) > LINES:
         return None
-    return without_zeros(programs, GIVEN)
+    return without_zeros(programs, EXTERNAL)
 
 
 @called

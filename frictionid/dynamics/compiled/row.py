@@ -45,7 +45,7 @@ from ..zero_crossing import (
     turned_back,
 )
 
-GIVEN = "q w memory u dt slow feedback p theta physical".split()  # numbers that loops set
+EXTERNAL = "q w memory u dt slow feedback p theta physical".split()  # numbers that loops set
 NO_PROGRAM = (NotImplementedError, TypeError, ValueError, AttributeError)
 
 

@@ -32,7 +32,7 @@ from ..tangent.substep import (
 )
 from ..tangent.tangent import MotionModel
 from .loops import Machine, machine_of, programs_of, row_of
-from .row import GIVEN, NO_PROGRAM, Row, places_of, program_of, zero_entries
+from .row import EXTERNAL, NO_PROGRAM, Row, places_of, program_of, zero_entries
 
 
 class TangentMachine(NamedTuple):
@@ -79,7 +79,7 @@ def _tangent_machine(machine: Machine, row: TangentRow) -> TangentMachine | None
     except NO_PROGRAM:
         return None
     every = programs | {f"step: {name}": program for name, program in (step or {}).items()}
-    every = without_zeros(every, [*GIVEN, "moment"])
+    every = without_zeros(every, [*EXTERNAL, "moment"])
     programs = {name: every[name] for name in programs}
     places = places_of(sizes)
     code = machine_code(programs, places, row.sequences)
