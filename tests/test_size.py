@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 564_916, 400, 594, 73
-TEST_TOKENS, WORDS = 450_645, 27_965
+TEST_TOKENS, WORDS = 450_645, 27_962
 
 
 def tokens(path):
