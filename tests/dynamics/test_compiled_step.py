@@ -147,3 +147,8 @@ def test_laws_that_have_no_compiled_form_are_left_to_arrays(law):
     theta = np.array(law.initial[:1])
     plant = Plant.from_parameters(pendulum(mass=0.5, length=0.3), {})
     assert machine_of(plant, Friction(law, theta)) is None
+
+
+def test_long_chains_are_left_to_arrays():
+    law = Friction(known.CoulombViscous(), np.tile([0.03, 0.01], (11, 1)))
+    assert machine_of(Plant.from_parameters(robot(seed=1, n=11, serial=True), {}), law) is None

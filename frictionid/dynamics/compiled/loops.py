@@ -18,6 +18,7 @@ from ..state import State
 from ..torque_balance import SWEEPS, has_break_away
 from .row import EXTERNAL, NO_PROGRAM, Row, places_of, program_of
 
+INERTIAS = 100  # entries of M that are not zero: ten joints in a row compile in some 15 s
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
 
@@ -126,6 +127,8 @@ def programs_of(row: Row) -> dict[str, Program] | None:
     names = {name for parts in sequences.values() for name in parts}
     names |= set(Code._fields) - sequences.keys()
     try:
+        if row.inertias > INERTIAS:
+            return None
         programs = {
             name: program_of(getattr(row, name), sizes, row.zeros) for name in sorted(names)
         }

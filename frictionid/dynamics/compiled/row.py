@@ -152,11 +152,20 @@ class Row:
         }
 
     @cached_property
+    def _zeros_of_inertia(self) -> list[str]:
+        zeros = zero_entries([program_of(self.dynamics, self.sizes)])
+        return [x.partition("_")[2] for x in zeros if x.startswith("M_")]
+
+    @property
+    def inertias(self) -> int:
+        """How many entries of the mass matrix are not zero."""
+        return self.sizes["M"] - len(self._zeros_of_inertia)
+
+    @property
     def zeros(self) -> frozenset[str]:
         """Entries of mass matrices that are zero, such as those between two legs."""
-        zeros = zero_entries([program_of(self.dynamics, self.sizes)])
-        of_inertia = [x.partition("_")[2] for x in zeros if x.startswith("M_")]
-        return frozenset(f"{name}_{k}" for name in ("M", "M0", "M_end") for k in of_inertia)
+        names = ("M", "M0", "M_end")
+        return frozenset(f"{name}_{k}" for name in names for k in self._zeros_of_inertia)
 
     # ------------------------------------------------------------ torques
 
