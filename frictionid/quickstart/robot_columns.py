@@ -26,6 +26,7 @@ from .column_names import (
     is_target,
     names_of,
     quantity_of,
+    unit_of,
     words,
 )
 
@@ -33,8 +34,9 @@ _READ = {"urdf": read_urdf, "mjcf": read_mjcf}
 _SILENT = 0.02  # of the median of the joints' largest torques: below, a motor is not measured
 _BEYOND = 1.05  # times the travel that the file allows: further, and angles are not the joint's
 _DEGREES = 4 * np.pi  # of an angle without limits: joints rarely turn further
+_SAYING = {"angle": ("rad", "deg"), "torque": ("N m",)}  # units that no other quantity has
 _PLAIN = {
-    *("joint", "link", "motor", "filtered", "raw"),
+    *("joint", "link", "motor", "filtered", "raw", "rad", "deg", "nm"),
     *UNMEASURED,
     *frozenset().union(*WORDS.values()),
 }
@@ -124,6 +126,8 @@ def robot_columns(
         for kind in ("angle", "torque", "current", "velocity", "target")
     }
     if not by["angle"]:
+        by["angle"] = _named_alike(movable, left)
+    if not by["angle"]:
         angles = [n for n in table.columns if _is(n, "angle")]
         raise InputError(
             f"{table.file}: columns {', '.join(angles) or 'none'} look like angles, and the robot "
@@ -169,10 +173,11 @@ def _movable(robot: Robot) -> tuple[str, list[Joint]]:
 
 
 def _is(name: str, kind: str) -> bool:
-    """Whether a column's name speaks of a measured quantity, or of a target."""
+    """Whether a column's name speaks, if only by a unit, of a measured quantity, or of a target."""
     if kind == "target":
         return is_target(name)
-    return quantity_of(name) == kind and is_measured(name)
+    by_unit = (quantity for quantity, units in _SAYING.items() if unit_of(name, quantity) in units)
+    return (quantity_of(name) or next(by_unit, "")) == kind and is_measured(name)
 
 
 def tokens(name: str) -> frozenset[str]:
@@ -199,6 +204,14 @@ def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]
         return out
     in_order = zip((j.name for j in joints), columns, strict=False)
     return dict(in_order) if len(columns) == len(joints) else out
+
+
+def _named_alike(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+    """Columns that say nothing but the name of a joint, for all joints or none."""
+    plain = [n for n in columns if not quantity_of(n) and is_measured(n)]
+    each = {j.name: [n for n in plain if tokens(n) == tokens(j.name)] for j in joints}
+    alone = all(len(names) == 1 for names in each.values())
+    return {joint: names[0] for joint, names in each.items()} if alone else {}
 
 
 def _silent(table: Table, joints: Sequence[Joint], pushes: Mapping[str, str]) -> list[str]:

@@ -263,6 +263,21 @@ def test_columns_are_matched_by_what_names_share():
     assert tokens("FR_calf_joint") == tokens("q_FR_calf") == {"fr", "calf"}
 
 
+@pytest.mark.parametrize(
+    "names", [("{}_rad", "{}_Nm"), ("{}", "tau_{}"), ("q_{}", "{} [Nm]"), ("{}.deg", "i_{}")]
+)
+def test_columns_may_be_called_as_the_joints(names, tmp_path):
+    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+    joints = ("three", "one", "two")
+    columns = {"time": np.arange(3.0)}
+    for k, name in enumerate(names):
+        columns |= {name.format(joint): k + np.arange(3.0) for joint in joints}
+    matched = robot_columns(robot_file(tmp_path).robot, Table("a.csv", np.arange(3), columns))
+    assert [j.name for j in matched.joints] == ["one", "two", "three"]
+    for columns, name in zip((matched.angle, matched.torque), names, strict=True):
+        assert columns == tuple(name.format(j) for j in ("one", "two", "three"))
+
+
 def test_a_folder_of_several_robots_asks_for_one(tmp_path):
     for name in ("a.urdf", "b.urdf", "c.txt"):
         (tmp_path / name).write_text(wrist.URDF if name.endswith("urdf") else "x")
