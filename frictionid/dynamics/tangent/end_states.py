@@ -33,7 +33,7 @@ from .substep import (
 )
 from .tangent import MotionModel, MotorTorque, advance_in_pieces
 
-COMPILED = 64  # intervals of two joints: fewer are done before loops are compiled
+COMPILED = 64  # pieces of intervals of two joints: fewer are done before loops are compiled
 
 
 class EndStates(NamedTuple):
@@ -58,7 +58,7 @@ def end_states(
     parts : of a piece, a power of two: at most so many substeps where a joint comes near rest;
         other pieces are one substep
     """
-    many = are_many(len(dt), COMPILED, start.q.shape[-1])
+    many = are_many(len(motor.u) * len(dt), COMPILED, start.q.shape[-1])
     machine = tangent_machine_of(model) if many else None
     if machine is not None:
         state, T = end_states_of(machine, model, start, motor, dt, parts)
