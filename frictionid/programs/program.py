@@ -109,6 +109,11 @@ class Program:
         """Lines with the numbers of their values."""
         return enumerate(self.lines, start=len(self.inputs))
 
+    def results(self) -> Iterator[tuple[str, Operand]]:
+        """Entries of the outputs, named as inputs are: y_1, y_2 ... of an output y."""
+        for name, row in self.outputs.items():
+            yield from ((f"{name}_{k + 1}", operand) for k, operand in enumerate(row))
+
     def with_inputs(self, names: Sequence[str]) -> Program:
         """The program with only these of its inputs, those that it reads among them."""
         left = [k for k, name in enumerate(self.inputs) if name in names]

@@ -5,7 +5,7 @@ arrays here are NumPy's, with scalars that record; NumPy hands its functions ove
 [NEP18]. A law's parameters are numbers: what follows from them alone becomes a constant.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -304,7 +304,7 @@ def without_zeros(programs: Mapping[str, Program], external: Collection[str]) ->
     """
     out, zeros, fresh = dict(programs), set[str](), {""}
     while fresh:
-        written = {entry for program in out.values() for entry in _written(program)}
+        written = {x for program in out.values() for x, v in program.results() if v != 0.0}
         read = {x for program in out.values() for x in _read(program)}
         fresh = {x for x in read - written if x.rpartition("_")[0] not in external}
         zeros |= fresh
@@ -320,12 +320,6 @@ def _read(program: Program) -> set[str]:
     operands = (*(line.operands for line in program.lines), *program.outputs.values())
     numbers = {x.number for row in operands for x in row if isinstance(x, Value)}
     return {name for k, name in enumerate(program.inputs) if k in numbers}
-
-
-def _written(program: Program) -> Iterator[str]:
-    """Entries of outputs that are not always zero, named as inputs are."""
-    for name, row in program.outputs.items():
-        yield from (f"{name}_{k + 1}" for k, operand in enumerate(row) if operand != 0.0)
 
 
 def _with_zeros(program: Program, zeros: Collection[str]) -> Program:

@@ -60,13 +60,7 @@ def program_of(
 
 def zero_entries(programs: Iterable[Program]) -> set[str]:
     """Entries of outputs that are always zero."""
-    return {
-        f"{name}_{k + 1}"
-        for program in programs
-        for name, row in program.outputs.items()
-        for k, operand in enumerate(row)
-        if operand == 0.0
-    }
+    return {x for program in programs for x, operand in program.results() if operand == 0.0}
 
 
 def places_of(sizes: dict[str, int]) -> dict[str, int]:
