@@ -6,7 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import by_scipy, cost, everything, explained_by, on_problem
+from fixtures.exact_problems import (
+    assert_recovered,
+    by_scipy,
+    cost,
+    everything,
+    explained_by,
+    on_problem,
+)
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
 from threadpoolctl import threadpool_limits
@@ -59,10 +66,11 @@ class Strict(Drag):
 
 
 def test_numeric_derivatives_never_leave_the_bounds():
-    truth = np.array([[0.1, 0.001, 3.0]])  # the best power is its upper bound
-    problem = explained_by(Strict(), truth)
-    found = fit(Strict(), problem, everything(problem)).theta[0]
-    np.testing.assert_allclose(found, truth, rtol=1e-6)
+    assert_recovered(Strict(), [[0.1, 0.001, 3.0]])  # the best power is its upper bound
+
+
+def test_laws_whose_memory_is_of_samples_find_their_truth():
+    assert_recovered(Sampled(), [[0.2], [0.1]], rtol=1e-8)
 
 
 def test_a_start_that_is_the_truth_is_taken_by_each_joint():
@@ -85,19 +93,6 @@ def test_laws_without_a_gradient_are_scipys_least_squares():
         np.testing.assert_allclose(
             found, by_scipy(Drag(), problem, weights[f], theta), rtol=1e-5, atol=1e-8
         )
-
-
-def test_laws_whose_memory_is_of_samples_find_their_truth():
-    problem = explained_by(Sampled(), [[0.2], [0.1]])
-    found = fit(Sampled(), problem, everything(problem)).theta[0]
-    np.testing.assert_allclose(found, [[0.2], [0.1]], rtol=1e-8)
-
-
-def test_each_joint_takes_its_own_start():
-    theta = np.array([[0.1, 0.08, 0.5, 0.01], [0.05, 0.06, 9.0, 0.002]])
-    problem = explained_by(Stribeck(), theta)
-    at_once = fit(Stribeck(), problem, everything(problem), iterations=1)
-    np.testing.assert_allclose(at_once.theta[0, :, 2], theta[:, 2], rtol=0.25)
 
 
 # Data that decide nothing, or wrongly.
@@ -131,13 +126,6 @@ def test_so_is_the_fold_in_which_it_does_not():
     only = problem.recording == np.arange(3)[:, None]
     with pytest.raises(InputError, match="joint 1 slides in 0 rows of fold 1"):
         fit(Stribeck(), replace(problem, G=G), only.astype(float))
-
-
-def test_fewer_rows_than_parameters_are_refused():
-    problem = synthetic_problem(2)
-    weights = (np.arange(120) < 3)[None] * 1.0
-    with pytest.raises(InputError, match="joint 1 slides in 3 rows of fold 0, too few for"):
-        fit(Stribeck(), problem, weights)
 
 
 def test_a_direction_that_never_occurs_is_like_the_other_one():

@@ -20,7 +20,7 @@ from frictionid.fitting.one_step.residual import (
 )
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
-from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
+from frictionid.mechanics import Plant, acrobot, double_pendulum
 
 MACHINE = double_pendulum()
 PROBLEMS = {"euler": euler_problem, "integral": integral_problem}
@@ -90,20 +90,6 @@ def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(n
     assert slope == pytest.approx(order, abs=0.1)
 
 
-def test_constant_acceleration_is_exact_under_both_rules(build):
-    machine = pendulum()
-    plant = Plant.from_parameters(
-        machine, {"mass": np.array([2.0]), "length": 0.5, "g": 0.0}
-    )  # 0.5 kg m^2
-    time = np.array([0.0, 0.1, 0.15, 0.4])
-    w = (1.0 + 0.6 * time)[:, None]
-    q = (1.0 * time + 0.3 * time**2)[:, None]
-    torque = Signal(time, np.full((4, 1), 0.5))  # 0.3 N m accelerate, the rest is friction
-    problem = build(plant, [Recording("r", Signal(time, q), torque)], [States(time, q, w)])
-    friction = np.full_like(problem.nodes.inputs.w, 0.2)
-    np.testing.assert_allclose(problem.residual(friction), 0.0, atol=1e-14)
-
-
 # ---------------------------------------------------------------- by hand
 
 
@@ -148,16 +134,6 @@ def test_joints_without_motor_feel_no_torque(build):
 # ---------------------------------------------------------------- affine in friction
 
 
-def test_the_residual_is_affine_in_the_friction_torques(build):
-    recording, states = made_up(np.random.default_rng(6))
-    problem = build(plant_of(1), [recording], [states])
-    rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(2, *problem.nodes.inputs.w.shape))
-    mixed = 0.3 * problem.residual(a) + 0.7 * problem.residual(b)
-    np.testing.assert_allclose(problem.residual(0.3 * a + 0.7 * b), mixed, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(problem.residual(0 * a), problem.r)
-
-
 def test_G_is_what_an_impulse_of_friction_does(build):
     recording, states = made_up(np.random.default_rng(9))
     problem = build(plant_of(1), [recording], [states])
@@ -166,8 +142,9 @@ def test_G_is_what_an_impulse_of_friction_does(build):
     dt = np.diff(states.time)
     np.testing.assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
     np.testing.assert_array_equal(problem.dt, dt)
-    one = np.ones_like(problem.nodes.inputs.w)
-    np.testing.assert_allclose(problem.r - problem.residual(one), problem.G.sum(-1), atol=1e-12)
+    torque = np.random.default_rng(7).normal(size=problem.nodes.inputs.w.shape)
+    change = times(problem.G, problem.mean(torque))
+    np.testing.assert_allclose(problem.r - problem.residual(torque), change, atol=1e-12)
 
 
 # ---------------------------------------------------------------- recordings, history, clocks
@@ -215,7 +192,6 @@ def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_
         build(plant_of(3), recordings, states, history=24)
 
 
-@pytest.mark.parametrize("build", [euler_problem, integral_problem])
 def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
     recordings, states = three(np.random.default_rng(15))
     whole = build(plant_of(3), recordings, states)
@@ -250,16 +226,6 @@ def test_nodes_are_in_order_and_rows_find_theirs():
     np.testing.assert_array_equal(memories[0][0], np.abs(nodes.inputs.w[nodes.first[:-1]]))
 
 
-def test_a_torque_on_another_clock_counts_by_its_mean(build):
-    recording, states = made_up(np.random.default_rng(15))
-    mean = averages(recording.torque, states.time)
-    own = Signal(states.time[:-1], mean, "previous")
-    same_clock = Recording("r", recording.angle, own)
-    a, b = (build(plant_of(1), [r], [states]) for r in (recording, same_clock))
-    np.testing.assert_allclose(a.r, b.r, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(a.G, b.G)
-
-
 def test_laws_see_torque_and_bearing_load_at_their_nodes():
     recording, states = made_up(np.random.default_rng(16))
     plant = plant_of(1)[0]
@@ -289,28 +255,15 @@ def test_the_stiction_mask_marks_joints_that_are_slow_at_a_node_or_reverse(build
             assert mask[k, j] == (np.abs(w).min() < 0.2 or w.min() < 0 < w.max())
 
 
-def test_masked_rows_do_not_depend_on_the_friction_of_masked_joints(build):
-    rng = np.random.default_rng(17)
+def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
+    """So it depends on the friction of the other joints alone, and on all of it where none is."""
+    rng = np.random.default_rng(18)
     problem = slow(rng, build)
     masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
-    row = rng.normal(size=mask.shape)
-    change = times(masked.G, np.where(mask, row, 0.0))
-    np.testing.assert_allclose(change, 0.0, atol=1e-10)
-    untouched = ~mask.any(axis=1)
-    assert 5 < untouched.sum() < len(mask) - 5
-    np.testing.assert_allclose(masked.r[untouched], problem.r[untouched], rtol=1e-14)
-    np.testing.assert_allclose(masked.G[untouched], problem.G[untouched], rtol=1e-14)
-    both = mask.all(axis=1)
-    assert both.any()
-    np.testing.assert_allclose(masked.r[both], 0.0, atol=1e-9)
-
-
-def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leaves(build):
-    problem = slow(np.random.default_rng(18), build)
-    masked, mask = mask_stiction(problem, 0.2), stiction_mask(problem, 0.2)
-    torque = along(SHARP, problem.nodes)
+    assert set(mask.sum(axis=1)) == {0, 1, 2}
+    torque = rng.normal(size=problem.nodes.inputs.w.shape)
     residual, least = problem.residual(torque), masked.residual(torque)
-    for k in np.flatnonzero(mask.any(axis=1)):
-        free = problem.G[k][:, mask[k]]
-        left = residual[k] - free @ np.linalg.lstsq(free, residual[k], rcond=None)[0]
+    for k, resting in enumerate(mask):
+        free = problem.G[k][:, resting]
+        left = residual[k] - free @ np.linalg.pinv(free) @ residual[k]
         np.testing.assert_allclose(least[k], left, rtol=0, atol=1e-9)
