@@ -13,13 +13,12 @@ from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
-from frictionid.data.state_estimators import RTS, Backward, SavitzkyGolay
+from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe
-from frictionid.fitting.one_step.one_step_fit import checked_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
@@ -212,24 +211,6 @@ def test_smoothed_states_go_with_either_scheme(states):
         assert result.value("curve_error", "rms", joint="1") < 0.3
 
 
-def test_backward_differences_do_not_go_with_the_momentum_balance():
-    with pytest.raises(InputError, match="lag half a sample.*choose the states"):
-        Recipe("mine", Backward(), "integral")
-    assert Recipe("mine", Backward(), "euler").scheme == "euler"
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"scheme": "rk4"}, "'rk4' is unknown; known are euler, integral"),
-        ({"velocity_threshold": -0.1}, "velocity_threshold"),
-    ],
-)
-def test_recipes_that_make_no_sense_are_refused(change, words):
-    with pytest.raises(InputError, match=words):
-        replace(INTEGRAL, **change)
-
-
 # --- Benchmarks that cannot be prepared ----------------------------------------------------------
 
 ABSURD = {
@@ -288,7 +269,6 @@ def made(theta):
 
 BROKEN = {
     "one for all folds": (lambda _: np.ones((1, 1, 2)), r"shape \(1, 1, 2\), it must be \(4, 1,"),
-    "no folds": (lambda _: np.ones((1, 2)), r"shape \(1, 2\), it must be \(4, 1, 2\)"),
     "two joints": (lambda F: np.ones((F, 2, 2)), r"shape \(4, 2, 2\), it must be"),
     "a lost fold": (
         lambda F: np.full((F, 1, 2), np.nan),
@@ -306,10 +286,3 @@ def test_the_friction_of_an_identifier_is_checked(theta, words, tmp_path):
         run_tasks([task], prepare_benchmarks([task]), tmp_path, LAWS, jobs=1)
     assert str(caught.value).startswith("tiny, broken by integral: ")
     assert not list(tmp_path.iterdir())
-
-
-def test_fitted_friction_has_the_batch_axis_of_the_weights():
-    shared = prepare_benchmark(benchmark(), [INTEGRAL])
-    problem = shared.training.problems["integral"]
-    weights = np.ones((2, len(problem.r)))
-    assert checked_fit(FIT, problem, weights, 0).theta.shape == (2, 1, 2)

@@ -9,18 +9,11 @@ import numpy as np
 import pytest
 
 from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS, LAWS
-from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT, identifier_named
+from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT
 from frictionid.comparison.suite_recipes import SHOOTING
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
-    CoulombViscous,
-    Dahl,
-    FilmLag,
-    LoadDependent,
-    LuGre,
-    Quadratic,
     check_law,
 )
 from frictionid.friction.model_files import load_model, save_model
@@ -100,21 +93,3 @@ def test_the_page_of_laws_has_every_law():
     networks = REFERENCES.with_name("identifiers.md").read_text(encoding="utf-8")
     for name in LAWS:
         assert f"`{name}`" in page or f"`{name}`" in networks, name
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "law"),
-    [
-        ("coulomb_viscous", {"symmetric": False}, CoulombViscous(symmetric=False)),
-        ("load_dependent", {"width": 0.1}, LoadDependent(0.1)),
-        ("load_dependent", {"stribeck": True}, LoadDependent(stribeck=True)),
-        ("quadratic", {"shape": "arctan"}, Quadratic(shape="arctan")),
-        ("film_lag", {}, FilmLag()),
-        ("film_lag", {"symmetric": False}, FilmLag(symmetric=False)),
-        ("dahl", {"width": 0.05}, Dahl(0.05)),
-        ("lugre", {}, LuGre()),
-        ("lugre", {"symmetric": False, "width": 0.1}, LuGre(0.1, symmetric=False)),
-    ],
-)
-def test_settings_choose_the_law(kind, settings, law):
-    assert identifier_named(kind, settings) == LeastSquares(law)

@@ -8,10 +8,10 @@ from fixtures.tiny_pendulums import SUITE, TRUTH, suite, write_dataset, write_su
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.comparison.registry import LAWS, friction_of
+from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.data.state_estimators import RTS, SavitzkyGolay
+from frictionid.data.state_estimators import SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
@@ -115,10 +115,6 @@ def test_defaults_are_those_of_the_parts(place):
     assert found.folds == Split()
     assert found.protocol == Protocol()
     assert [recipe.name for recipe in found.recipes] == ["integral"] and found.seeds == [0]
-    assert identifier_named("stribeck", {}) == LeastSquares(Stribeck())
-    assert identifier_named("coulomb_viscous", {}) == LeastSquares(CoulombViscous())
-    assert identifier_named("none", {}) == Frictionless()
-    assert INTEGRAL.states == RTS()
 
 
 def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(place):
@@ -283,10 +279,3 @@ def test_any_damage_to_the_text_is_taken_or_refused(place, where, length, instea
     content = TEXT.encode()
     file, made, said = outcome(place, content[:where] + instead + content[where + length :])
     assert made or (said.startswith(str(file)) and "\n" not in said)
-
-
-def test_friction_files_are_read_by_the_names_of_the_laws(place):
-    assert friction_of(place / "model.json").law == CoulombViscous()
-
-
-# A suite of an older version: every key that has another name now, under its old one.

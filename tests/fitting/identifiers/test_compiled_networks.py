@@ -78,13 +78,6 @@ def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
     assert re.search("identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp", told)
 
 
-@pytest.mark.parametrize("settings", [{"compile": True}, {"device": "cuda"}])
-def test_levenberg_marquardt_says_that_it_takes_neither(settings):
-    (name,) = settings
-    with pytest.raises(InputError, match=f'{name}.*needs solver = "adam"'):
-        identifier_named("mlp", settings)
-
-
 @NO_CUDA
 def test_the_command_names_a_device_for_all_networks(refused):
     assert "PyTorch sees no CUDA device here: leave the device out" in refused({}, "--device=cuda")
