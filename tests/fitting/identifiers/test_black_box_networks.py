@@ -15,18 +15,16 @@ from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
 from frictionid.friction import along
-from frictionid.friction.laws import StateLSTM, StateMLP, check_law
 
 KINDS = ["blackbox_mlp", "blackbox_lstm"]
 # Errors that each stays below: of acceleration, relative, and of the angle after 0.25 s [rad].
 ERRORS = {"blackbox_mlp": (0.1, 0.1), "blackbox_lstm": (0.2, 0.2)}
-SMALL = {"blackbox_mlp": StateMLP(hidden=(4,)), "blackbox_lstm": StateLSTM(hidden=(4,), cells=2)}
 pytestmark = pytest.mark.parametrize("kind", KINDS)
 
 
 @cache
 def box(kind):
-    return identifier_named(kind, {"hidden": [16], "epochs": 60, "batch": 64})
+    return identifier_named(kind, {"hidden": [16], "epochs": 30, "batch": 32})
 
 
 @cache
@@ -51,10 +49,6 @@ def test_it_predicts_what_was_held_out(kind):
     assert result.value("one_step_integral", "rms") < 0.5 * np.sqrt(np.mean(changes**2))
     assert result.value("rollout_angle", "median", 0.25) < ERRORS[kind][1]
     assert np.isnan(result.curves).all()  # it is no friction curve
-
-
-def test_it_keeps_to_the_contract_of_laws(kind):
-    check_law(SMALL[kind], level=False)
 
 
 def test_problems_with_masked_rows_are_refused(kind):

@@ -21,8 +21,6 @@ from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.one_step_fit import one_step_fit
-from frictionid.fitting.parameters import FrictionBlock
-from frictionid.fitting.parameters.blocks import on_support
 from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
@@ -57,15 +55,16 @@ def theta_of(law, *joints):
     return np.array([[joint.get(name, 0.0) for name in law.names] for joint in joints])
 
 
-def test_ten_seeds_of_coulomb_and_viscous_friction_give_that_and_nothing_else():
-    found = [terms(fit(made_of(CoulombViscous(), COULOMB, 1e-3, seed))[0]) for seed in range(10)]
-    assert found.count([["sign", "viscous"]] * 2) >= 9
-
-
-def test_ten_seeds_of_stribeck_friction_give_the_nearest_peak_and_nothing_else():
-    expected = [["sign", "viscous", "peak_1"], ["sign", "viscous", "peak_3.4"]]
-    found = [terms(fit(made_of(Stribeck(), STRIBECK, 1e-3, seed))[0]) for seed in range(10)]
-    assert found.count(expected) >= 9
+@pytest.mark.parametrize(
+    ("law", "theta", "peaks"),
+    [(CoulombViscous(), COULOMB, ([], [])), (Stribeck(), STRIBECK, (["peak_1"], ["peak_3.4"]))],
+    ids=["coulomb", "stribeck"],
+)
+def test_ten_seeds_give_levels_viscous_friction_the_nearest_peak_and_nothing_else(
+    law, theta, peaks
+):
+    found = [terms(fit(made_of(law, theta, 1e-3, seed))[0]) for seed in range(10)]
+    assert found.count([["sign", "viscous", *peak] for peak in peaks]) >= 9
 
 
 @pytest.mark.parametrize("optimizer", ["stlsq", "sr3"])
@@ -166,15 +165,6 @@ def test_the_law_keeps_to_the_contract_with_all_candidates():
         near = at_rest(side * 1e-6 + 0 * x.w)._replace(q=x.q, load=x.load)
         level = side * narrow.torque(theta, near, ())
         np.testing.assert_allclose(narrow.limit(theta, near, ()), np.maximum(level, 0), atol=1e-4)
-
-
-def test_shooting_frees_its_terms_only():
-    friction = Friction(LAW, theta_of(LAW, {"sign": 0.1, "peak_1": 0.03}, {"viscous": 0.01}))
-    (block,) = on_support((FrictionBlock(),), friction)
-    places = [(0, LAW.names.index("sign")), (0, LAW.names.index("peak_1"))]
-    assert list(block.support) == [*places, (1, LAW.names.index("viscous"))]
-    whole = Friction(CoulombViscous(), 0.0 * COULOMB)
-    assert on_support((FrictionBlock(),), whole) == (FrictionBlock(),)
 
 
 def test_each_fold_is_refined_on_the_terms_that_it_has():

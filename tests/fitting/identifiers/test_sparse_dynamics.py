@@ -5,6 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.black_box_pendulum import LENGTH, MASS, VISCOUS, acceleration, pendulum
+from scipy.integrate import solve_ivp
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -18,25 +20,17 @@ from frictionid.friction import Inputs
 from frictionid.friction.laws import StateLibrary, check_law
 from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import Plant, unit_inertia
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
+from frictionid.simulate import Camera
 
-MASS, LENGTH, VISCOUS = 0.5, 0.4, 0.05
 BOX = BlackBox(SparseDynamics(degree=2, n_standard_errors=2.0))
 
 
-@cache
-def pendulum():
-    """A driven pendulum with viscous friction alone: its acceleration has three terms."""
-    runs = [Run(f"{i}", (0.5 + 0.2 * i,), (), (Sine(4.0, 0.6 + 0.2 * i),)) for i in range(5)]
-    viscous = Stribeck(Curve((0.0,), (0.0,), (VISCOUS,)))
-    machine = {"kind": "pendulum", "parameters": {"mass": MASS, "length": LENGTH}}
-    camera = Camera(240, 120.0, 1e-4)
-    return simulate(Rig("viscous", machine, viscous, camera, tuple(runs), substeps=4))
+DATA = pendulum(Camera(240, 120.0, 1e-4))
 
 
 @cache
 def found():
-    return fit_model(pendulum(), BOX, protocol=Protocol(history=0.0))
+    return fit_model(DATA, BOX, protocol=Protocol(history=0.0))
 
 
 def test_the_equation_of_a_pendulum_is_found_and_nothing_else():
@@ -55,12 +49,8 @@ def test_what_it_finds_predicts_as_the_truth_does():
     start, u = State(np.array([0.8]), np.array([0.0])), np.full((120, 1), 0.3)
     dt = np.full(120, 1 / 120)
     q = rollout(Plant.from_parameters(unit_inertia(("rad",)), {}), box, start, u, dt).q[:, 0]
-    angle, speed, part = 0.8, 0.0, 1 / 12000
-    for _ in range(12000):  # Euler's rule, a hundred times finer
-        torque = 0.3 - MASS * 9.81 * LENGTH * np.sin(angle) - VISCOUS * speed
-        speed += part * torque / (MASS * LENGTH**2)
-        angle += part * speed
-    assert q[-1] == pytest.approx(angle, abs=0.01)
+    true = solve_ivp(lambda _, x: [x[1], acceleration(*x, 0.3)], (0.0, 1.0), [0.8, 0.0], rtol=1e-8)
+    assert q[-1] == pytest.approx(true.y[0, -1], abs=0.01)
 
 
 def test_it_keeps_to_the_contract_of_laws():
@@ -76,14 +66,12 @@ def test_unit_mechanism_knows_nothing_of_the_machine():
 
 
 def test_scores_do_not_hang_on_what_is_told_of_the_machine():
-    dataset = pendulum()
     other = replace(
-        dataset, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0, "length": 0.7}}
+        DATA, mechanism={"kind": "pendulum", "parameters": {"mass": 9.0, "length": 0.7}}
     )
     protocol = Protocol(horizons=(0.25,), every=0.5)
     scores = [
-        score_model(found(), prepared_for(prepare(d, protocol), found()))[0]
-        for d in (dataset, other)
+        score_model(found(), prepared_for(prepare(d, protocol), found()))[0] for d in (DATA, other)
     ]
     assert scores[0].equals(scores[1])
     assert "curve_error" not in set(scores[0].score)

@@ -18,8 +18,9 @@ from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.fitting.networks.training import Adam, batches
 from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet, window
-from frictionid.friction import Friction, Inputs, along, at_rest, memory_along
+from frictionid.friction import Friction, Inputs, along, memory_along
 from frictionid.friction.laws import (
+    LSTM,
     MLP,
     Ensemble,
     TorchModule,
@@ -60,10 +61,11 @@ def test_its_slopes_are_those_of_differences(odd, presliding):
 
 
 @pytest.mark.parametrize("odd", [False, True])
-@pytest.mark.parametrize("presliding", [0.0, 0.01])
-def test_options_hold_along_a_motion(odd, presliding):
-    law, nodes = WindowMLP(4, hidden=(5,), odd=odd), synthetic_problem(2).nodes
-    law = replace(law, presliding=presliding)
+@pytest.mark.parametrize(
+    "law", [WindowMLP(4, hidden=(5,)), WindowMLP(4, presliding=0.01), LSTM(3, hidden=(4,))], ids=str
+)
+def test_options_of_laws_with_memory_hold_along_a_motion(law, odd):
+    law, nodes = replace(law, odd=odd), synthetic_problem(2).nodes
     friction = Friction(law, drawn(law))
     torque = along(friction, nodes)
     assert (torque * nodes.inputs.w >= 0).all()
@@ -76,6 +78,7 @@ def test_options_hold_along_a_motion(odd, presliding):
 def test_its_memory_is_the_newest_samples():
     law, nodes = WindowMLP(3, hidden=(2,)), synthetic_problem(1).nodes
     steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
+    np.testing.assert_array_equal(steps[0], 3 * [nodes.inputs.w[nodes.first[:-1]]])
     w = nodes.inputs.w[: nodes.first[1]]
     for age in range(3):
         np.testing.assert_array_equal(steps[21][age][0], w[20 - 2 * age])
@@ -197,11 +200,3 @@ def test_an_ensemble_is_the_mean_of_its_members_which_spread(tmp_path):
     save_model(mean, tmp_path / "model.json", LAWS)
     back = load_model(tmp_path / "model.json", LAWS)
     assert back.law == mean.law and np.array_equal(back.theta, mean.theta)
-
-
-def test_the_memory_of_a_motion_begins_as_if_it_had_been_constant():
-    law = WindowMLP(3, hidden=(2,))
-    theta, x = drawn(law), at_rest(np.full(2, 1.5))
-    begun = law.start(theta, x)
-    later = law.advance(theta, x, begun, np.full((1,), law.sample_time))
-    np.testing.assert_array_equal(np.stack(begun), np.stack(later))
