@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.slopes import assert_slopes
 
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration, calibrated_dataset, stack_calibrations
@@ -24,7 +25,7 @@ from frictionid.fitting.parameters import (
     InertiaBlock,
     OffsetBlock,
 )
-from frictionid.fitting.parameters.parameter_block import values_of, with_values
+from frictionid.fitting.parameters.parameter_block import values_of
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.servo import ServoMotion, drive_of, torque_signal
@@ -198,19 +199,8 @@ def test_derivatives_are_the_slopes_of_the_ends(law):
     away = np.flatnonzero((np.abs(intervals.w[:, 0]) > 1.0) & ~kink)[::9]
     B = drive_of(intervals, estimate.calibration, estimate.mechanism).loop.feedback[away, 1]
     assert (B == 0).any() and (B > 0).any()  # disconnected and connected
-    nodes = problem.initial_nodes(estimate)
-    lines = problem.linearise(estimate, nodes, away)
-    values = values_of(estimate, problem.blocks)
-    for k, value in enumerate(values):
-        step = 1e-4 * max(abs(value), 0.01)
-        moves = (values + s * step * np.eye(len(values))[k] for s in (1, -1))
-        estimates = [with_values(estimate, problem.blocks, moved) for moved in moves]
-        ends = [problem.linearise(other, nodes, away).end[away] for other in estimates]
-        slope = (ends[0] - ends[1]) / (2 * step)
-        scale = np.abs(slope).max(axis=0) + 1e-12
-        # what velocities make of angles in an interval: the loop's jerk adds to angles alone
-        scale[0] = max(scale[0], scale[1] / RATE)
-        assert (np.abs(lines.by[away, :, k] - slope).max(axis=0) < 0.02 * scale).all()
+    seen = assert_slopes(problem, estimate, away, time=1 / RATE)
+    assert seen == len(values_of(estimate, problem.blocks))
 
 
 def feedback(B):
