@@ -32,7 +32,7 @@ RUNS = (
     (0, 0, 0.5, 2, 0.5),
 )
 WAY = WindowMLP(3, hidden=(4,), presliding=0.3)
-SHORT = Settings(windows=(0.1, 0.33), iterations=6)
+SHORT = Settings(windows=(0.33,), iterations=6)
 
 
 @cache
@@ -177,7 +177,7 @@ def test_a_recurrent_law_predicts_better_motions_that_it_never_saw():
     reads, unseen = swings(lag), swings(lag, others, 2)
     law = Recurrent()
     first = Friction(law, np.random.default_rng(0).normal(size=(1, 25)))
-    found = refine(first, reads, settings=SHORT).friction
+    found = refine(first, reads, (FrictionBlock(),), SHORT).friction
     assert forecast(found, unseen) < 0.3 * forecast(first, unseen)
 
 
@@ -209,7 +209,8 @@ def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     intervals = intervals_of(dataset)
     training = np.stack([intervals.recording != 1, intervals.recording >= 0]) * 1.0
     theta = np.stack([law.drawn(1, 3), law.drawn(1, 4)])
-    whole = refine_folds(Friction(law, theta), intervals, Shooting(settings=SHORT), training)
+    alone = Shooting(blocks=(FrictionBlock(),), settings=SHORT)
+    whole = refine_folds(Friction(law, theta), intervals, alone, training)
     together = whole.folds
     assert together.theta.shape == theta.shape
     np.testing.assert_array_equal(together.theta[-1], whole.friction.theta)
