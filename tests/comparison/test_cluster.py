@@ -7,10 +7,8 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
-from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import compare_into, write_suite
 
-from frictionid.__main__ import main
 from frictionid.comparison import cluster as clusters
 from frictionid.comparison.cluster import check_equal, on_cluster
 from frictionid.errors import InputError
@@ -64,22 +62,23 @@ def place(tmp_path_factory):
         yield folder
 
 
+@pytest.fixture
+def complaint(place, run):
+    """Exit status of a comparison with these options, and the one line that it says."""
+
+    def call(*options):
+        code, _, err = run(place, "compare", "suite.toml", "--trust", "--out", "no", *options)
+        return code, err.strip()
+
+    return call
+
+
 def assert_same_scores(folder, other):
     assert (folder / "scores.csv").read_bytes() == (other / "scores.csv").read_bytes()
     models = sorted(path.name for path in (other / "models").iterdir())
     assert sorted(path.name for path in (folder / "models").iterdir()) == models
     for name in models:
         assert (folder / "models" / name).read_bytes() == (other / "models" / name).read_bytes()
-
-
-def said(patch, capsys, folder, *options):
-    """Exit status of a comparison, and the one line that it says."""
-    patch.chdir(folder)
-    patch.setattr(
-        sys, "argv", ["frictionid", "compare", "suite.toml", "--trust", "--out", "no", *options]
-    )
-    status = main()
-    return status, capsys.readouterr().err.strip()
 
 
 def stamps(folder):
@@ -97,29 +96,29 @@ def stamps(folder):
         ("http://a:1/b", "'http://a:1/b' is no address of a scheduler"),
     ],
 )
-def test_a_wrong_address_is_one_line(place, monkeypatch, capsys, address, line):
+def test_a_wrong_address_is_one_line(monkeypatch, complaint, address, line):
     monkeypatch.setattr(clusters, "ANSWER", 0.5)
-    status, text = said(monkeypatch, capsys, place, "--dask", address)
+    status, text = complaint("--dask", address)
     assert status == 2 and text.startswith(f"frictionid: {line}") and "\n" not in text
 
 
-def test_dask_that_is_not_installed_is_one_line(place, monkeypatch, capsys):
+def test_dask_that_is_not_installed_is_one_line(monkeypatch, complaint):
     monkeypatch.delitem(sys.modules, "frictionid.comparison.cluster")
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert said(monkeypatch, capsys, place, "--dask", "127.0.0.1:1") == (
+    assert complaint("--dask", "127.0.0.1:1") == (
         2,
         "frictionid: a cluster needs the package distributed: pip install 'frictionid[dask]'",
     )
 
 
-def test_jobs_are_for_one_computer(place, monkeypatch, capsys):
-    status, text = said(monkeypatch, capsys, place, "--dask", "127.0.0.1:1", "--jobs", "2")
+def test_jobs_are_for_one_computer(complaint):
+    status, text = complaint("--dask", "127.0.0.1:1", "--jobs", "2")
     assert status == 2 and text.endswith("--dask for a cluster: give one of them")
 
 
-def test_a_scheduler_without_workers_is_one_line(cluster, place, monkeypatch, capsys):
+def test_a_scheduler_without_workers_is_one_line(cluster, monkeypatch, complaint):
     monkeypatch.setattr(clusters, "FIRST_WORKER", 0.5)
-    status, text = said(monkeypatch, capsys, place, "--dask", cluster.address)
+    status, text = complaint("--dask", cluster.address)
     assert status == 2 and "\n" not in text
     assert f"the scheduler has no workers: start some with `dask worker {cluster.address}" in text
 
@@ -149,7 +148,6 @@ def test_two_workers_give_the_numbers_of_one_process(cluster, place):
 
 
 def test_a_data_set_that_fails_does_not_stop_the_others(cluster, place, monkeypatch, capsys):
-    monkeypatch.syspath_prepend(ROOT / "comparisons")
     from many import main as many
 
     gone = [place / name for name in ("gone", "lost")]

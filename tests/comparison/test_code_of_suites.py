@@ -3,11 +3,8 @@
 import sys
 
 import pytest
-from fixtures.command_line import run_command
-from fixtures.tiny_pendulums import write_suite
+from fixtures.tiny_pendulums import tasks_in, write_suite
 
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 
 HARM = 'from pathlib import Path\nPath("harm").touch()\ndef make():\n    Path("harm").touch()\n'
@@ -23,7 +20,7 @@ def complaint(tmp_path, monkeypatch):
     def call(**entry):
         file = write_suite(tmp_path / "suites", [("identifiers", [entry])])
         with pytest.raises(InputError) as caught:
-            tasks_of(load_suite(file), file, trust=True)
+            tasks_in(file)
         assert not (tmp_path / "harm").exists() and "elsewhere" not in sys.modules
         return str(caught.value)
 
@@ -67,7 +64,7 @@ def test_a_module_beside_the_suite_is_its_own(tmp_path):
     text = "from frictionid.fitting.identifiers import Frictionless as beside\n"
     (tmp_path / "beside_the_suite.py").write_text(text)
     file = write_suite(tmp_path, [("identifiers", [{"kind": "beside_the_suite:beside"}])])
-    assert {task.name for task in tasks_of(load_suite(file), file, trust=True)} == {
+    assert {task.name for task in tasks_in(file)} == {
         "beside",
         "truth",
     }
@@ -84,14 +81,12 @@ def arm():
 def test_a_suite_names_the_mechanism_of_its_data_sets(tmp_path):
     (tmp_path / "arm_beside.py").write_text(OWN_ARM)
     file = write_suite(tmp_path, [("datasets.0.mechanism", "arm_beside:arm")])
-    own = {
-        task.benchmark.dataset.mechanism for task in tasks_of(load_suite(file), file, trust=True)
-    }
+    own = {task.benchmark.dataset.mechanism for task in tasks_in(file)}
     plain = write_suite(tmp_path, name="plain.toml")
-    table = {task.benchmark.dataset.mechanism for task in tasks_of(load_suite(plain), plain)}
+    table = {task.benchmark.dataset.mechanism for task in tasks_in(plain)}
     (mechanism,), (usual,) = own, table
     assert mechanism.nominal() == usual.nominal() | {"inertia": 0.001}
-    digests = [{t.digest for t in tasks_of(load_suite(f), f, trust=True)} for f in (file, plain)]
+    digests = [{t.digest for t in tasks_in(f)} for f in (file, plain)]
     assert not digests[0] & digests[1]
 
 
@@ -99,7 +94,7 @@ def test_a_suite_names_the_mechanism_of_its_data_sets(tmp_path):
 def test_a_mechanism_from_elsewhere_is_not_imported(tmp_path, kind):
     file = write_suite(tmp_path, [("datasets.0.mechanism", kind)])
     with pytest.raises(InputError, match="is neither in a module beside the file nor in an"):
-        tasks_of(load_suite(file), file, trust=True)
+        tasks_in(file)
 
 
 BESIDE = {
@@ -110,26 +105,26 @@ BESIDE = {
 
 
 @pytest.mark.parametrize("change", BESIDE.values(), ids=BESIDE)
-def test_code_beside_a_suite_runs_only_where_it_is_trusted(change, tmp_path, monkeypatch, capsys):
+def test_code_beside_a_suite_runs_only_where_it_is_trusted(change, tmp_path, monkeypatch, run):
     (tmp_path / "harmful.py").write_text(HARM)
     monkeypatch.setattr(sys, "path", before := list(sys.path))
     monkeypatch.delitem(sys.modules, "harmful", raising=False)
     file = write_suite(tmp_path, [change])
     for command in ("compare", "sensitivity"):
-        code, out, err = run_command(monkeypatch, capsys, tmp_path, command, file, "--out", "out")
+        code, out, err = run(tmp_path, command, file, "--out", "out")
         assert (code, out) == (2, "") and err.count("\n") == 1
         assert "is code, which runs with your rights: read it, and give --trust" in err
     assert not (tmp_path / "harm").exists() and sys.path is before and str(tmp_path) not in before
     assert "harmful" not in sys.modules
     with pytest.raises(InputError, match="harmful|SVR"):
-        tasks_of(load_suite(file), file, trust=True)
+        tasks_in(file)
     assert (tmp_path / "harm").exists() == ("harmful" in str(change))
 
 
-def test_settings_of_code_beside_a_suite_are_not_tuned_without_trust(tmp_path, monkeypatch, capsys):
+def test_settings_of_code_beside_a_suite_are_not_tuned_without_trust(tmp_path, run):
     (tmp_path / "harmful.py").write_text(HARM)
     entry = {"kind": "harmful:make", "search": {"width": {"low": 0.1, "high": 0.2}}}
     file = write_suite(tmp_path, [("identifiers", [entry])])
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, "tune", file, "--out", "out")
+    code, out, err = run(tmp_path, "tune", file, "--out", "out")
     assert (code, out) == (2, "") and "give --trust" in err
     assert not (tmp_path / "harm").exists()

@@ -6,12 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from fixtures.compared import compare
-from fixtures.tiny_pendulums import TRUTH, dataset, disturbed, recordings, shortened, write_suite
+from fixtures.tiny_pendulums import (
+    TRUTH,
+    dataset,
+    disturbed,
+    recordings,
+    shortened,
+    tasks_in,
+    write_suite,
+)
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import load_suite
-from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
 from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.errors import InputError
@@ -102,8 +108,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     (tmp_path / "own_seeded.py").write_text(OWN)
     changes = [("identifiers.0", {"kind": "own_seeded:Seeded"}), ("seeds", [0, 1])]
     changes += [("recipes", [{"name": "study"}]), ("horizons", [0.1])]
-    file = write_suite(tmp_path, changes)
-    tasks = tasks_of(load_suite(file), file, trust=True)
+    tasks = tasks_in(write_suite(tmp_path, changes))
     prepared_benchmarks = prepare_benchmarks(tasks)
     seen = {1: [], 2: []}
     for jobs in (1, 2):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.exact_problems import half_widths
 
 import frictionid as fid
@@ -225,10 +224,10 @@ def test_derivatives_by_common_parameters_are_sums_of_each_joints(equal_data, se
     np.testing.assert_allclose(tied[..., P:], apart[..., 2 * P :], rtol=1e-12)
 
 
-def test_the_command_names_joints_that_are_not_equal(tmp_path, monkeypatch, capsys):
+def test_the_command_names_joints_that_are_not_equal(tmp_path, run):
     write_dataset(simulate(rig((0.08, 0.04))), tmp_path / "data")
-    code, out, err = run_command(
-        *(monkeypatch, capsys, tmp_path, "fit", "data", "--identifier", "coulomb_viscous"),
+    code, out, err = run(
+        *(tmp_path, "fit", "data", "--identifier", "coulomb_viscous"),
         *("--by", "shooting", "--free", "friction", "--equal", "joint 1, 2", "--out", "m.json"),
     )
     assert code == 0, err

@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 import sympy as sp
-from fixtures.command_line import run_command
 
 from frictionid.comparison.kind_descriptions import described, identifiers, laws, mechanisms
 from frictionid.comparison.registry import IDENTIFIERS, LAWS
@@ -86,16 +85,16 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 
 @pytest.mark.parametrize("command", KINDS)
-def test_the_commands_list_all_and_show_one(monkeypatch, capsys, tmp_path, command):
+def test_the_commands_list_all_and_show_one(run, tmp_path, command):
     names = [kind.name for kind in KINDS[command]()]
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, command)
+    code, out, err = run(tmp_path, command)
     assert (code, err) == (0, "")
     assert [line for line in out.splitlines() if line in names] == names
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, command, names[-2])
+    code, out, _ = run(tmp_path, command, names[-2])
     assert code == 0 and out.startswith(f"{names[-2]}\n")
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, command, "--json")
+    code, out, _ = run(tmp_path, command, "--json")
     assert [kind["name"] for kind in json.loads(out)] == names
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, command, "nonsense")
+    code, out, err = run(tmp_path, command, "nonsense")
     assert (code, out) == (2, "") and err.startswith("frictionid: 'nonsense' is unknown")
 
 

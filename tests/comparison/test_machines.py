@@ -1,15 +1,11 @@
 """The table of machines: one rule for their suites, and what a row says."""
 
 import json
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
 from fixtures import tiny_pendulums as tiny
-from fixtures.paths import ROOT
-
-sys.path.append(str(ROOT / "comparisons"))
 
 import machines
 

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.tiny_pendulums import compare_into, dataset, write_suite
 from scipy.integrate import solve_ivp
 
@@ -155,20 +154,20 @@ def studied(suite):
     return sensitivity_of_suite(suite, out=suite.parent / "report" / "small-sensitivity", jobs=1)
 
 
-def test_the_command_writes_a_page_and_computes_nothing_twice(studied, suite, monkeypatch, capsys):
+def test_the_command_writes_a_page_and_computes_nothing_twice(studied, suite, monkeypatch, run):
     folder = studied[1].parent
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.name[0] != "."}
     kinds = {p.suffix for p in before}
     assert {".md", ".csv", ".png", ".pdf", ".tex", ".json"} <= kinds
     times = {p: p.stat().st_mtime_ns for p in (folder / "fits").iterdir()}
-    words = monkeypatch, capsys, suite.parent, "sensitivity", suite.name
-    code, out, _ = run_command(*words, "--json")
+    words = suite.parent, "sensitivity", suite.name
+    code, out, _ = run(*words, "--json")
     assert code == 0
     assert len(json.loads(out)["fits"]) == len(times)
     assert {p: p.stat().st_mtime_ns for p in times} == times
     assert {p: p.read_bytes() for p in before} == before
     monkeypatch.setattr("frictionid.api.sensitivity.sensitivity_of_suite", lambda *_, **__: studied)
-    code, out, _ = run_command(*words)
+    code, out, _ = run(*words)
     assert code == 0 and "torque delay" in out
 
 
@@ -189,11 +188,9 @@ def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(studied, sui
     provenance.write_text(before)
 
 
-def test_unknown_names_end_in_one_line(suite, monkeypatch, capsys):
+def test_unknown_names_end_in_one_line(suite, run):
     for option in ("--identifier", "--recipe"):
-        code, _, err = run_command(
-            monkeypatch, capsys, suite.parent, "sensitivity", suite.name, option, "nobody"
-        )
+        code, _, err = run(suite.parent, "sensitivity", suite.name, option, "nobody")
         assert code == 2
         assert "'nobody' is unknown" in err
         assert err.count("\n") == 1

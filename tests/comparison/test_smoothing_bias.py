@@ -1,18 +1,12 @@
 """Intervals of one-step fits that hold the bias of smoothed states."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.paths import ROOT
-
-import frictionid as fid
-
-sys.path.append(str(ROOT / "comparisons"))
-
 from coverage_cases import case_of, rig_of
 
+import frictionid as fid
 from frictionid.simulate import simulate
 
 SETS, RECORDINGS, RATE = 3, 8, 250.0

@@ -4,13 +4,20 @@ import numpy as np
 import pytest
 import tomli_w
 from fixtures.suite_mistakes import MISTAKES
-from fixtures.tiny_pendulums import SUITE, TRUTH, suite, write_dataset, write_suite, write_toml
+from fixtures.tiny_pendulums import (
+    SUITE,
+    TRUTH,
+    suite,
+    tasks_in,
+    write_dataset,
+    write_suite,
+    write_toml,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named, load_suite
-from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.state_estimators import SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
@@ -60,8 +67,7 @@ number = 3
 
 
 def tasks(place, changes=(), data=None):
-    file = write_suite(place, changes)
-    return tasks_of(load_suite(file), file, data, trust=True)
+    return tasks_in(write_suite(place, changes), data)
 
 
 # --- What a suite makes --------------------------------------------------------------------------
@@ -92,8 +98,7 @@ def test_a_suite_is_the_constructor_calls_of_its_parts(place):
             "velocity_threshold": 0.1,
         },
     ]
-    file = write_toml(place / "suite.toml", document)
-    made = tasks_of(load_suite(file), file)
+    made = tasks_in(write_toml(place / "suite.toml", document))
     local = Recipe("local", SavitzkyGolay(5, 2), "integral", 0.1)
     none, mine = Frictionless(), LeastSquares(Stribeck(0.05, symmetric=False))
     rubs = LeastSquares(CoulombViscous(shape="arctan"))
@@ -252,7 +257,7 @@ def outcome(place, content):
     file = place / "damaged.toml"
     file.write_bytes(content)
     try:
-        return file, tasks_of(load_suite(file), file), ""
+        return file, tasks_in(file, trust=False), ""
     except InputError as error:
         return file, [], str(error)
     finally:

@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
 
-from frictionid.__main__ import main
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
@@ -79,11 +78,15 @@ def compare(file, folder, resume=False, replace=False):
     return stamps(folder)
 
 
-def command(patch, folder, out):
-    """Exit code of `frictionid compare` in this process."""
-    patch.chdir(folder)
-    patch.setattr(sys, "argv", ["frictionid", "compare", "suite.toml", "--trust", "--out", out])
-    return main()
+@pytest.fixture
+def command(place, run):
+    """Exit code of `frictionid compare` in this process, and the one line that it says."""
+
+    def call(out):
+        code, _, err = run(place, "compare", "suite.toml", "--trust", "--out", out)
+        return code, err.strip()
+
+    return call
 
 
 def started(folder, out, finished):
@@ -139,14 +142,13 @@ def stamps(folder):
 # --- Stopped and resumed -------------------------------------------------------------------------
 
 
-def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, monkeypatch, capsys):
+def test_ctrl_c_ends_at_once_and_resume_finishes_with_the_same_bytes(place, command):
     process = started(place, "stopped", 2)
     # meanwhile nobody else can write there, and the first comparison does not notice
-    assert command(monkeypatch, place, "stopped") == 2
-    line = capsys.readouterr().err.strip()
-    assert line == (
+    assert command("stopped") == (
+        2,
         "frictionid: stopped: another comparison is writing there: wait for it, "
-        "or choose another --out"
+        "or choose another --out",
     )
     before = time.monotonic()
     os.killpg(process.pid, signal.SIGINT)  # what a terminal does
@@ -371,21 +373,21 @@ def test_tables_show_the_finished_tasks(place, tmp_path):
 # --- Folders that are none -----------------------------------------------------------------------
 
 
-def test_a_folder_with_something_else_in_it_is_left_alone(place, tmp_path, monkeypatch, capsys):
+def test_a_folder_with_something_else_in_it_is_left_alone(command, tmp_path):
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "mine.json").write_text("{}")
-    assert command(monkeypatch, place, str(tmp_path)) == 2
-    line = capsys.readouterr().err.strip()
-    assert line.endswith("holds no comparison but 'tasks': choose another --out")
+    code, line = command(tmp_path)
+    assert code == 2 and line.endswith("holds no comparison but 'tasks': choose another --out")
     assert (tmp_path / "tasks" / "mine.json").read_text() == "{}"
     assert not (tmp_path / "provenance.json").exists()
 
 
 @pytest.mark.parametrize("out", ["slow_part.py", "slow_part.py/deeper", "/proc/frictionid"])
-def test_a_folder_that_cannot_be_written_is_one_line(place, out, monkeypatch, capsys):
-    assert command(monkeypatch, place, out) == 2
-    err = capsys.readouterr().err.strip()
-    assert err.startswith(f"frictionid: {out}: cannot be written (") and "\n" not in err
+def test_a_folder_that_cannot_be_written_is_one_line(command, out):
+    code, err = command(out)
+    assert (
+        code == 2 and err.startswith(f"frictionid: {out}: cannot be written (") and "\n" not in err
+    )
     assert err.endswith("choose another --out")
 
 

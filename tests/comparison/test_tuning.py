@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.paths import ROOT
-from fixtures.tiny_pendulums import dataset, disturbed, write_suite
+from fixtures.tiny_pendulums import dataset, disturbed, tasks_in, write_suite
 
 import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
@@ -289,7 +289,7 @@ def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
     page = write_outcome(tmp_path, results, table.tune.objective, file)
     whole = next(f for f in results if f.fold is None)
     tuned = tmp_path / "tiny.toml"
-    tasks = tasks_of(load_suite(tuned), tuned, trust=True)
+    tasks = tasks_in(tuned)
     made = {task.name: task.identifier for task in tasks}
     assert made["scaled"].factor == whole.best.settings["factor"] and "none" in made
     assert tasks[0].benchmark.folds.hash == to_tune[0].benchmark.folds.hash
@@ -361,22 +361,15 @@ def test_a_comparison_does_not_read_what_tuning_searches(place):
     assert identifier_of(entry, place, [INTEGRAL], trust=True).identifier == scaled.identifier
 
 
-def test_the_command_writes_page_and_suite(place, monkeypatch, capsys):
-    from frictionid.__main__ import main
-
+def test_the_command_writes_page_and_suite(place, run):
     suite(place)
-    monkeypatch.chdir(place)
-    monkeypatch.setattr(
-        "sys.argv",
-        ["frictionid", "tune", "suite.toml", "--out", "t", "--jobs", "1", "--trust"],
-    )
-    assert main() == 0
-    out = capsys.readouterr().out
-    assert "factor" in out and str(place / "t" / "summary.md") in out
+    words = ("tune", "suite.toml", "--jobs", 1, "--trust", "--out")
+    code, out, _ = run(place, *words, "t")
+    assert code == 0 and "factor" in out and str(place / "t" / "summary.md") in out
     assert (place / "t" / "tiny.toml").exists() and (place / "t" / "journal.log").exists()
     again = fid.tune(
         "suite.toml", out="t", jobs=1, resume=True, trust=True
     )  # what the command calls
     assert str(again) in out and len(again.frame) == len(pd.read_csv(place / "t" / "trials.csv"))
-    monkeypatch.setattr("sys.argv", ["frictionid", "tune", "suite.toml", "--out", ".", "--trust"])
-    assert main() == 2 and "holds no tuning but" in capsys.readouterr().err
+    code, _, err = run(place, *words, ".")
+    assert code == 2 and "holds no tuning but" in err

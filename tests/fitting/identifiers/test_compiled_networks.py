@@ -1,7 +1,6 @@
 """`compile` and `device` of networks: the same numbers, or one line before anything is computed."""
 
 import re
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import torch
 from fixtures import tiny_pendulums as tiny
 
-from frictionid.__main__ import main
 from frictionid.comparison.suite import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
@@ -46,18 +44,15 @@ def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
 
 
 @pytest.fixture
-def refused(tmp_path, monkeypatch, capsys):
+def refused(tmp_path, run):
     """What the command line says of a suite whose second identifier has these settings."""
 
     def told(settings, *others):
         network = {"kind": "mlp", "solver": "adam", **settings}
         changes = [("identifiers", [{"kind": "none"}, network])]
         file = tiny.write_suite(tmp_path, changes)
-        arguments = ["frictionid", "compare", str(file), "--out", str(tmp_path / "out"), *others]
-        monkeypatch.setattr(sys, "argv", arguments)
-        assert main() == 2
-        assert not (tmp_path / "out").exists()  # nothing has been computed
-        out, err = capsys.readouterr()
+        code, out, err = run(tmp_path, "compare", file, "--out", "out", *others)
+        assert code == 2 and not (tmp_path / "out").exists()  # nothing has been computed
         assert err.startswith("frictionid: ") and err.count("\n") == 1 and not out
         return err
 

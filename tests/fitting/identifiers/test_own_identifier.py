@@ -10,8 +10,7 @@ from fixtures.compared import compare
 from fixtures.paths import ROOT
 
 from frictionid.comparison.registry import LAWS
-from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
-from frictionid.comparison.suite_tasks import tasks_of
+from frictionid.comparison.suite import IdentifierEntry, identifier_of
 from frictionid.comparison.tasks import prepare_benchmarks, run_tasks
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -83,7 +82,7 @@ def test_a_suite_beside_its_file_runs_it_in_worker_processes(tmp_path, monkeypat
     (tmp_path / FILE.name).write_text(FILE.read_text(encoding="utf-8"), encoding="utf-8")
     entries = [{"kind": "own_friction:quadratic"}, {"kind": "none"}]
     tiny.write_suite(tmp_path, [("identifiers", entries), ("recipes", [{"name": "integral"}])])
-    tasks = tasks_of(load_suite(tmp_path / "suite.toml"), tmp_path / "suite.toml", trust=True)
+    tasks = tiny.tasks_in(tmp_path / "suite.toml")
     run_tasks(tasks, prepare_benchmarks(tasks), tmp_path / "tasks", LAWS, jobs=2)
     own = tmp_path / "tasks" / "tiny--quadratic--integral--seed0.json"
     model = read_json(own)["model"]

@@ -1,6 +1,5 @@
 """The identifier `sindy`: which candidates friction has, and their coefficients."""
 
-import sys
 import time
 from dataclasses import replace
 
@@ -11,7 +10,6 @@ from fixtures.exact_problems import cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
 from pysindy import FourierLibrary, PolynomialLibrary
 
-from frictionid.__main__ import main
 from frictionid.comparison.fit_model import with_notes
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -188,13 +186,13 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     assert line.startswith("Tf1 = (0.02") and "+-" in line
 
 
-def test_fit_prints_and_keeps_its_equation(tmp_path, monkeypatch, capsys):
+def test_fit_prints_and_keeps_its_equation(tmp_path, run):
     write_dataset(driven_pendulum(80, 4), tmp_path / "data")
     model = tmp_path / "model.json"
-    words = ["fit", tmp_path / "data", "--identifier", "sindy", "--by", "one_step", "--out", model]
-    monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
-    assert main() == 0
-    lines = capsys.readouterr().out.splitlines()
+    words = ("fit", "data", "--identifier", "sindy", "--by", "one_step", "--out", model)
+    code, out, _ = run(tmp_path, *words)
+    assert code == 0
+    lines = out.splitlines()
     meaning = "standard errors of the noise alone, bias of the smoothing not included"
     place = lines.index(f"with {meaning}:")
     assert lines[place + 1].startswith("  Tf1 = (0.0") and "s(w" in lines[place + 1]

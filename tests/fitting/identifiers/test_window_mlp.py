@@ -1,6 +1,5 @@
 """The identifier `window_mlp`, ensembles, and networks of one's own."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ import torch
 from fixtures.exact_problems import cost
 from fixtures.learned_laws import costs_of_rows, drawn
 from fixtures.paths import ROOT
+from own_network import OwnLaw, own_network
 
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
@@ -29,9 +29,6 @@ from frictionid.friction.laws import (
     members_of,
 )
 from frictionid.friction.model_files import load_model, save_model
-
-sys.path.append(str(ROOT / "comparisons"))
-from own_network import OwnLaw, own_network
 
 
 @pytest.mark.parametrize("odd", [False, True])

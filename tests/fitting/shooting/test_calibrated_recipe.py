@@ -217,7 +217,7 @@ def changed(recipe, **dataset):
 
 def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
     file = tiny.write_suite(tmp_path, changed(RECIPE))
-    made_ = {task.recipe.name: task.recipe for task in tasks_of(load_suite(file), file)}
+    made_ = {task.recipe.name: task.recipe for task in tiny.tasks_in(file)}
     fair = made_["fair"]
     assert isinstance(fair, CalibratedRecipe) and fair.step == STUDY and fair.use == ("delay",)
     assert [block.name for block in fair.by.blocks] == ["friction", "delay"]
@@ -286,4 +286,4 @@ def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
     recipe = {key: value for key, value in recipe.items() if value is not None}
     file = tiny.write_suite(folder, changed(recipe, **entry))
     with pytest.raises(InputError, match=words):
-        tasks_of(load_suite(file), file)
+        tiny.tasks_in(file)

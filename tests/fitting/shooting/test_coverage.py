@@ -1,13 +1,7 @@
 """95 % intervals of shooting hold the truth; 100 sets of each law: comparisons/intervals.py."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
-
 from coverage_cases import case_of, sets_of
 from coverage_fits import by_shooting
 

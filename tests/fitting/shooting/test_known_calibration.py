@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
-from fixtures.command_line import run_command
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -92,22 +91,20 @@ def test_calibrations_of_no_machine_or_another_one_are_refused():
         fit_model(data(0, 4), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=other))
 
 
-def test_fit_takes_the_calibration_of_a_model_file(tmp_path, monkeypatch, capsys):
+def test_fit_takes_the_calibration_of_a_model_file(tmp_path, run):
     tiny.write_dataset(tmp_path / "tiny")
     save_model(first_fit(), tmp_path / "first.json", LAWS)
     words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--calibration", "first.json")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--out", "second.json")
+    code, out, err = run(tmp_path, *words, "--out", "second.json")
     assert (code, err) == (0, "")
     read = known_calibration(load_model(tmp_path / "second.json", LAWS), "second")
     np.testing.assert_allclose(read.calibration.base, first_fit().calibration.base)
     words = (*words, "--by", "shooting", "--windows", "0.2", "--iterations", "3")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--out", "third.json")
+    code, out, err = run(tmp_path, *words, "--out", "third.json")
     assert code == 0 and "torque delay" not in out
-    code, out, err = run_command(
-        monkeypatch, capsys, tmp_path, *words[:4], "--by", "one_step", "--out", "plain.json"
-    )
+    code, out, err = run(tmp_path, *words[:4], "--by", "one_step", "--out", "plain.json")
     words = (*words[:5], "plain.json", "--out", "fourth.json")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, out, err = run(tmp_path, *words)
     assert (code, out) == (2, "") and "plain.json has no calibration" in err
 
 

@@ -1,13 +1,7 @@
 """Disturbed recordings are named, good ones are not; more cases: comparisons/odd_runs.py."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
-
 from odd_runs import BAD, named, sets_with
 
 from frictionid.fitting.shooting.data_checks import odd_among

@@ -1,12 +1,6 @@
 """Intervals hold what blocks that are not free would change, where these would show."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
-
 from coverage_cases import case_of, sets_of
 from coverage_fits import SETTINGS
 

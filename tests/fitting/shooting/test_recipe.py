@@ -6,14 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures import tiny_pendulums as tiny
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.result_folders import leave_blank
 
-from frictionid.__main__ import main
 from frictionid.comparison.cross_validate import Benchmark, run
-from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
-from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
@@ -84,12 +82,6 @@ def test_given_friction_stays_as_it_is():
     assert nothing.refined is None and nothing.friction.calibration is None
 
 
-def called(monkeypatch, *words):
-    """Exit code of a command line."""
-    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
-    return main()
-
-
 SUITE = """
 name = "s"
 initial_states = "model"
@@ -110,23 +102,23 @@ kind = "coulomb_viscous"
 """
 
 
-def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, capsys):
+def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeypatch, run):
     leave_blank(monkeypatch)
     write_dataset(dataset(), tmp_path / "data")
     (tmp_path / "s.toml").write_text(SUITE)
     out = tmp_path / "out"
-    assert called(monkeypatch, "compare", tmp_path / "s.toml", "--out", out, "--jobs", "1") == 0
+    assert run(tmp_path, "compare", tmp_path / "s.toml", "--out", out, "--jobs", 1)[0] == 0
     task = json.loads((out / "tasks/pendulum--coulomb_viscous--ours--seed0.json").read_text())
     delay = next(p for p in task["refined"]["parameters"] if p["block"] == "delay")
     assert delay["interval_95"][0] < 0.01 < delay["interval_95"][1]
     assert np.shape(task["refined"]["correlation"]) == (3, 3)
     model = out / "models/pendulum--coulomb_viscous--ours--seed0.json"
     scores = tmp_path / "e.csv"
-    assert called(monkeypatch, "evaluate", model, tmp_path / "data", "--out", scores) == 0
+    assert run(tmp_path, "evaluate", model, tmp_path / "data", "--out", scores)[0] == 0
     line = ("fit", tmp_path / "data", "--identifier", "coulomb_viscous", "--by", "shooting")
     free = ("--free", "friction,inertia,delay", "--out", tmp_path / "m.json")
-    assert called(monkeypatch, *line, *free) == 0
-    assert "torque delay" in capsys.readouterr().out
+    code, out, _ = run(tmp_path, *line, *free)
+    assert code == 0 and "torque delay" in out
     kept = json.loads((tmp_path / "m.json").read_text())
     assert kept["calibration"]["delay"] == pytest.approx(0.01, abs=1.5e-3)
 
@@ -178,19 +170,19 @@ def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
     text = text.replace("[[recipes]]", slow + "[[recipes]]", 1)
     file = tmp_path / "s.toml"
     file.write_text(text)
-    recipes = {t.recipe.name: t.recipe for t in tasks_of(load_suite(file), file)}
+    recipes = {t.recipe.name: t.recipe for t in tiny.tasks_in(file)}
     assert recipes["ours"].start == recipes["slow"] and recipes["slow"].velocity_threshold == 0.01
     assert recipes["ours"].settings.start_velocity == 0.5
     file.write_text(text.replace('start = "slow"', 'start = "slo"'))
     with pytest.raises(InputError, match="recipe 'slo' is unknown; did you mean 'slow'"):
-        tasks_of(load_suite(file), file)
+        tiny.tasks_in(file)
 
 
 def test_unknown_parameters_to_fix_are_named(tmp_path):
     write_dataset(dataset(), tmp_path / "data")
     text = SUITE.replace("windows", 'fixed = ["friction.viscos"]\nwindows')
     (tmp_path / "s.toml").write_text(text)
-    tasks = tasks_of(load_suite(tmp_path / "s.toml"), tmp_path / "s.toml")
+    tasks = tiny.tasks_in(tmp_path / "s.toml")
     own = next(t for t in tasks if t.name == "coulomb_viscous" and t.recipe.name == "ours")
     with pytest.raises(InputError, match="has no parameter 'viscos' to fix"):
         run(own.benchmark, own.identifier, own.recipe)

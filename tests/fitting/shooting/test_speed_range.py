@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 
 from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
@@ -118,7 +117,7 @@ def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
         constraints_of(CoulombViscous(), speeds, **settings)
 
 
-def test_bounds_and_priors_from_the_command_line(axis, tmp_path, monkeypatch, capsys):
+def test_bounds_and_priors_from_the_command_line(axis, tmp_path, run):
     write_dataset(axis, tmp_path / "data")
     out = tmp_path / "model.json"
     words = ["fit", "data", "--identifier", "stribeck", "--out", out]
@@ -128,11 +127,11 @@ def test_bounds_and_priors_from_the_command_line(axis, tmp_path, monkeypatch, ca
         "--set",
         "prior.viscous=[20, 1e-6]",
     ]
-    assert run_command(monkeypatch, capsys, tmp_path, *words)[0] == 0
+    assert run(tmp_path, *words)[0] == 0
     joint = json.loads(out.read_text())["joints"][0]
     assert 0.01 <= joint["stribeck_velocity"]["value"] <= 0.015
     assert joint["viscous"]["value"] == pytest.approx(20.0, abs=1e-3)
     words = ["--replace" if word == "--set" else word for word in words[:6]]
     words += ["--replace", "--set", "bounds.viscuos=[0, 1]"]
-    code, _, error = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, _, error = run(tmp_path, *words)
     assert code == 2 and "did you mean 'viscous'" in error

@@ -1,13 +1,7 @@
 """Intervals of a model that does not explain the motion hold what another setting would give."""
 
-import sys
-from pathlib import Path
-
-import numpy as np
-
-sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
-
 import coverage_cases
+import numpy as np
 from coverage_cases import case_of, sets_of
 
 from frictionid.data.plants import plant_of

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.command_line import run_command
 
 from frictionid.arrays import times
 from frictionid.comparison.cross_validate import Benchmark, run
@@ -277,10 +276,10 @@ def test_a_suite_names_it():
         recipe_of(RecipeEntry(name="mine", by="shooting", window=0.1))
 
 
-def test_the_command_line_fits_by_it(tmp_path, monkeypatch, capsys):
+def test_the_command_line_fits_by_it(tmp_path, run):
     write_dataset(simulate(rig(1e-5, recordings=3, samples=400), 3), tmp_path / "data")
     given = ("fit", "data", "--identifier", "coulomb_viscous", "--out", "model.json")
-    call = partial(run_command, monkeypatch, capsys, tmp_path, *given)
+    call = partial(run, tmp_path, *given)
     code, out, _ = call("--by", "inverse_dynamics")
     assert (code, "inertia_11" in out) == (0, True)
     code, _, err = call("--replace", "--by", "inverse", "--free", "friction")

@@ -3,14 +3,8 @@
 Least squares of others leaves 7.37 % on one and 10.38 % on the other, by the same measure.
 """
 
-import sys
-from pathlib import Path
-
-import pytest
-
-sys.path.append(str(Path(__file__).parents[3] / "comparisons"))
-
 import arms
+import pytest
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.torque_balance import TorqueSettings, fit_torques
