@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
 
-from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
@@ -96,19 +95,9 @@ def started(folder, out, finished):
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
         "from frictionid.__main__ import main; sys.exit(main())"
     )
+    words = ["compare", "suite.toml", "--trust", "--jobs", "2", "--out", out]
     process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            call,
-            "compare",
-            "suite.toml",
-            "--trust",
-            "--out",
-            out,
-            "--jobs",
-            "2",
-        ],
+        [sys.executable, "-c", call, *words],
         cwd=folder,
         env={**os.environ, "PATIENCE": "30"},
         stdout=subprocess.PIPE,
@@ -389,13 +378,3 @@ def test_a_folder_that_cannot_be_written_is_one_line(command, out):
         code == 2 and err.startswith(f"frictionid: {out}: cannot be written (") and "\n" not in err
     )
     assert err.endswith("choose another --out")
-
-
-def test_a_lock_keeps_others_out_until_it_is_released(tmp_path):
-    with lock(tmp_path / "new"):
-        with pytest.raises(InputError, match="another comparison is writing there"):
-            lock(tmp_path / "new")
-        with lock(tmp_path / "other"):
-            pass
-    with lock(tmp_path / "new"):
-        pass
