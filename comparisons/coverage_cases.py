@@ -184,14 +184,21 @@ def rig_of(
 
 
 def sets_of(
-    case: Case, seeds: Sequence[int], recordings: int, *, late: bool, wrong: float = 0.0
+    case: Case,
+    seeds: Sequence[int],
+    recordings: int,
+    *,
+    late: bool,
+    wrong: float = 0.0,
+    substeps: int = 24,
 ) -> list[Dataset]:
     """Simulated sets, moved side by side: as they come alone, sooner.
 
     wrong : how far nominal masses are off, either way [%]; with those, all inertia is masses
+    substeps : of the simulation, between two samples
     """
     rig = rig_of(case, seeds, recordings, late=late, rotor_known=wrong > 0.0)
-    everything = simulate(rig)
+    everything = simulate(replace(rig, substeps=substeps))
     at = range(0, len(everything.recordings), recordings)
     parts = [replace(everything, recordings=everything.recordings[i : i + recordings]) for i in at]
     return parts if not wrong else [_off(*pair, wrong) for pair in zip(parts, seeds, strict=True)]

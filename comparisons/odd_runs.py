@@ -44,7 +44,7 @@ class Pushed:
 
 def sets_with(fault: str, seeds: Sequence[int]) -> list[Dataset]:
     """Sets in which recording `BAD` has a fault: "push", "mass", or "none"."""
-    rig = rig_of(CASE, seeds, RECORDINGS, late=True)
+    rig = replace(rig_of(CASE, seeds, RECORDINGS, late=True), substeps=4)
     changed = rig
     if fault == "push":
         runs = [

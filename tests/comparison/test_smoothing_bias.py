@@ -9,7 +9,7 @@ from coverage_cases import case_of, rig_of
 import frictionid as fid
 from frictionid.simulate import simulate
 
-SETS, RECORDINGS, RATE = 3, 8, 250.0
+SETS, RECORDINGS, RATE = 2, 8, 250.0
 CASE = case_of("stribeck", "acrobot")
 
 

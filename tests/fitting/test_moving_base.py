@@ -54,7 +54,7 @@ def test_friction_is_found_beside_inertias(floating):
 
 
 def test_friction_is_found_by_shooting(floating):
-    free = {"free": ["friction", "delay"], "sample_time": 0.004}
+    free = {"free": ["friction", "delay"], "sample_time": 0.008}
     coulomb, viscous = errors(fid.fit(floating, "coulomb_viscous", method="shooting", **free))
     assert coulomb < 0.005 and viscous < 0.02
 

@@ -71,7 +71,7 @@ QUICK = {"epochs": 2}
 NETWORKS = ("mlp", "lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm")
 SETTINGS = {
     "gear_load": {"moment": 0.1, "iterations": 10},
-    **dict.fromkeys(("lugre", "play", "film_lag"), {"iterations": 10}),
+    **dict.fromkeys(("lugre", "film_lag"), {"iterations": 10}),
     "mlp": {"hidden": [6], "iterations": 10},
     "sklearn": {"estimator": "kernel_ridge"},
     **dict.fromkeys(("lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm"), QUICK),

@@ -13,6 +13,10 @@ START = Friction(CASE.law, CASE.values)
 LEVEL = 0.12  # [N m]
 
 
+def data_of(seed, recordings=6, late=False):
+    return sets_of(CASE, [seed], recordings, late=late, substeps=4)[0]
+
+
 def coulomb_of(dataset, *more):
     """Interval of the Coulomb level with more blocks free, and the warnings."""
     found = refine(START, dataset, (FrictionBlock(), *more), SETTINGS)
@@ -22,7 +26,7 @@ def coulomb_of(dataset, *more):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_intervals_under_all_free_blocks_hold_the_truth(seed):
     """The torque acts 12 ms late, and a rotor is missing from the nominal mechanism."""
-    dataset = sets_of(CASE, [seed], 6, late=True)[0]
+    dataset = data_of(seed, late=True)
     for more, omitted in (
         ((), ("inertia", "delay")),
         ((DelayBlock(),), ("inertia",)),
@@ -35,14 +39,12 @@ def test_intervals_under_all_free_blocks_hold_the_truth(seed):
 
 
 def test_blocks_that_show_nothing_change_nothing():
-    dataset = sets_of(CASE, [3], 6, late=False)[0]
-    (low, high), warnings = coulomb_of(dataset)
+    (low, high), warnings = coulomb_of(data_of(3))
     assert low < LEVEL < high and high - low < 0.1 * LEVEL
     assert not warnings
 
 
 def test_a_machine_without_a_motor_has_no_delay_to_omit():
-    dataset = sets_of(CASE, [4], 2, late=False)[0]  # two free decays
-    (low, high), warnings = coulomb_of(dataset)
+    (low, high), warnings = coulomb_of(data_of(4, recordings=2))  # two free decays
     assert low < LEVEL < high
     assert not any("'delay'" in w for w in warnings)

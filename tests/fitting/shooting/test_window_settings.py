@@ -12,6 +12,11 @@ from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction.laws import CoulombViscous
 
 
+def data_of(seed):
+    """A gear whose friction grows with the load."""
+    return sets_of(case_of("gear_load", "joint"), [seed], 4, late=True, substeps=4)[0]
+
+
 def first_of(data):
     """Coulomb and viscous friction of one step, where fits begin."""
     problem = training_problem(data, plant_of(data), INTEGRAL)
@@ -19,8 +24,7 @@ def first_of(data):
 
 
 def test_windows_of_other_lengths_give_intervals_that_overlap():
-    """Coulomb and viscous friction, fitted to a gear whose friction grows with the load."""
-    (data,) = sets_of(case_of("gear_load", "joint"), [1], 5, late=True)
+    data = data_of(1)
     found = [
         refine(first_of(data), data, (FrictionBlock(), InertiaBlock()), Settings(windows=windows))
         for windows in ((0.1, 0.2), (0.1, 0.3, 1.0))
@@ -33,7 +37,7 @@ def test_windows_of_other_lengths_give_intervals_that_overlap():
 def test_base_parameters_stay_free_where_the_motion_is_not_explained(monkeypatch):
     """Intervals hold the errors of the model; at nominal values these would be larger."""
     monkeypatch.setitem(coverage_cases.NOISE, "joint", 1e-4)
-    (data,) = sets_of(case_of("gear_load", "joint"), [3], 4, late=True)
+    data = data_of(3)
     found = refine(first_of(data), data)
     assert "what is fitted does not explain the motion" in " ".join(found.diagnostics.warnings)
     free = {p.name for p in found.covariance.parameters if p.tolerance > 0}

@@ -15,7 +15,7 @@ from frictionid.simulate import simulate, write_dataset
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
-    write_dataset(simulate(arm_rig(folder, 1, recordings=2, seconds=3.0)), folder / "data")
+    write_dataset(simulate(arm_rig(folder, 1, recordings=2, seconds=2.5)), folder / "data")
     return load_dataset(folder / "data")
 
 
