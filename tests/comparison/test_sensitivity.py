@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.tiny_pendulums import compare_into, dataset, write_suite
-from scipy.integrate import solve_ivp
+from fixtures.tiny_pendulums import PENDULUM, compare_into, dataset, write_suite
 
 import frictionid as fid
 from frictionid.api.sensitivity import sensitivity_of_suite
@@ -25,25 +24,18 @@ from frictionid.fitting.shooting import Shooting
 from frictionid.report.exhibits import names_of
 from frictionid.report.sections import sections_of
 from frictionid.report.sensitivity import beside
+from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, noise_free, simulate
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
 
 
 @cache
 def decays():
-    """Free swings of a pendulum with viscous and smooth Coulomb friction, integrated by SciPy."""
-    time = np.arange(121) / 60.0
-    arrays = {}
-    for i, start in enumerate(np.linspace(0.6, 1.6, 6)):
-
-        def slope(_, x):
-            friction = 0.004 * np.tanh(x[1] / 0.02) + 0.002 * x[1]
-            return [x[1], (-0.2 * 9.81 * 0.2 * np.sin(x[0]) - friction) / (0.2 * 0.2**2)]
-
-        made = solve_ivp(slope, (0.0, 2.0), [start, 0.0], t_eval=time, rtol=1e-8, atol=1e-10)
-        arrays[f"decay {i}"] = {"time": time, "angle": made.y[0]}
-    rig = fid.mechanisms.pendulum(mass=0.2, length=0.2)
-    return fid.Dataset.from_arrays(arrays, rig, name="decays")
+    """Free swings of a pendulum whose friction is not told."""
+    friction = Stribeck(Curve((0.004,), (0.004,), (0.002,)))
+    runs = tuple(Run(f"{i}", (0.6 + 0.2 * i,)) for i in range(6))
+    rig = Rig("decays", PENDULUM, friction, Camera(121), runs, substeps=4)
+    return replace(simulate(noise_free(rig)), truth=None)
 
 
 def study(data, **settings):

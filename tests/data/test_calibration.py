@@ -84,7 +84,8 @@ def test_base_parameters_of_another_mechanism_are_refused():
 
 def test_an_index_into_friction_picks_its_calibration_too():
     calibrations = [
-        replace(Calibration.ideal(1, np.ones(2) * k), delay=np.array(k)) for k in range(3)
+        replace(Calibration.ideal(1, np.ones(2) * k), delay=np.array(k), motor=np.array([k, 4.0]))
+        for k in range(3)
     ]
     friction = Friction(
         CoulombViscous(), np.zeros((3, 1, 2)), calibration=stack_calibrations(calibrations)
@@ -92,16 +93,20 @@ def test_an_index_into_friction_picks_its_calibration_too():
     assert friction[2].calibration is not None
     assert float(friction[2].calibration.delay) == 2.0
     np.testing.assert_array_equal(friction[1].calibration.base, [1.0, 1.0])
+    np.testing.assert_array_equal(friction[1].calibration.motor, [1.0, 4.0])
+    assert friction[1].calibration.envelope is None
     assert friction[[0, 2]].calibration.gain.shape == (2, 1)
 
 
 @pytest.mark.parametrize("base", [None, np.array([0.1, 0.2, 0.3])])
 def test_a_model_file_keeps_the_calibration(tmp_path, base):
-    calibration = replace(Calibration.ideal(1, base), delay=np.array(0.0123), bias=np.array([0.5]))
+    arrays = {"delay": 0.0123, "bias": [0.5], "motor": [0.4, 3.0], "envelope": [[0.4, 2.0, 5.0]]}
+    arrays = {name: np.array(value) for name, value in arrays.items()}
+    calibration = replace(Calibration.ideal(1, base), **arrays)
     friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
     save_model(friction, tmp_path / "m.json", LAWS)
     again = load_model(tmp_path / "m.json", LAWS).calibration
-    for name in ("gain", "delay", "bias", "offset"):
+    for name in ("gain", "delay", "bias", "offset", "motor", "envelope"):
         np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
     if base is None:
         assert again.base is None

@@ -59,14 +59,6 @@ def refused(tmp_path, run):
     return told
 
 
-@NO_CUDA
-@pytest.mark.parametrize("kind", ["mlp", "lstm", "blackbox_mlp"])
-def test_a_device_that_is_not_there_is_refused_when_a_network_is_made(kind):
-    settings = {"solver": "adam"} if kind == "mlp" else {}
-    with pytest.raises(InputError, match="PyTorch sees no CUDA device here: leave"):
-        identifier_named(kind, {**settings, "device": "cuda"})
-
-
 def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
     monkeypatch.setenv("CXX", "no-such-compiler")
     told = refused({"compile": True})

@@ -26,7 +26,6 @@ from frictionid.friction.laws import (
 )
 
 FREE = LSTM(free=True, dissipative=False, monotone_tail=False)
-BARE = {"free": True, "dissipative": False, "monotone_tail": False}
 LIBRARY = Library(velocities=(1.0, 2.0), harmonics=(1,))
 CHOSEN = [
     ("none", {}, Frictionless()),
@@ -35,27 +34,17 @@ CHOSEN = [
         LeastSquares(Stribeck(0.1, "arctan", symmetric=False)),
     ),
     ("spline", {"degree": 1}, Linear(Spline(degree=1))),
-    ("lstm", {}, Network(LSTM())),
     ("lstm", {"cells": 4, "odd": True, "epochs": 5}, Network(LSTM(4, odd=True), epochs=5)),
-    ("lstm", BARE, Network(FREE)),
-    ("mlp", {}, CompressedNetwork(MLP())),
     (
         *("mlp", {"hidden": [8], "odd": True, "width": 0.1}),
         CompressedNetwork(MLP((8,), odd=True, width=0.1)),
     ),
     ("mlp", {"inputs": "all", "hidden": [8]}, Network(MLP((8,)), inputs="all")),
     ("mlp", {"solver": "adam"}, Network(MLP())),
-    ("window_mlp", {}, Network(WindowMLP())),
     (
         *("window_mlp", {"samples": 4, "members": 2, "rate": 0.02}),
         Network(WindowMLP(4), rate=0.02, members=2),
     ),
-    (
-        *("window_mlp", {"presliding": 0.005, "dissipative": False}),
-        Network(WindowMLP(presliding=0.005, dissipative=False)),
-    ),
-    ("sindy", {}, SINDy()),
-    ("sindy", {"search_sets": False}, SINDy(search_sets=False)),
     (
         *("sindy", {"velocities": [1.0, 2.0], "harmonics": [1], "optimizer": "sr3", "ensemble": 5}),
         SINDy(LIBRARY, optimizer="sr3", ensemble=5),

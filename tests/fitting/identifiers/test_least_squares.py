@@ -27,7 +27,7 @@ from frictionid.fitting.identifiers.check_identifier import synthetic_problem, s
 from frictionid.fitting.identifiers.initial_guess import best_initial_guess, sums_of_rows
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.residual import mask_stiction
-from frictionid.friction import Friction, Law
+from frictionid.friction import Law
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
 CLEAN = DATA / "acrobot_clean"
@@ -228,16 +228,6 @@ def test_ten_folds_of_8575_samples_take_less_than_a_second(clean, recipe, law):
     assert min(seconds) < 1.0
     plain = fit(CoulombViscous(), problem, weights)
     assert (cost(problem, weights, friction) < cost(problem, weights, plain)).all()
-
-
-def test_scipy_finds_nothing_better_on_the_simulated_acrobot(clean):
-    problem, _ = clean["integral"]
-    weights = everything(problem)
-    found = fit(Stribeck(), problem, weights)
-    start = [[0.1, 0.02, 1.0, 0.001]] * 2
-    other = by_scipy(Stribeck(), problem, weights[0], start, jac="ours")
-    friction = Friction(Stribeck(), other[None])
-    assert cost(problem, weights, found) <= cost(problem, weights, friction) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["whole recordings", "weights of each row"])

@@ -1,34 +1,15 @@
 """Long recordings: the same numbers stretch by stretch, and little more memory for more rows."""
 
 import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from frictionid.fitting.identifiers import LeastSquares, least_squares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
-from frictionid.fitting.identifiers.initial_guess import _grams
 from frictionid.fitting.one_step import linearised
 from frictionid.fitting.one_step.linearised import Given, Linearised
-from frictionid.friction import Nodes, along
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
-
-
-def _repeated(problem, times):
-    """The rows of a problem several times, each with nodes of their own."""
-    S = len(problem.nodes.time)
-    inputs = problem.nodes.inputs.each(lambda x: np.tile(x, (times, 1)))
-    nodes = Nodes(inputs, np.tile(problem.nodes.time, times), problem.nodes.first)
-    shifts = np.repeat(np.arange(times), len(problem.r))[:, None] * S
-    return replace(
-        problem,
-        nodes=nodes,
-        r=np.tile(problem.r, (times, 1)),
-        G=np.tile(problem.G, (times, 1, 1)),
-        stencil=np.tile(problem.stencil, (times, 1)) + shifts,
-        **{key: np.tile(getattr(problem, key), times) for key in ("recording", "time", "dt")},
-    )
 
 
 @pytest.mark.parametrize("law", [Stribeck(), CoulombViscous(), LuGre()], ids=repr)
@@ -76,8 +57,9 @@ def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
 def test_more_rows_need_little_more_memory(monkeypatch):
     monkeypatch.setattr(linearised, "_ROWS", 2_000)
     peaks, rows = [], []
+    short = synthetic_problem(1)
     for times in (25, 50):
-        problem = _repeated(synthetic_problem(1), times)
+        problem = short.of_rows(np.tile(np.arange(len(short.r)), times))
         weights = np.ones((1, len(problem.r)))
         tracemalloc.start()
         LeastSquares(Stribeck()).fit(problem, weights, seed=0)
@@ -85,19 +67,3 @@ def test_more_rows_need_little_more_memory(monkeypatch):
         tracemalloc.stop()
         rows.append(len(problem.r))
     assert (peaks[1] - peaks[0]) / (rows[1] - rows[0]) < 600  # bytes per row; once 3,800
-
-
-def test_grams_by_pairs_of_joints_are_those_of_the_whole_columns(monkeypatch):
-    problem, law = synthetic_problem(2), Stribeck()
-    weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
-    fit = Linearised.within(law, problem, weights, Given({}, {}))
-    values = np.repeat(np.array(law.initial)[:5, None], 2, axis=1)
-    J = fit.jacobian(values.reshape(5, -1))
-    torque = problem.mean(along(fit.friction(values), problem.nodes))
-    columns = np.concatenate([J, -(problem.G * torque[:, :, None])[..., None]], axis=-1)
-    A = np.moveaxis(columns, 0, 3).reshape(problem.r.size, -1)
-    A = np.column_stack([A, problem.r.ravel()])
-    monkeypatch.setattr(linearised, "_ROWS", 37)
-    for gram, weight in zip(_grams(fit, values, weights), weights, strict=True):
-        whole = (A.T * np.repeat(weight, 2)) @ A
-        np.testing.assert_allclose(gram, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())

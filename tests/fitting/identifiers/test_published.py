@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from fixtures.paths import DATA
 
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Published
@@ -16,7 +15,6 @@ from frictionid.fitting.identifiers.check_identifier import (
 )
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.friction.model_files import save_model
 
 DFKI = DATA / "dfki_c1"
 NUMBERS = np.array([[0.3, 0.01], [0.1, 0.02]])
@@ -44,20 +42,6 @@ def test_friction_of_another_number_of_joints_or_of_many_folds_is_refused(fricti
     problem = synthetic_problem(joints)
     with pytest.raises(InputError, match=rf"theta of shape .*, the data {joints} joints"):
         Published(friction).fit(problem, synthetic_weights(problem), 0)
-
-
-def test_a_file_is_its_setting(tmp_path):
-    save_model(OTHERS, tmp_path / "other.json", LAWS)
-    made = identifier_named("published", {"file": str(tmp_path / "other.json")})
-    problem = synthetic_problem(2)
-    found = made.fit(problem, np.ones((1, len(problem.r))), 0)
-    np.testing.assert_array_equal(found.theta[0], NUMBERS)
-    assert found.parameters == {"m1": 0.5}
-
-
-def test_a_file_that_is_not_there_is_an_error_with_its_name():
-    with pytest.raises(InputError, match=r"nowhere\.json: no such file"):
-        identifier_named("published", {"file": "nowhere.json"})
 
 
 @pytest.mark.parametrize("version", ["1.0", "2.0"])

@@ -119,12 +119,6 @@ def test_joints_that_rest_most_of_the_time_do_not_shrink_the_deviation():
     np.testing.assert_array_equal(kept[:, 100:], 1.0)
 
 
-def test_rows_without_any_error_keep_all_their_weight():
-    np.testing.assert_array_equal(
-        huber_factors(np.zeros((1, 9, 2)), np.ones((1, 9)), 3.0), np.ones((1, 9))
-    )
-
-
 @pytest.mark.parametrize("clip", [0.0, -1.0, float("nan")])
 def test_a_robust_fit_needs_a_positive_number_of_deviations(clip):
     with pytest.raises(InputError, match="robust: it should be"):

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import DATA
-from scipy.sparse import block_diag, csr_array
 
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
 from frictionid.fitting.one_step.torque_outliers import (
-    _apart,
     torque_outliers,
     without_torque_outliers,
 )
@@ -110,17 +108,3 @@ def moved_by(recording, data):
     noise = 1e-3 * np.random.default_rng(2).normal(size=(len(out), 1))
     held = torque._replace(hold="previous")
     return replace(recording, angle=Signal(time, np.array(out) + noise), torque=held, truth=None)
-
-
-def test_groups_of_candidates_hold_all_that_they_have_in_common():
-    """Long recordings have many candidates: their products are taken group by group."""
-    rng = np.random.default_rng(0)
-    sizes = rng.integers(1, 5, 40)
-    blocks = [rng.random((n, n)) + n * np.eye(n) for n in sizes]
-    for block in blocks:  # neighbours only, as candidates in the order of time have
-        block[np.abs(np.subtract.outer(range(len(block)), range(len(block)))) > 1] = 0.0
-    whole = csr_array(block_diag(blocks, format="csr"))
-    parts = _apart(whole)
-    assert [part.stop - part.start for part in parts] == sizes.tolist()
-    for part, block in zip(parts, blocks, strict=True):
-        np.testing.assert_array_equal(whole[part, part].toarray(), block)

@@ -247,28 +247,11 @@ MISTAKES = {
         "'fair': the key 'calibration' is missing",
     ),
     "unknown like": ({**RECIPE, "like": "studi"}, {}, "'studi' is unknown; did you mean 'study'"),
-    "like shooting": ({**RECIPE, "like": "shooting"}, {}, "like = 'shooting' must be a one-step"),
-    "own scheme": ({**RECIPE, "scheme": "euler"}, {}, "scheme does not go with calibration"),
     "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with calibration"),
-    "unknown key": (
-        {**RECIPE, "calibration": {"freee": ["delay"]}},
-        {},
-        r"recipes\[1\]\.calibration: unknown key 'freee'; did you mean 'free'",
-    ),
     "unknown block": (
         {**RECIPE, "calibration": {"free": ["friction", "dely"]}},
         {},
         "'fair', calibration: block 'dely' is unknown; did you mean 'delay'",
-    ),
-    "unknown friction": (
-        {**RECIPE, "calibration": {"friction": "stribek"}},
-        {},
-        "'fair', calibration: kind = 'stribek' is unknown; did you mean 'stribeck'",
-    ),
-    "not free": (
-        {**RECIPE, "calibration": {"free": ["friction", "delay"], "use": ["inertia"]}},
-        {},
-        "'fair': use = 'inertia' must be one of delay",
     ),
     "recipe of a data set": (
         RECIPE,

@@ -51,13 +51,6 @@ def test_free_runs_with_the_envelope_are_at_the_noise_and_without_it_far_off(fou
     assert error(plain, dataset(TORN, None)) > 50 * TORN.noise
 
 
-def test_a_model_file_keeps_it(found, tmp_path):
-    found.save(tmp_path / "model.json")
-    read = fid.load_model(tmp_path / "model.json")
-    np.testing.assert_array_equal(read.calibration.envelope, found.calibration.envelope)
-    assert any("at the limit of its motor" in s for s in read.friction.provenance.limits)
-
-
 def test_mujoco_predicts_the_same_by_its_own_motor(found, tmp_path):
     made = found.export("mujoco", tmp_path / "rig.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "rig.xml"))

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from fixtures.slopes import assert_slopes
 
-from frictionid.comparison.registry import LAWS
-from frictionid.data.calibration import Calibration, calibrated_dataset, stack_calibrations
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, sample
@@ -32,7 +30,6 @@ from frictionid.fitting.shooting.servo import ServoMotion, drive_of, torque_sign
 from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
-from frictionid.friction.model_files import load_model, save_model
 
 KT, R = 0.39, 4.0
 TRUE = np.array([[0.013, 0.0037]])
@@ -250,31 +247,6 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     motion = ServoMotion.along(recording, States(time, q, w), recording.servo)
     fine = np.linspace(0.0, 1.0, 201)
     np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
-
-
-def test_an_angle_offset_moves_the_goal_too():
-    data = believed(driven(), KT, R)
-    calibration = replace(Calibration.ideal(1), offset=np.array([0.3]))
-    before, after = data.recordings[0], calibrated_dataset(data, calibration).recordings[0]
-    time = before.angle.time
-    np.testing.assert_allclose(
-        after.servo.voltage(time, after.angle.value),
-        before.servo.voltage(time, before.angle.value),
-        atol=1e-12,
-    )
-    np.testing.assert_array_equal(after.servo.goal.value, before.servo.goal.value - 0.3)
-
-
-def test_each_fold_has_its_own_motor():
-    calibrations = [replace(Calibration.ideal(1), motor=np.array([KT, R]) * k) for k in (1.0, 1.1)]
-    np.testing.assert_array_equal(stack_calibrations(calibrations)[1].motor, calibrations[1].motor)
-    assert stack_calibrations([Calibration.ideal(1), Calibration.ideal(1)]).motor is None
-
-
-def test_a_model_file_keeps_the_motor(tmp_path, found):
-    save_model(found.friction, tmp_path / "m.json", LAWS)
-    again = load_model(tmp_path / "m.json", LAWS).calibration
-    np.testing.assert_array_equal(again.motor, found.calibration.motor)
 
 
 def test_what_no_data_can_tell_is_refused_in_one_line():

@@ -187,19 +187,11 @@ def test_torque_scales_friction_and_inertia(clean):
 
 def test_a_held_inertia_leaves_the_one_step_fit(clean):
     """With friction alone free, both routes to it agree: rows as torques or as velocities."""
-    exact = replace(clean, mechanism=replace_values(clean))
+    exact = replace(clean, mechanism=clean.mechanism.with_values(TRUE))
     alone = InverseDynamics(blocks=(FrictionBlock(), DelayBlock()))
     friction = fit_model(exact, LeastSquares(Stribeck()), alone)
     assert (curve_error(friction) < 0.02).all()
     assert friction.calibration.base == pytest.approx(np.asarray(plant_of(exact).p)[0])
-
-
-def replace_values(dataset):
-    """The mechanism of a data set with the true parameters."""
-    table = (
-        dict(dataset.mechanism) if isinstance(dataset.mechanism, dict) else dataset.mechanism.table
-    )
-    return {**table, "parameters": TRUE}
 
 
 def test_folds_do_not_see_what_they_hold_out():
@@ -245,13 +237,15 @@ def test_networks_are_refused(clean):
 
 
 def test_a_joint_without_motor_shows_no_inertia(clean):
-    undriven = replace(clean, mechanism={**replace_values(clean), "driven": [False, True]})
     passive = tuple(
         replace(r, torque=r.torque._replace(value=r.torque.value * [0.0, 1.0]))
-        for r in undriven.recordings
+        for r in clean.recordings
     )
+    undriven = double_pendulum((False, True)).with_values(TRUE)
     with pytest.raises(InputError, match="joint 1 has no motor"):
-        fit_model(replace(undriven, recordings=passive), COULOMB, InverseDynamics())
+        fit_model(
+            replace(clean, mechanism=undriven, recordings=passive), COULOMB, InverseDynamics()
+        )
 
 
 def test_a_given_friction_stays(clean):
