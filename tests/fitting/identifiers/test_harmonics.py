@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.servo_logs import by_torque
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -27,10 +27,7 @@ LAW = Sum(("coulomb_viscous", Cogging("auto")))
 def dataset(waves=(), seed=0, gear=1, **rig):
     own = ServoPendulum(waves=tuple((gear * k, size, phase) for k, size, phase in waves), **rig)
     logs = {f"{k}": own.log(20.0, 0.2, seed=100 * seed + k, seconds=6.0) for k in range(4)}
-    frames = {name: pd.DataFrame(log) for name, log in logs.items()}
-    machine = fid.mechanisms.pendulum(mass=own.mass, length=own.length)
-    columns = {"time": "t", "angle": "q", "torque": "u", "hold": "previous"}
-    return fid.Dataset.from_frames(frames, machine, **columns)
+    return by_torque(own, logs)
 
 
 def chosen(data, law):

@@ -1,37 +1,29 @@
 """Servos without a torque log: friction, the delay of the targets and backlash, by [actuator]."""
 
-from functools import cache
-
 import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.servo_logs import by_controller, by_torque
 
 import frictionid as fid
 
-GAINS = {"soft": (4.0, 0.05), "stiff": (10.0, 0.15)}
+SOFT, STIFF = {"soft": (4.0, 0.05)}, {"stiff": (10.0, 0.15)}
 BACKLASH = np.radians(0.5)
-ACTUATOR = {
-    **dict(target="target", output="torque", P=4.0, D=0.05),
-    "recordings": {"stiff*": {"P": 10.0, "D": 0.15}},
-}
 
 
-@cache
-def frames(rig, gains=("soft", "stiff"), runs=2, seconds=4.0):
-    names = [(name, run) for name in gains for run in range(runs)]
-    logs = [
-        rig.log(*GAINS[n], seed=31 * k + run, seconds=seconds) for k, (n, run) in enumerate(names)
-    ]
-    return {f"{n} {run}": pd.DataFrame(log) for (n, run), log in zip(names, logs, strict=True)}
-
-
-def dataset(own, rig, **changes):
-    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
-    actuator = {**ACTUATOR, **changes}
-    if not any(name.startswith("stiff") for name in own):
-        actuator["recordings"] = {}
-    return fid.Dataset.from_frames(own, machine, time="t", angle="q", actuator=actuator)
+def dataset(rig, gains=None, runs=2, seconds=4.0, **actuator):
+    """Runs under each set of gains (P, D) by name; `actuator` may say otherwise."""
+    gains = SOFT | STIFF if gains is None else gains
+    logs = {
+        f"{name} {run}": rig.log(*pair, seed=62 * k + 32 * run, seconds=seconds)
+        for k, (name, pair) in enumerate(gains.items())
+        for run in range(runs)
+    }
+    tables = {f"{name}*": dict(zip("PD", pair, strict=True)) for name, pair in gains.items()}
+    first, *others = tables
+    settings = tables[first] | {"recordings": {name: tables[name] for name in others}}
+    return by_controller(rig, logs, **settings | actuator)
 
 
 def fitted(data, *free):
@@ -51,7 +43,7 @@ LOOSE = ServoPendulum(backlash=BACKLASH)
 
 @pytest.fixture(scope="module")
 def loose():
-    return fitted(dataset(frames(LOOSE), LOOSE), "target_delay", "backlash")
+    return fitted(dataset(LOOSE), "target_delay", "backlash")
 
 
 def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
@@ -63,48 +55,42 @@ def test_friction_delay_and_backlash_are_found_from_targets_alone(loose):
 
 
 def test_without_the_backlash_the_fit_says_that_it_would_show():
-    fit, found = fitted(dataset(frames(LOOSE), LOOSE), "target_delay")
+    fit, found = fitted(dataset(LOOSE), "target_delay")
     assert any("Not free, and would show: 'backlash'" in w for w in fit.convergence.warnings)
     assert abs(found["friction", "coulomb"] / LOOSE.coulomb - 1) > 0.3
 
 
 def test_a_gain_set_that_was_held_out_is_predicted_as_well_as_those_that_were_fitted(loose):
     fit, _ = loose
-    logs = {"other": pd.DataFrame(LOOSE.log(6.0, 0.1, seed=7, seconds=6.0))}
-    other = dataset(logs, LOOSE, P=6.0, D=0.1)
+    other = dataset(LOOSE, {"other": (6.0, 0.1)}, runs=1, seconds=6.0)
 
     def error(data):
         runs = fit.predict(data, whole=True)
         return float(np.sqrt(np.mean((runs["q1"] - runs["measured_q1"]) ** 2)))
 
-    assert error(other) < 1.5 * error(fit.data) and error(other) < np.radians(0.5)
+    held_out = error(other)
+    assert held_out < 1.5 * error(dataset(LOOSE, runs=1)) and held_out < np.radians(0.5)
 
 
-@pytest.mark.parametrize(("late", "gains"), [(0.002, "stiff"), (0.012, "soft")])
+@pytest.mark.parametrize(("late", "gains"), [(0.002, STIFF), (0.012, SOFT)])
 def test_a_late_target_is_found_and_passes_for_no_viscous_friction(late, gains):
     rig = ServoPendulum(viscous=0.0, delay=late)
-    coulomb, viscous, delay = found_of(dataset(frames(rig, (gains,)), rig, **_gains(gains)))
+    coulomb, viscous, delay = found_of(dataset(rig, gains))
     assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
     assert delay == pytest.approx(late, abs=1e-3)
     assert abs(viscous) < 0.05 * rig.coulomb  # [N m] at 1 rad/s
 
 
-def _gains(name):
-    return dict(zip("PD", GAINS[name], strict=True))
-
-
 def test_a_late_target_that_is_taken_for_a_late_torque_is_not_found():
     """The delay of a torque also takes off damping, which would be made up for by friction."""
     rig = ServoPendulum(viscous=0.0, delay=0.012)
-    data = dataset(frames(rig, ("stiff",)), rig, **_gains("stiff"))
-    fit, found = fitted(data, "delay")
+    _, found = fitted(dataset(rig, STIFF), "delay")
     assert found["friction", "viscous"] > 0.3 * rig.coulomb
 
 
 def test_a_limit_of_the_torque_is_kept():
     rig = ServoPendulum(limit=0.8)
-    logs = frames(rig, ("stiff",), seconds=6.0)
-    data = dataset(logs, rig, **_gains("stiff"), limit=0.8)
+    data = dataset(rig, STIFF, seconds=6.0, limit=0.8)
     torque = data.recordings[0].torque.value
     assert np.mean(np.abs(torque) == 0.8) > 0.03
     coulomb, viscous, delay = found_of(data)
@@ -116,29 +102,27 @@ def test_a_limit_of_the_torque_is_kept():
 def test_a_one_step_fit_says_that_it_takes_targets_as_logged():
     said = "targets are taken to act when they are logged"
     for late in (0.0, 0.01):
-        data = dataset(frames(LOOSE), LOOSE, delay=late)
+        data = dataset(LOOSE, delay=late)
         fit = fid.fit(data, "coulomb_viscous", method="one_step")
         assert any(said in s for s in fit.friction.provenance.torque) == (late == 0.0)
         assert (said in repr(fit)) == (said in fit._repr_html_()) == (late == 0.0)
 
 
 def test_constants_of_a_motor_are_refused_where_the_controller_puts_out_a_torque():
-    data = dataset(frames(LOOSE), LOOSE)
+    data = dataset(LOOSE)
     with pytest.raises(fid.InputError, match='output = "torque" knows no kt and R'):
         fitted(data, "actuator")
 
 
 def test_a_backlash_or_late_target_needs_a_servo():
-    frame = next(iter(frames(LOOSE).values()))
-    machine = fid.mechanisms.pendulum(mass=LOOSE.mass, length=LOOSE.length)
-    data = fid.Dataset.from_frames(frame, machine, time="t", angle="q", torque="u")
+    data = by_torque(LOOSE, {"a": LOOSE.log(4.0, 0.05, seed=0, seconds=4.0)})
     for name in ("backlash", "target_delay"):
         with pytest.raises(fid.InputError, match=f"block '{name}': no recording knows the servo"):
             fitted(data, name)
 
 
 def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
-    verdict = fid.check(dataset(frames(LOOSE), LOOSE))
+    verdict = fid.check(dataset(LOOSE))
     found = {row.kind: row for row in verdict.findings.itertuples()}
     assert found["late_targets"].numbers["delay"] == pytest.approx(LOOSE.delay, abs=1e-3)
     assert found["backlash"].numbers["backlash"] == pytest.approx(BACKLASH, rel=0.2)
@@ -151,11 +135,9 @@ def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
 def test_check_names_a_wrong_position_gain_beside_other_causes(factor, named):
     """Of all recordings, and of one gain set alone."""
     rig, P = ServoPendulum(), 4.0 * factor
-    for own, changes in (
-        (frames(rig), {"P": P, "recordings": {"stiff*": {"P": 10.0 * factor, "D": 0.15}}}),
-        (frames(rig, ("soft",)), {"P": P}),
-    ):
-        texts = fid.check(dataset(own, rig, **changes)).findings["text"]
+    stiff = {"recordings": {"stiff*": {"P": 10.0 * factor, "D": 0.15}}}
+    for data in (dataset(rig, P=P, **stiff), dataset(rig, SOFT, P=P)):
+        texts = fid.check(data).findings["text"]
         assert texts.str.contains("a wrong position gain may be the cause").sum() == named
 
 
@@ -167,7 +149,7 @@ def two_payloads(**friction):
         fid.mechanisms.pendulum(mass=rigs["light"].mass, length=rigs["light"].length),
         time="t",
         angle="q",
-        actuator=dict(target="target", output="torque", **_gains("soft")),
+        actuator=dict(target="target", output="torque", P=4.0, D=0.05),
         parameters={"heavy": {"mass": 0.8}},
     )
 
@@ -207,11 +189,7 @@ def test_all_outputs_of_a_controller_lead_to_the_same_friction(actuator):
     log = log.assign(rate=0.7 * np.cos(3 * log["t"]), more=0.05 * np.sin(log["t"]))
     if "feedforward" in actuator:
         log["target"] -= (K * K / R * log["rate"] + log["more"]) / 5.0
-    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
-    data = fid.Dataset.from_frames(
-        log, machine, time="t", angle="q", actuator=dict(target="target", **actuator)
-    )
-    coulomb, viscous, delay = found_of(data, "target_delay")
+    coulomb, viscous, delay = found_of(by_controller(rig, {"a": log}, **actuator), "target_delay")
     assert coulomb == pytest.approx(rig.coulomb, rel=0.05)
     assert viscous == pytest.approx(rig.viscous, rel=0.05)
     assert delay == pytest.approx(rig.delay, abs=1e-3)
@@ -220,7 +198,7 @@ def test_all_outputs_of_a_controller_lead_to_the_same_friction(actuator):
 def test_what_another_fit_found_of_the_servo_is_held(loose):
     """Its delay and backlash in the torques where friction alone is free, else as priors."""
     known, _ = loose
-    data = dataset(frames(LOOSE, runs=1), LOOSE)
+    data = dataset(LOOSE, runs=1)
     for free in (["friction"], ["friction", "backlash"]):
         fit = fid.fit(data, "coulomb_viscous", method="shooting", free=free, calibration=known)
         found = fit.frame.set_index("parameter")["value"]
@@ -232,7 +210,7 @@ def test_what_another_fit_found_of_the_servo_is_held(loose):
 def test_check_says_where_a_controller_is_too_fast_for_its_samples():
     rig = ServoPendulum()
     for P, D in ((10.0, 0.15), (20.0, 0.5), (100.0, 1.0)):
-        data = dataset({"one": pd.DataFrame(rig.log(P, D, seed=0, seconds=6.0))}, rig, P=P, D=D)
+        data = dataset(rig, {"one": (P, D)}, runs=1, seconds=6.0)
         found = {row.kind: row for row in fid.check(data).findings.itertuples()}
         assert ("fast_loop" in found) == (D > 0.15)
         if D > 0.15:  # J/D over the time of a sample

@@ -5,9 +5,9 @@ The motion is of a simulated servo by code of its own; nothing of its torque is 
 
 import mujoco
 import numpy as np
-import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.servo_logs import by_controller
 
 import frictionid as fid
 
@@ -17,12 +17,9 @@ TORN = ServoPendulum(**dict(zip(("peak", "knee", "no_load"), MOTOR, strict=True)
 
 
 def dataset(rig, given):
-    frames = {f"{k}": pd.DataFrame(rig.log(10.0, 0.15, seed=k, seconds=6.0)) for k in range(3)}
-    frames = {name: frame.drop(columns="u") for name, frame in frames.items()}
-    machine = fid.mechanisms.pendulum(mass=rig.mass, length=rig.length)
-    actuator = dict(target="target", output="torque", P=10.0, D=0.15, delay=rig.delay)
-    actuator |= {} if given is None else dict(zip(NAMES, given, strict=True))
-    return fid.Dataset.from_frames(frames, machine, time="t", angle="q", actuator=actuator)
+    logs = {f"{k}": rig.log(10.0, 0.15, seed=k, seconds=6.0) for k in range(3)}
+    envelope = {} if given is None else dict(zip(NAMES, given, strict=True))
+    return by_controller(rig, logs, P=10.0, D=0.15, delay=rig.delay, **envelope)
 
 
 def error(fit, data):

@@ -60,7 +60,7 @@ def test_what_is_consistent_stays(arm):
 def test_what_no_bodies_have_comes_to_the_nearest_that_some_have(arm):
     draw, nominal = np.random.default_rng(1), arm.base({})
     wrong = 0
-    for _ in range(3):
+    for _ in range(2):
         wanted = nominal - 1.5 * np.abs(nominal) * draw.uniform(0, 1, len(nominal))
         weight = metric(draw, nominal)
         found = nearest_consistent(arm, wanted, weight)
@@ -72,7 +72,7 @@ def test_what_no_bodies_have_comes_to_the_nearest_that_some_have(arm):
         for share in draw.uniform(0.5, 2.0, 20):
             towards = share * nominal - found
             assert off @ weight @ towards > -1e-2 * (off @ weight @ off)
-    assert wrong >= 2
+    assert wrong == 2
 
 
 def fitted(data, **settings):

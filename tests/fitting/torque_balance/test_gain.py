@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.sines import sines, torque_without_friction
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.suite_recipes import blocks_of
@@ -83,12 +84,8 @@ def test_a_slow_vertical_axis_does_not_show_its_gain(tmp_path):
     (tmp_path / "lift.urdf").write_text(LIFT, encoding="utf-8")
     arm, draw = urdf(tmp_path / "lift.urdf"), np.random.default_rng(4)
     t = np.arange(0.0, 40.0, 0.01)
-    q, w, a = np.zeros((3, len(t), 2))
-    for j, pace in enumerate((0.15, 0.43)):
-        q[:, j], w[:, j] = 0.8 * np.sin(pace * t), 0.8 * pace * np.cos(pace * t)
-        a[:, j] = -0.8 * pace**2 * np.sin(pace * t)
-    M, h = arm.dynamics(arm.base({}), q, w)
-    u = np.einsum("kij,kj->ki", M, a) - h + 2.0 * np.sign(w) + 1.0 * w
+    q, w, a = sines(t, ((0.8, 0.15),), ((0.8, 0.43),))
+    u = torque_without_friction(arm, q, w, a) + 2.0 * np.sign(w) + 1.0 * w
     u += 0.05 * draw.standard_normal(u.shape)
     q += 1e-5 * draw.standard_normal(q.shape)
     arrays = {"a": {"time": t, "angle": q, "torque": u}}

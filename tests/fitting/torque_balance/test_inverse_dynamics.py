@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.sines import sines
 
 from frictionid.arrays import times
 from frictionid.comparison.cross_validate import Benchmark, run
@@ -126,15 +127,12 @@ def test_the_balance_holds_along_exact_motion():
     data = simulate(rig(0.0, recordings=1, samples=40), 3)
     p = np.asarray(plant_of(data).p)[0]
     off = []
+    motion = ((1.0, 2.0),), ((0.5, 3.0),)
     for dt in (0.02, 0.01):
         t = np.arange(0.0, 0.8, dt)
-        q = np.stack([np.sin(2.0 * t), 0.5 * np.cos(3.0 * t)], axis=-1)
-        w = np.stack([2.0 * np.cos(2.0 * t), -1.5 * np.sin(3.0 * t)], axis=-1)
-        balance = torque_balance(data, [States(t, q, w)], 0.16, 1e-4)
+        balance = torque_balance(data, [States(t, *sines(t, *motion)[:2])], 0.16, 1e-4)
         fine = np.linspace(balance.start, balance.stop, 801)
-        at = np.stack([np.sin(2.0 * fine), 0.5 * np.cos(3.0 * fine)], axis=-1)
-        speed = np.stack([2.0 * np.cos(2.0 * fine), -1.5 * np.sin(3.0 * fine)], axis=-1)
-        a = np.stack([-4.0 * np.sin(2.0 * fine), -4.5 * np.cos(3.0 * fine)], axis=-1)
+        at, speed, a = (x.reshape(801, -1, 2) for x in sines(fine.ravel(), *motion))
         M, h = mechanism.dynamics(p, at, speed)
         u = times(M, a) - h
         weights = np.full(801, 1.0)

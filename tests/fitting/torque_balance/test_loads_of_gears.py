@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures.sines import sines, torque_without_friction
 
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration
@@ -38,14 +39,8 @@ def arm(tmp_path):
 def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
     """The load is the torque beyond the rotor; the motor's own would explain friction by itself."""
     t = np.arange(0.0, 12.0, 0.002)
-    q, w, a = np.zeros((3, len(t), 2))
-    for j, parts in enumerate((((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))):
-        for size, rate in parts:
-            q[:, j] += size * np.sin(rate * t + j)
-            w[:, j] += size * rate * np.cos(rate * t + j)
-            a[:, j] -= size * rate**2 * np.sin(rate * t + j)
-    M, h = arm.dynamics(arm.base({}), q, w)
-    needed = np.einsum("kij,kj->ki", M, a) - h
+    q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
+    needed = torque_without_friction(arm, q, w, a)
     load = np.abs(needed - np.array([0.2, 0.1]) * a)
     u = needed + (COULOMB + LOSS * load) * np.sign(w) + VISCOUS * w
     noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
