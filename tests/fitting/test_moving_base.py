@@ -37,13 +37,18 @@ def floating(machines, frames):
     return Dataset.from_frames(frames, machines[0], **legs.COLUMNS, base=legs.BASE)
 
 
+@pytest.fixture(scope="module")
+def one_step(floating):
+    return fid.fit(floating, "coulomb_viscous", method="one_step")
+
+
 def errors(fit):
     """Largest error of Coulomb levels, and of viscous coefficients."""
     return np.abs(fit.friction.theta / TRUTH - 1.0).max(axis=0)
 
 
-def test_friction_is_found_in_one_step_in_flight_and_on_a_tether(floating):
-    coulomb, viscous = errors(fid.fit(floating, "coulomb_viscous", method="one_step"))
+def test_friction_is_found_in_one_step_in_flight_and_on_a_tether(one_step):
+    coulomb, viscous = errors(one_step)
     assert coulomb < 0.005 and viscous < 0.03
 
 
@@ -102,9 +107,8 @@ def test_rows_of_the_base_leave_nothing_of_the_true_bodies(machines):
     assert torque_balance(mixed, states, 0.05, 0.002).wrench is None
 
 
-def test_motion_is_predicted_on_the_base_as_it_moved(floating):
-    truth = fid.fit(floating, "coulomb_viscous", method="one_step")
-    motion = truth.predict(floating)
+def test_motion_is_predicted_on_the_base_as_it_moved(floating, one_step):
+    motion = one_step.predict(floating)
     ahead = motion[np.isclose(motion["time_s"] - motion["start_s"], 0.1, atol=5e-4)]
     off = [np.abs(ahead[f"q{j}"] - ahead[f"measured_q{j}"]).median() for j in (1, 2, 3)]
     assert max(off) < 2e-3

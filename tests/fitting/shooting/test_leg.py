@@ -1,7 +1,5 @@
 """A leg in the air: a joint that follows slow triangles of held targets by PD, no torque logged."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -19,7 +17,7 @@ RATE, SECONDS, FINE = 200, 10.0, 50
 
 
 @cache
-def leg(peak: float = 0.0) -> Dataset:
+def leg(peak=0.0):
     """One recording, simulated by drift and kick, friction as what stops the joint at most.
 
     peak : [N m] more of it below some 0.1 rad/s
@@ -50,14 +48,8 @@ def leg(peak: float = 0.0) -> Dataset:
 @pytest.mark.parametrize("sample_time", [None, 0.02])
 def test_samples_of_any_distance_give_the_same_leg(sample_time):
     free, fixed = ["friction", "inertia", "target_delay"], ["inertia.gravity"]
-    fit = fid.fit(
-        leg(),
-        "coulomb_viscous",
-        method="shooting",
-        free=free,
-        fixed=fixed,
-        sample_time=sample_time,
-    )
+    settings = {"free": free, "fixed": fixed, "sample_time": sample_time}
+    fit = fid.fit(leg(), "coulomb_viscous", method="shooting", **settings)
     values = fit.frame.set_index("parameter").value
     assert fit.convergence.settled
     assert values["coulomb"] == pytest.approx(COULOMB, rel=0.05)

@@ -1,6 +1,7 @@
 """Parameters that mean nothing where another one may be zero are not called identified."""
 
 import numpy as np
+from fixtures.driven_pendulum import driven_pendulum
 
 from frictionid.data.calibration import Calibration
 from frictionid.fitting.parameters import Estimate, FrictionBlock
@@ -8,17 +9,11 @@ from frictionid.fitting.shooting import Settings, refine
 from frictionid.fitting.shooting.covariance import meaningless
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
-from frictionid.mechanics import mechanism_of
-from frictionid.simulate import Camera, Chirp, Curve, Run, simulate
-from frictionid.simulate import Rig as Machine
-from frictionid.simulate import Stribeck as Truth
-
-PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+from frictionid.mechanics import pendulum
 
 
 def entries_of(friction):
-    mechanism = mechanism_of(PENDULUM)
-    return FrictionBlock().parameters(Estimate(friction, Calibration.ideal(1), mechanism))
+    return FrictionBlock().parameters(Estimate(friction, Calibration.ideal(1), pendulum()))
 
 
 def hanging(friction, *weak):
@@ -55,16 +50,8 @@ def test_stiffness_of_a_bristle_shows_before_it_slides():
 
 
 def test_a_peak_that_is_not_there_leaves_no_velocity():
-    runs = tuple(
-        Run(f"{i}", (1.0 + 0.3 * i,), torques=(Chirp(0.4 + 0.1 * i, 0.4, 1.5),)) for i in range(5)
-    )
-    machine = Machine(
-        *("p", PENDULUM, Truth(Curve((0.06,), (0.06,), (0.01,)))),
-        *(Camera(150, angle_noise=0.001), runs),
-        substeps=4,
-    )
     first = Friction(Stribeck(), np.array([[0.05, 0.01, 1.0, 0.01]]))
-    found = refine(first, simulate(machine, 3), settings=Settings(windows=(0.1, 0.33)))
+    found = refine(first, driven_pendulum(150), settings=Settings(windows=(0.1, 0.33)))
     covariance = found.covariance
     names = [p.name.removesuffix(" of joint 1") for p in covariance.parameters]
     known = dict(zip(names, covariance.identified, strict=True))

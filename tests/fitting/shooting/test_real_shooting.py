@@ -1,8 +1,6 @@
 """Public recordings by the shooting recipes of their suites: what they say of friction."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +12,9 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.evaluation import Protocol, prepare, score_model, score_value, with_parameters
-from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import Frictionless, Published
 from frictionid.fitting.one_step.formulation import STUDY, training_problem
 from frictionid.fitting.shooting import Shooting, refine
-from frictionid.friction import Friction
 
 pytestmark = pytest.mark.real
 
@@ -26,13 +22,7 @@ COMPARISONS = ROOT / "comparisons"
 Given = Frictionless | Published
 
 
-def fitted(
-    name: str,
-    data: Path,
-    names: Sequence[str] | None = None,
-    only: str | None = None,
-    free: Sequence[str] | None = None,
-) -> dict[str, tuple[Friction, Fit]]:
+def fitted(name, data, names=None, only=None, free=None):
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
     file = COMPARISONS / f"{name}_shooting.toml"
     out = {}
@@ -55,7 +45,7 @@ def fitted(
     return out
 
 
-def identified(found: Fit) -> set[str]:
+def identified(found):
     """Names of friction's parameters that are identified, their intervals without zero."""
     covariance = found.covariance
     low = covariance.interval(0.95)[:, 0]
