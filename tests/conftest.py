@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -41,9 +40,14 @@ def real_data():
 @pytest.fixture
 def run(monkeypatch, capsys):
     """A function of a folder and words: exit code, output, error output of `frictionid WORDS`."""
-    from fixtures.command_line import run_command
+    from frictionid.__main__ import main
 
-    return partial(run_command, monkeypatch, capsys)
+    def called(folder, *words):
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
+        return main(), *capsys.readouterr()
+
+    return called
 
 
 @pytest.fixture(scope="session")

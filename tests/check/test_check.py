@@ -10,7 +10,6 @@ from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
 from fixtures.paths import DATA
 
-from frictionid.__main__ import main
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
 from frictionid.check.hypothesis_tests import delay_of
@@ -219,24 +218,20 @@ def test_the_clean_acrobot_is_good_and_the_other_one_is_late_with_a_rotor():
     assert by_kind["rotor"].numbers["size"] == pytest.approx(2e-6, rel=0.05)
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["frictionid", *map(str, arguments)])
-    return main()
-
-
-def test_the_command_prints_a_screen_and_exits_by_the_level(monkeypatch, capsys):
-    assert run(monkeypatch, "check", DATA / "acrobot_sim") == 1
-    lines = capsys.readouterr().out.splitlines()
+def test_the_command_prints_a_screen_and_exits_by_the_level(run, tmp_path):
+    code, out, _ = run(tmp_path, "check", DATA / "acrobot_sim")
+    lines = out.splitlines()
+    assert code == 1
     assert lines[0].startswith("acrobot_sim: doubtful")
     late = re.search(r"acts (\d+\.\d) ms after it is logged", "\n".join(lines))
     assert late is not None and abs(float(late[1]) - 18.0) < 1.0
     assert len(lines) < 50 and max(map(len, lines)) <= 120
 
 
-def test_the_command_prints_everything_as_json_and_draws(monkeypatch, capsys, tmp_path):
-    assert run(monkeypatch, "check", DATA / "acrobot_clean", "--json", "--out", tmp_path / "p") == 0
-    verdict = json.loads(capsys.readouterr().out)
-    assert verdict["level"] == "good" and len(verdict["joints"]) == 2
+def test_the_command_prints_everything_as_json_and_draws(run, tmp_path):
+    code, out, _ = run(tmp_path, "check", DATA / "acrobot_clean", "--json", "--out", "p")
+    verdict = json.loads(out)
+    assert code == 0 and verdict["level"] == "good" and len(verdict["joints"]) == 2
     assert verdict["estimate"]["names"][0] == "inertia_11"
     made = sorted(path.name for path in (tmp_path / "p").iterdir())
     assert made == ["coverage.png", "motion.png", "residual.png"]

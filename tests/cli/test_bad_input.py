@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from fixtures.tiny_pendulums import write_dataset, write_suite
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.__main__ import main
 from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
@@ -94,16 +92,13 @@ def place(tmp_path_factory):
 
 
 @pytest.fixture
-def complaint(place, monkeypatch, capsys):
+def complaint(place, monkeypatch, run):
     """The line that a call of the command line ends with, which writes nothing."""
-    monkeypatch.chdir(place)
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
 
     def call(*arguments):
         before = {path: path.stat().st_mtime_ns for path in place.rglob("*")}
-        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
-        code = main()
-        out, err = capsys.readouterr()
+        code, out, err = run(place, *arguments)
         assert code == 2 and out == ""
         assert err.startswith("frictionid: ") and err.count("\n") == 1 and "Traceback" not in err
         assert {path: path.stat().st_mtime_ns for path in place.rglob("*")} == before

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from fixtures.paths import ROOT
 from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
 
-from frictionid.__main__ import main
 from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
@@ -36,17 +36,9 @@ def place(tmp_path_factory):
 
 
 @pytest.fixture
-def call(place, monkeypatch, capsys):
+def call(place, run):
     """Call the command line in the folder; gives exit code, output and complaint."""
-    monkeypatch.chdir(place)
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
-        code = main()
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return partial(run, place)
 
 
 # --- Help ----------------------------------------------------------------------------------------

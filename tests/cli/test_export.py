@@ -1,10 +1,10 @@
 """frictionid export: what is written, what is said, and what is refused."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -28,11 +28,8 @@ URDF = """<robot name="r">
 
 
 @pytest.fixture
-def call(monkeypatch, capsys, tmp_path):
-    def run(*arguments):
-        return run_command(monkeypatch, capsys, tmp_path, "export", *arguments)
-
-    return run
+def call(run, tmp_path):
+    return partial(run, tmp_path, "export")
 
 
 def test_joints_are_named_and_losses_are_said(call, model, tmp_path):

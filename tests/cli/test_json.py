@@ -4,7 +4,6 @@ import json
 import shutil
 
 import pytest
-from fixtures.command_line import run_command
 from fixtures.damage_own_data import TUTORIAL, swing
 from fixtures.damage_targets import small
 from fixtures.result_folders import leave_blank
@@ -39,11 +38,11 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize(("arguments", "holds"), COMMANDS.values(), ids=COMMANDS)
-def test_a_script_reads_what_a_command_prints(monkeypatch, capsys, place, arguments, holds):
+def test_a_script_reads_what_a_command_prints(monkeypatch, place, arguments, holds, run):
     leave_blank(monkeypatch)
     if arguments[0] == "evaluate":
-        run_command(monkeypatch, capsys, place, *FIT, "--replace")
-    code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json")
+        run(place, *FIT, "--replace")
+    code, out, _ = run(place, *arguments, "--json")
     assert code in (0, 1) and holds(json.loads(out))
 
 
@@ -109,8 +108,8 @@ MADE = {
 
 
 @pytest.mark.parametrize(("arguments", "holds"), MADE.values(), ids=MADE)
-def test_a_script_reads_what_a_command_makes(monkeypatch, capsys, inputs, arguments, holds):
-    code, out, err = run_command(monkeypatch, capsys, inputs, *arguments, "--json")
+def test_a_script_reads_what_a_command_makes(inputs, arguments, holds, run):
+    code, out, err = run(inputs, *arguments, "--json")
     assert code == 0, err
     document = json.loads(out)
     assert holds(document), document

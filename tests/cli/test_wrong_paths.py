@@ -8,7 +8,6 @@ import subprocess
 import sys
 
 import pytest
-from fixtures.command_line import run_command
 
 HEAVY = ("pandas", "scipy", "sympy", "torch", "sklearn", "joblib", "cv2", "matplotlib")
 WRONG = {
@@ -106,10 +105,10 @@ def pipes(tmp_path):
 
 
 @pytest.mark.parametrize("arguments", PIPES.values(), ids=PIPES)
-def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, monkeypatch, capsys):
+def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, run):
     signal.alarm(30)
     try:
-        code, out, err = run_command(monkeypatch, capsys, pipes, *arguments.split())
+        code, out, err = run(pipes, *arguments.split())
     finally:
         signal.alarm(0)
     assert (code, out) == (2, "") and "is no JSON" not in err

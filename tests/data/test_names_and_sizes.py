@@ -4,7 +4,6 @@ import os
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.tiny_pendulums import dataset, recordings, write_dataset
 
 from frictionid.data.recordings import Recording
@@ -15,10 +14,10 @@ from frictionid.simulate import Steps
 from frictionid.simulate.torques import Multisine, Noise
 
 
-def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, monkeypatch, capsys):
+def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, run):
     write_dataset(tmp_path / "odd")
     os.rename(tmp_path / "odd" / "00.csv", os.fsencode(tmp_path / "odd") + b"/\xff\x1b[31m.csv")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, "check", "odd")
+    code, out, err = run(tmp_path, "check", "odd")
     assert (code, out) == (2, "") and "\\udcff\\x1b[31m" in err and "rename it" in err
     assert "\x1b" not in err and err.count("\n") == 1
 

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist
-from fixtures.command_line import run_command
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
 from frictionid.comparison.registry import LAWS
@@ -78,11 +77,11 @@ def test_a_model_of_other_joints_is_refused():
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
-def test_the_command_writes_the_table(monkeypatch, capsys, tmp_path, name):
+def test_the_command_writes_the_table(tmp_path, name, run):
     write_dataset(tmp_path / "tiny")
     save_model(TRUE, tmp_path / "model.json", LAWS)
     words = ("predict", "model.json", "tiny", "--out", name, "--horizon", 0.3)
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, out, err = run(tmp_path, *words)
     assert (code, err) == (0, "") and out.endswith(f"written to {name}\n")
     read = pd.read_csv if name.endswith("csv") else pd.read_parquet
     table = read(tmp_path / name)
@@ -96,7 +95,7 @@ def test_the_command_writes_the_table(monkeypatch, capsys, tmp_path, name):
         "w1",
         "measured_q1",
     ]
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, _, err = run(tmp_path, *words)
     assert code == 2 and "exists: choose another name, or --replace" in err
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words[:-1], 9, "--replace")
+    code, _, err = run(tmp_path, *words[:-1], 9, "--replace")
     assert code == 2 and "choose other horizons" in err

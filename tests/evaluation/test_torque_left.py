@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -106,11 +105,11 @@ def test_fit_evaluation_and_comparison_say_the_same(data):
     assert ", given 0." in line and "; no friction, nominal" in line
 
 
-def test_the_commands_print_it_without_a_file_to_write(monkeypatch, capsys, tmp_path):
+def test_the_commands_print_it_without_a_file_to_write(tmp_path, run):
     fit = fid.fit("acrobot_clean", "coulomb_viscous", method="one_step")
     fit.save(tmp_path / "model.json")
     arguments = "evaluate", "model.json", "acrobot_clean", "--horizons", "0.1"
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, *arguments)
+    code, out, _ = run(tmp_path, *arguments)
     assert code == 0 and "Torque left" in out and "no friction, nominal" in out
     assert not list(tmp_path.glob("*.csv"))
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.command_line import run_command
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.errors import InputError
@@ -120,7 +119,7 @@ def test_torques_that_do_not_lift_the_arm_are_named():
         design_trajectories(replace(TASK, limits=weak), effort=10)
 
 
-def test_the_command_writes_what_a_controller_follows(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_what_a_controller_follows(tmp_path, run):
     parameters = "\n".join(f"{name} = {value}" for name, value in LINKS.items())
     (tmp_path / "arm.toml").write_text(
         f'[mechanism]\nkind = "double_pendulum"\n[mechanism.parameters]\n{parameters}\n',
@@ -130,7 +129,7 @@ def test_the_command_writes_what_a_controller_follows(tmp_path, monkeypatch, cap
     limits = ("--limits", "torque=[4,2],velocity=[6,8],angle=2.5", "--friction", TEXT)
     more = ("--recordings", "1", "--effort", "20", "--drive-rate", "100", "--figure", "p.png")
     out = ("--out", "t.csv")
-    code, text, _ = run_command(monkeypatch, capsys, tmp_path, *given, *limits, *more, *out)
+    code, text, _ = run(tmp_path, *given, *limits, *more, *out)
     assert (code, "coulomb" in text, (tmp_path / "p.png").stat().st_size > 5000) == (0, True, True)
     table = pd.read_csv(io.BytesIO((tmp_path / "t.csv").read_bytes()))
     assert list(table) == ["time", "q1", "w1", "a1", "q2", "w2", "a2"]
@@ -139,6 +138,6 @@ def test_the_command_writes_what_a_controller_follows(tmp_path, monkeypatch, cap
         table["w1"][5:-5].to_numpy(), abs=0.02
     )
     again = (*given, *limits, *more, *out, "--replace", "--json")
-    code, text, _ = run_command(monkeypatch, capsys, tmp_path, *again)
+    code, text, _ = run(tmp_path, *again)
     document = json.loads(text)
     assert (code, document["joints"][0]["joint"], len(document["written"])) == (0, "joint 1", 2)

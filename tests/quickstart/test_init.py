@@ -2,11 +2,11 @@
 
 import shutil
 import tomllib
+from functools import partial
 from importlib import import_module
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
 
 from frictionid.comparison.suite import load_suite
@@ -43,14 +43,10 @@ def lab(tmp_path_factory):
 
 
 @pytest.fixture
-def call(lab, tmp_path, monkeypatch, capsys):
+def call(lab, tmp_path, run):
     """Call the command line in a copy of the tables."""
     shutil.copytree(lab, tmp_path, dirs_exist_ok=True)
-
-    def run(*arguments):
-        return run_command(monkeypatch, capsys, tmp_path, *arguments)
-
-    return run
+    return partial(run, tmp_path)
 
 
 def same_motion(folder):

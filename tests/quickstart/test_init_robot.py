@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.command_line import run_command
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -59,11 +58,11 @@ def exact(arm):
 
 
 @pytest.fixture
-def call(arm, exact, tmp_path, monkeypatch, capsys):
+def call(arm, exact, tmp_path, run):
     """Call init in a folder with a table of these columns, and read what it wrote."""
     rotors = (("one", 0.4), ("two", 0.3), ("three", 0.05))
 
-    def run(columns, *arguments, robot=arm.options["urdf"], known=rotors):
+    def init(columns, *arguments, robot=arm.options["urdf"], known=rotors):
         frame = pd.DataFrame({"t": exact[0], **columns})
         (tmp_path / "log").mkdir(exist_ok=True)
         frame.to_csv(tmp_path / "log" / "run.csv", index=False)
@@ -71,14 +70,14 @@ def call(arm, exact, tmp_path, monkeypatch, capsys):
             (tmp_path / "log" / name).unlink(missing_ok=True)
         sets = [x for name, value in known for x in ("--set", f"rotor_{name}={value}")]
         given = ("init", "log", "--mechanism", robot, *arguments)
-        code, out, err = run_command(monkeypatch, capsys, tmp_path, *given, *sets)
+        code, out, err = run(tmp_path, *given, *sets)
         assert code == 0 and err == f"reading {robot} and the tables, which takes seconds ...\n", (
             err
         )
         return tomllib.loads((tmp_path / "log" / "dataset.toml").read_text()), out
 
-    run.folder = tmp_path / "log"
-    return run
+    init.folder = tmp_path / "log"
+    return init
 
 
 def named(pattern, values):
@@ -245,7 +244,7 @@ def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, exact, tmp
     load_dataset(call.folder).mechanism.nominal()
 
 
-def test_what_was_written_can_be_checked_and_fitted(call, exact, monkeypatch, capsys):
+def test_what_was_written_can_be_checked_and_fitted(call, exact, run):
     _, q, u = exact
     call({**named("q_{}", q), **named("tau_{}", u)})
     for command in (
@@ -254,7 +253,7 @@ def test_what_was_written_can_be_checked_and_fitted(call, exact, monkeypatch, ca
         + ("--out", "model.json"),
         ("evaluate", "model.json", "log", "--horizons", "0.1"),
     ):
-        code, out, _ = run_command(monkeypatch, capsys, call.folder.parent, *command)
+        code, out, _ = run(call.folder.parent, *command)
         assert code == 0, out
 
 

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
@@ -138,29 +137,27 @@ def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(found):
 # --- The page for newcomers -----------------------------------------------------------------------
 
 
-def test_the_command_says_what_the_page_shows(found, place, monkeypatch, capsys):
+def test_the_command_says_what_the_page_shows(found, place, monkeypatch, run):
     monkeypatch.setattr("frictionid.quickstart.quick.quick", lambda *_: found[0])
     monkeypatch.setenv("COLUMNS", "110")
     arguments, text = shown("quick")
-    code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+    code, out, err = run(place, *arguments)
     assert code == 0
     assert_shown(out + err, text)
     assert (place / "quick-arm.png").read_bytes() == png(lambda: quick_figure(found[0]))
-    code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+    code, out, err = run(place, *arguments)
     assert code == 0 and "written to quick-arm-2.png" in err
-    code, out, err = run_command(
-        monkeypatch, capsys, place, *arguments, "--figure", "quick-arm.png"
-    )
+    code, out, err = run(place, *arguments, "--figure", "quick-arm.png")
     assert (code, out) == (2, "") and "quick-arm.png exists" in err
-    code, out, _ = run_command(monkeypatch, capsys, place, *arguments, "--json", "--replace")
+    code, out, _ = run(place, *arguments, "--json", "--replace")
     assert code == 0 and json.loads(out) == json.loads(quick_json(found[0]))
 
 
-def test_the_other_commands_of_the_page_run_too(place, monkeypatch, capsys):
+def test_the_other_commands_of_the_page_run_too(place, monkeypatch, run):
     monkeypatch.setenv("COLUMNS", "110")
     for name in ("fit", "predict"):
         arguments, text = shown(name)
-        code, out, err = run_command(monkeypatch, capsys, place, *arguments)
+        code, out, err = run(place, *arguments)
         assert code == 0, name
         assert_shown(out + err, text)
     assert (place / "friction.png").exists() and (place / "predicted.csv").exists()
@@ -188,7 +185,7 @@ def test_folds_without_motion_say_nothing(found):
     assert "No friction at all is not shown to be practically worse" in words
 
 
-def test_unusable_data_get_no_verdict(tmp_path, monkeypatch, capsys):
+def test_unusable_data_get_no_verdict(tmp_path, run):
     turned = [replace(r, torque=r.torque._replace(value=-r.torque.value)) for r in recordings(300)]
     result = quick(Dataset("turned", MACHINE, tuple(turned)))
     assert result.check.level == "unusable" and result.chosen is None and verdict(result) == []
@@ -200,7 +197,7 @@ def test_unusable_data_get_no_verdict(tmp_path, monkeypatch, capsys):
         '[units]\ntime = "ms"\nangle = "deg"\ntorque = "A"\n[motor]\nkt = 0.035\ngear = 9.0\n'
         '[recordings]\npatterns = "*.csv"\n'
     )
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, "quick", "arm")
+    code, out, err = run(tmp_path, "quick", "arm")
     assert (code, err) == (2, "") and "has the wrong sign" in out
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.tiny_pendulums import dataset, write_dataset
 
 from frictionid.friction import Friction
@@ -13,21 +12,21 @@ from frictionid.report.figures.style import png
 FIT = ("fit", "tiny", "--identifier", "coulomb_viscous", "--out", "model.json")
 
 
-def test_the_picture_is_written_beside_the_model(monkeypatch, capsys, tmp_path):
+def test_the_picture_is_written_beside_the_model(tmp_path, run):
     write_dataset(tmp_path / "tiny")
     words = (*FIT, "--figure", "friction.png")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, out, err = run(tmp_path, *words)
     assert (code, err) == (0, "") and out.endswith("written to friction.png\n")
     assert (tmp_path / "friction.png").read_bytes().startswith(b"\x89PNG")
     (tmp_path / "model.json").unlink()
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, _, err = run(tmp_path, *words)
     assert code == 2 and "friction.png exists" in err and not (tmp_path / "model.json").exists()
 
 
-def test_a_model_without_friction_is_refused_before_the_fit(monkeypatch, capsys, tmp_path):
+def test_a_model_without_friction_is_refused_before_the_fit(tmp_path, run):
     write_dataset(tmp_path / "tiny")
     words = ("fit", "tiny", "--identifier", "sindy_dynamics", "--out", "m.json")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words, "--figure", "f.png")
+    code, out, err = run(tmp_path, *words, "--figure", "f.png")
     assert (code, out) == (2, "") and "no friction torque to draw" in err
     assert not list(tmp_path.glob("m.*"))
 

@@ -5,7 +5,6 @@ import shutil
 
 import pytest
 from fixtures import result_folders as made
-from fixtures.command_line import run_command
 
 from frictionid.api.comparison import load_comparison
 from frictionid.comparison.result_folder import write_sealed
@@ -55,12 +54,12 @@ def test_scores_are_judged_by_the_rule_of_the_verdict(tmp_path, error, standing)
     assert (score.before, score.after, score.standing) == pytest.approx((0.2, error, standing))
 
 
-def test_a_task_that_was_changed_is_told_in_one_line(tmp_path, monkeypatch, capsys):
+def test_a_task_that_was_changed_is_told_in_one_line(tmp_path, run):
     written(tmp_path / "a")
     file = written(tmp_path / "b") / "tasks" / "task01.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"curves": [[[0.1, 0.1], [0.1]]]}))
     for arguments in (("a", "b"), ("b", "a"), ("b",)):
-        code, out, err = run_command(monkeypatch, capsys, tmp_path, "report", *arguments)
+        code, out, err = run(tmp_path, "report", *arguments)
         assert (code, out) == (2, "") and err.count("\n") == 1
         assert "b/tasks/task01.json: was changed since it was written" in err
 
@@ -92,16 +91,16 @@ def test_results_on_other_data_sets_are_refused_in_one_line(tmp_path):
         load_comparison(a).against(load_comparison(b))
 
 
-def test_the_command_says_it_and_writes_nothing(tmp_path, monkeypatch, capsys):
+def test_the_command_says_it_and_writes_nothing(tmp_path, run):
     written(tmp_path / "a")
     written(tmp_path / "b", 0.4)
     before = sorted(path for path in tmp_path.rglob("*") if path.suffix != ".lock")
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, "report", "a", "b")
+    code, out, _ = run(tmp_path, "report", "a", "b")
     assert code == 0 and "made: same data and same folds" in out and "+100.0 %" in out
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, "report", "a", "b", "--json")
+    code, out, _ = run(tmp_path, "report", "a", "b", "--json")
     assert code == 0 and json.loads(out)["comparable"] is True
     assert sorted(path for path in tmp_path.rglob("*") if path.suffix != ".lock") == before
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, "report", "a", "b", "--replace")
+    code, _, err = run(tmp_path, "report", "a", "b", "--replace")
     assert code == 2 and len(err.splitlines()) == 1
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, "report", "a", "nowhere")
+    code, _, err = run(tmp_path, "report", "a", "nowhere")
     assert code == 2 and len(err.splitlines()) == 1

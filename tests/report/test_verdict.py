@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from fixtures import result_folders as made
-from fixtures.command_line import run_command
 
 from frictionid.comparison.results import load_results
 from frictionid.report import results_json, show, write
@@ -119,12 +118,10 @@ def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch)
         ("frction=yes", 2, "did you mean 'friction'?"),
     ],
 )
-def test_scripts_require_a_verdict(tmp_path, monkeypatch, capsys, requirement, status, words):
+def test_scripts_require_a_verdict(tmp_path, monkeypatch, requirement, status, words, run):
     monkeypatch.setattr(write, "_contents", lambda *_: {})  # tables and figures are not the matter
     made.typical(tmp_path / "made")
-    code, _, err = run_command(
-        monkeypatch, capsys, tmp_path, "report", "made", "--require", requirement
-    )
+    code, _, err = run(tmp_path, "report", "made", "--require", requirement)
     assert code == status and words in err and err.count("\n") == bool(words)
 
 
@@ -160,10 +157,10 @@ def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path, monkeypatc
         assert line.removeprefix("- ").partition(": ")[2] in made.words(folder)
 
 
-def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, capsys):
+def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, run):
     made.leave_blank(monkeypatch)
     folder = made.typical(tmp_path / "made")
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, "report", "made", "--json")
+    code, out, err = run(tmp_path, "report", "made", "--json")
     assert (code, err) == (0, "")
     document = json.loads(out)
     assert document == json.loads(results_json(load_results(folder))) | {"folder": "made"}

@@ -15,7 +15,6 @@ from fixtures.paths import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.__main__ import main
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, sample
 from frictionid.errors import InputError
@@ -281,7 +280,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_drive_as_a_process_is_logged_by_the_command(place, monkeypatch, capsys):
+def test_the_drive_as_a_process_is_logged_by_the_command(place, run):
     drive = subprocess.Popen(
         [sys.executable, *QUIET, "simulate-drive", ".", "--port", "drive", "--sent", "sent.txt"],
         stdout=subprocess.PIPE,
@@ -289,11 +288,8 @@ def test_the_drive_as_a_process_is_logged_by_the_command(place, monkeypatch, cap
     )
     assert drive.stdout is not None
     assert "483 lines at drive" in drive.stdout.readline() or drive.poll() is None
-    monkeypatch.setattr(
-        sys, "argv", ["frictionid", *"log --port drive --out log.csv --patience 4".split()]
-    )
-    assert main() == 0
-    out = capsys.readouterr().out
+    code, out, _ = run(place, *"log --port drive --out log.csv --patience 4".split())
+    assert code == 0
     sent = (place / "sent.txt").read_bytes().count(b"\n")
     assert f"{sent} lines, 0 damaged" in out
     assert "undamaged lines were sent" in drive.communicate(timeout=60)[0]
@@ -302,7 +298,7 @@ def test_the_drive_as_a_process_is_logged_by_the_command(place, monkeypatch, cap
     assert not (place / "drive").exists()
 
 
-def test_bad_input_to_the_commands_is_one_line(place, monkeypatch, capsys):
+def test_bad_input_to_the_commands_is_one_line(place, run):
     (place / "signal.csv").write_text("time,u1\n0,0.1\n1,99\n")
     (place / "file").write_text("precious")
     cases = (
@@ -317,10 +313,8 @@ def test_bad_input_to_the_commands_is_one_line(place, monkeypatch, capsys):
         ("excite --port /dev/ttyNO --signal gone.csv --out o.csv", "gone.csv cannot be read"),
     )
     for line, said in cases:
-        monkeypatch.setattr(sys, "argv", ["frictionid", *line.split()])
-        assert main() == 2, line
-        err = capsys.readouterr().err
-        assert said in err, (line, err)
+        code, _, err = run(place, *line.split())
+        assert code == 2 and said in err, (line, err)
         assert len(err.splitlines()) == 1
     assert (place / "file").read_text() == "precious"
     assert not (place / "o.csv").exists()

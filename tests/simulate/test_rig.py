@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import tomli_w
 
-from frictionid.__main__ import main
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, holds
@@ -320,16 +319,12 @@ def test_mistakes_are_named_with_place_and_way_out(change, message):
     assert message in str(error.value)
 
 
-def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, run):
     settings = tmp_path / "rig.toml"
     settings.write_text(tomli_w.dumps({**DOCUMENT, "camera": {"samples": 5, "angle_noise": 0.01}}))
     for options, name in (([], "noisy"), (["--noise-free", "--seed", "7"], "exact")):
-        out = str(tmp_path / name)
-        monkeypatch.setattr(
-            "sys.argv", ["frictionid", "simulate", str(settings), "--out", out, *options]
-        )
-        assert main() == 0
-        assert "1 recordings, 5 samples" in capsys.readouterr().out
+        code, out, _ = run(tmp_path, "simulate", settings, "--out", name, *options)
+        assert code == 0 and "1 recordings, 5 samples" in out
     noisy, exact = (load_dataset(tmp_path / name) for name in ("noisy", "exact"))
     assert (tmp_path / "noisy" / "rig.toml").read_bytes() == settings.read_bytes()
     assert not (tmp_path / "exact" / "rig.toml").exists()

@@ -1,14 +1,12 @@
 """The registry of public recordings: whole, honest, and no file of it is taken for another."""
 
 import hashlib
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.__main__ import main
 from frictionid.data.readers import public_collections
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.public_collections import (
@@ -54,11 +52,6 @@ def write(folder, files):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     return folder
-
-
-def run(capsys, monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, arguments)])
-    return main(), capsys.readouterr()
 
 
 # --- What stands in it ---------------------------------------------------------------------------
@@ -125,19 +118,19 @@ def test_a_folder_without_the_files_is_refused(toy):
 
 
 @pytest.mark.usefixtures("toy")
-def test_without_a_network_the_way_out_is_printed(monkeypatch, capsys):
+def test_without_a_network_the_way_out_is_printed(monkeypatch, tmp_path, run):
     import pooch
 
     def unreachable(*_, **__):
         raise OSError("Network is unreachable\nand more")
 
     monkeypatch.setattr(pooch, "retrieve", unreachable)
-    status, printed = run(capsys, monkeypatch, "data", "get", "toy")
+    status, out, err = run(tmp_path, "data", "get", "toy")
     assert status == 2
-    assert "licence MIT; redistribution allowed" in printed.out
-    assert "https://example.org/commit/raw/one.csv cannot be downloaded" in printed.err
-    assert "frictionid data get toy --from FOLDER" in printed.err
-    assert printed.err.count("\n") == 1
+    assert "licence MIT; redistribution allowed" in out
+    assert "https://example.org/commit/raw/one.csv cannot be downloaded" in err
+    assert "frictionid data get toy --from FOLDER" in err
+    assert err.count("\n") == 1
 
 
 @pytest.mark.usefixtures("toy")
@@ -162,29 +155,28 @@ def test_a_collection_without_an_address_says_so(monkeypatch, tmp_path):
         download("emps", print)
 
 
-def test_unknown_collections_are_named_with_the_nearest(capsys, monkeypatch):
-    status, printed = run(capsys, monkeypatch, "data", "get", "emsp")
+def test_unknown_collections_are_named_with_the_nearest(tmp_path, run):
+    status, _, err = run(tmp_path, "data", "get", "emsp")
     assert status == 2
-    assert "collection 'emsp' is unknown; did you mean 'emps'?" in printed.err
+    assert "collection 'emsp' is unknown; did you mean 'emps'?" in err
 
 
-def test_the_list_shows_licences_and_what_is_here(toy, capsys, monkeypatch):
+def test_the_list_shows_licences_and_what_is_here(toy, run):
     copy_collection("toy", write(toy / "source", {"one.csv": TOY["one.csv"]}))
-    status, printed = run(capsys, monkeypatch, "data", "list")
+    status, out, _ = run(toy, "data", "list")
     assert status == 0
     for words in ("toy", "MIT", "allowed", "2, here 1", "of all originals known"):
-        assert words in printed.out
+        assert words in out
 
 
-def test_what_the_commands_print_is_honest_about_unknown_hashes(tmp_path, capsys, monkeypatch):
+def test_what_the_commands_print_is_honest_about_unknown_hashes(tmp_path, monkeypatch, run):
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "data"))
     source = write(tmp_path / "source", {"DATA_EMPS.mat": b"mine"})
-    status, printed = run(capsys, monkeypatch, "data", "get", "emps", "--from", source)
+    status, out, _ = run(tmp_path, "data", "get", "emps", "--from", source)
     assert status == 0
-    assert "redistribution not stated" in printed.out
-    assert "it was not verified" in printed.out
-    _, printed = run(capsys, monkeypatch, "data", "list")
-    assert "of 0 of 1 originals known" in printed.out
+    assert "redistribution not stated" in out
+    assert "it was not verified" in out
+    assert "of 0 of 1 originals known" in run(tmp_path, "data", "list")[1]
 
 
 # --- Data sets of a collection -------------------------------------------------------------------

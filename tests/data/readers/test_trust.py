@@ -5,7 +5,6 @@ import sys
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.command_line import run_command
 from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
 
@@ -31,20 +30,20 @@ KINDS = ("evil:read", "runpy:run_path", "joblib:load", "subprocess:Popen", "os:s
 @pytest.mark.parametrize(
     "words", [["check", "."], ["fit", ".", "--identifier", "none", "--out", "m"]]
 )
-def test_a_data_set_runs_no_code(tmp_path, monkeypatch, capsys, kind, words):
+def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
     (tmp_path / "evil.py").write_text(EVIL)
     with pytest.raises(InputError, match="is code, which runs with your rights"):
         read_by(tmp_path, {"kind": kind}, trust=False)
     before = {path.name for path in tmp_path.iterdir()}
-    code, out, err = run_command(monkeypatch, capsys, tmp_path, *words)
+    code, out, err = run(tmp_path, *words)
     assert (code, out) == (2, "") and f"{kind!r} is code" in err and "give --trust" in err
     assert {path.name for path in tmp_path.iterdir()} == before
     assert "evil" not in sys.modules
 
 
-def test_a_reader_that_is_trusted_runs(tmp_path, monkeypatch, capsys):
+def test_a_reader_that_is_trusted_runs(tmp_path, run):
     read_by(tmp_path, {"kind": "my_readers:read", "scale": 0.01, "rate": 10.0})
-    code, _, err = run_command(monkeypatch, capsys, tmp_path, "check", ".", "--trust")
+    code, _, err = run(tmp_path, "check", ".", "--trust")
     assert "is code" not in err and code in (0, 1, 2)
 
 

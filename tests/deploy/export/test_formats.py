@@ -4,7 +4,6 @@ import sys
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from test_programs import LAWS, friction_by
 
 from frictionid.deploy.export import FORMATS
@@ -48,7 +47,7 @@ def test_a_missing_package_is_asked_for(to, package, extra, monkeypatch):
         writer_of(to)
 
 
-def test_the_help_lists_the_formats_that_are_there(tmp_path, monkeypatch, capsys):
-    code, out, _ = run_command(monkeypatch, capsys, tmp_path, "export", "--help")
+def test_the_help_lists_the_formats_that_are_there(tmp_path, run):
+    code, out, _ = run(tmp_path, "export", "--help")
     said = "".join(c if c.isalpha() else " " for c in out).split()
     assert code == 0 and ["Format", *FORMATS] == said[said.index("Format") :][: len(FORMATS) + 1]

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.__main__ import main
 from frictionid.comparison.registry import LAWS
 from frictionid.deploy.monitor.baseline import (
     load_baseline,
@@ -267,29 +265,24 @@ def test_a_killed_monitor_goes_on_where_it_was(known, worn, tmp_path):
     assert len(again.arrivals) == 5
 
 
-def test_the_commands_say_it_by_their_exit_status(healthy, worn, tmp_path, monkeypatch, capsys):
+def test_the_commands_say_it_by_their_exit_status(healthy, worn, tmp_path, run):
     write_dataset(healthy, tmp_path / "healthy")
     write_dataset(worn[1], tmp_path / "worn")
 
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["frictionid", *map(str, words)])
-        return main(), *capsys.readouterr()
-
-    base = tmp_path / "b.json"
-    code, out, _ = run("baseline", tmp_path / "healthy", "--out", base)
+    code, out, _ = run(tmp_path, "baseline", "healthy", "--out", "b.json")
     assert code == 0
     assert "14 healthy recordings" in out
-    against = ("--baseline", base)
-    code, out, _ = run("monitor", tmp_path / "worn", *against, "--out", tmp_path / "page")
+    against = ("--baseline", "b.json")
+    code, out, _ = run(tmp_path, "monitor", "worn", *against, "--out", "page")
     assert code == 1
     assert "Friction has changed: joint 2" in out
     page = (tmp_path / "page" / "index.html").read_text()
     assert "Friction has changed: joint 2" in page
     assert "http" not in page.replace("http://www.w3.org", "")
-    code, out, _ = run("monitor", tmp_path / "healthy", *against, "--json", "--only", "r1-0")
+    code, out, _ = run(tmp_path, "monitor", "healthy", *against, "--json", "--only", "r1-0")
     assert code == 0
     assert json.loads(out)["answer"] == "unchanged"
-    code, _, err = run("monitor", tmp_path / "worn", *against, "--rate", "2")
+    code, _, err = run(tmp_path, "monitor", "worn", *against, "--rate", "2")
     assert code == 2
     assert "rate = 2" in err
 

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.command_line import run_command
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS, friction_of
@@ -108,13 +107,13 @@ def test_far_from_the_fits_nothing_is_said():
         over.at(90.0)
 
 
-def test_the_command_writes_the_friction_at_one_value(monkeypatch, capsys, tmp_path):
+def test_the_command_writes_the_friction_at_one_value(tmp_path, run):
     for k, model in enumerate(models([0.12, 0.11, 0.1, 0.09]).values()):
         save_model(model, tmp_path / f"{k}.json", LAWS)
-    command = [monkeypatch, capsys, tmp_path, "pool", *(f"{k}.json" for k in range(4))]
+    command = [tmp_path, "pool", *(f"{k}.json" for k in range(4))]
     own = ["--over", "temperature=20,30,40,50", "--at", "25", "--out", "at.json"]
-    code, text, _ = run_command(*command, *own)
+    code, text, _ = run(*command, *own)
     assert code == 0 and "coulomb" in text and "friction at temperature = 25" in text
     assert friction_of(tmp_path / "at.json").theta[0, 0] == pytest.approx(0.115)
-    code, _, error = run_command(*command, "--over", "temperature=20,cold", "--out", "no.json")
+    code, _, error = run(*command, "--over", "temperature=20,cold", "--out", "no.json")
     assert code == 2 and "write it as temperature=20,30,40" in error

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from fixtures.command_line import run_command
 from fixtures.one_joint_sets import Setup, sets
 
 import frictionid as fid
@@ -178,12 +177,10 @@ def servos(tmp_path_factory):
     return folder
 
 
-def test_the_command_writes_a_model_whose_export_draws_further_specimens(
-    servos, monkeypatch, capsys
-):
+def test_the_command_writes_a_model_whose_export_draws_further_specimens(servos, run):
     files = [f"rig{i}.json" for i in range(5)]
     out = ("--out", "pooled.json", "--ranges", "ranges.json")
-    code, text, err = run_command(monkeypatch, capsys, servos, "pool", *files, *out)
+    code, text, err = run(servos, "pool", *files, *out)
     assert code == 0, err
     assert "coulomb of joint 1" in text and "written to ranges.json" in text
     ranges = json.loads((servos / "ranges.json").read_text())["ranges"]["coulomb of joint 1"]
@@ -197,7 +194,7 @@ def test_the_command_writes_a_model_whose_export_draws_further_specimens(
     assert made.ranges()["coulomb of joint 1"] == ranges and "coulomb" in repr(made)
 
     export = ("export", "pooled.json", "--to", "isaac", "--randomise", 50, "--out", "servo.py")
-    assert run_command(monkeypatch, capsys, servos, *export)[0] == 0
+    assert run(servos, *export)[0] == 0
     samples = json.loads((servos / "servo_samples.json").read_text())
     drawn = np.array(samples["samples"])[:, 0]
     assert ranges["low"] <= drawn.min() < drawn.max() <= ranges["high"]

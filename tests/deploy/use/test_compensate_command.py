@@ -2,9 +2,10 @@
 
 import csv
 import runpy
+from functools import partial
 
 import numpy as np
-from fixtures.command_line import run_command
+import pytest
 
 from frictionid.comparison.registry import LAWS
 from frictionid.deploy.compensation import Compensation, compensating
@@ -17,14 +18,15 @@ SETTINGS = ("--gain", 0.8, "--limit", 0.12, "--smooth", 0.1)
 CURVE = compensating(FRICTION, Compensation(gain=0.8, smooth=0.1, torque_limit=0.12)).curve
 
 
-def run(monkeypatch, capsys, folder, *arguments):
-    save_model(FRICTION, folder / "model.json", LAWS)
-    return run_command(monkeypatch, capsys, folder, "compensate", "model.json", *arguments)
+@pytest.fixture
+def call(run, tmp_path):
+    save_model(FRICTION, tmp_path / "model.json", LAWS)
+    return partial(run, tmp_path, "compensate", "model.json")
 
 
-def test_a_table(monkeypatch, capsys, tmp_path):
+def test_a_table(call, tmp_path):
     given = ("--out", "table.csv", "--speed", 5.0, *SETTINGS)
-    code, out, _ = run(monkeypatch, capsys, tmp_path, *given)
+    code, out, _ = call(*given)
     assert code == 0 and "table.csv" in out
     rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
     for j in range(2):
@@ -33,19 +35,19 @@ def test_a_table(monkeypatch, capsys, tmp_path):
         np.testing.assert_allclose(torque, CURVE(w)[:, j], atol=1e-8)
 
 
-def test_code(monkeypatch, capsys, tmp_path):
+def test_code(call, tmp_path):
     for to in ("c", "st"):
         given = ("--out", f"own.{to}", "--to", to, "--speed", 5.0, *SETTINGS)
-        assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
+        assert call(*given)[0] == 0
         assert "compensation" in (tmp_path / f"own.{to}").read_text()
     given = ("--out", "own.py", "--to", "python", "--speed", 5.0, *SETTINGS)
-    assert run(monkeypatch, capsys, tmp_path, *given)[0] == 0
+    assert call(*given)[0] == 0
     module = runpy.run_path(str(tmp_path / "own.py"))
     for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
         found = module["torque"]([w, w])
         np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
 
 
-def test_a_model_without_speeds_asks_for_them(monkeypatch, capsys, tmp_path):
-    code, _, err = run(monkeypatch, capsys, tmp_path, "--out", "table.csv")
+def test_a_model_without_speeds_asks_for_them(call):
+    code, _, err = call("--out", "table.csv")
     assert code == 2 and "give --speed" in err and len(err.strip().splitlines()) == 1

@@ -5,14 +5,12 @@ from __future__ import annotations
 import ctypes
 import json
 import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.__main__ import main
 from frictionid.deploy.watch.code import write_code
 from frictionid.deploy.watch.external import interval_torques, noises
 from frictionid.deploy.watch.live import LiveFriction
@@ -274,22 +272,18 @@ def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
     assert CoulombViscous().has_memory is False
 
 
-def test_the_command_follows_a_file(fit, folder, tmp_path, monkeypatch, capsys):
+def test_the_command_follows_a_file(fit, folder, tmp_path, run):
     fit.save(tmp_path / "model.json")
     (table,) = (folder / "contact").glob("*.csv")
 
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["frictionid", "watch", *map(str, words)])
-        return main(), *capsys.readouterr()
-
-    machine = (tmp_path / "model.json", folder / "quiet")
+    machine = (tmp_path, "watch", "model.json", folder / "quiet")
     code, out, _ = run(*machine, "--follow", table, "--idle", 0.05)
     assert code == 0
     assert "s: contact at joint 1, +0." in out
     assert "of data: friction of the model's" in out
     code, out, _ = run(*machine, "--follow", table, "--idle", 0.05, "--json")
     assert {"contact", "torque"} < set(json.loads(out.splitlines()[0]))
-    code, out, _ = run(*machine, "--code", tmp_path / "own.c")
+    code, out, _ = run(*machine, "--code", "own.c")
     assert code == 0
     assert (tmp_path / "own.h").exists()
     (tmp_path / "none.csv").write_text(table.read_text().splitlines()[0] + "\n")
@@ -297,7 +291,7 @@ def test_the_command_follows_a_file(fit, folder, tmp_path, monkeypatch, capsys):
         ((), "--follow FILE"),
         (("--follow", table, "--response", 0), "response = 0.0 must be a positive number"),
         (("--follow", table, "--rate", -1), "rate = -1.0 must be a positive number"),
-        (("--follow", tmp_path / "none.csv", "--idle", 0), "no sample came"),
+        (("--follow", "none.csv", "--idle", 0), "no sample came"),
     ):
         code, _, err = run(*machine, *words)
         assert code == 2
