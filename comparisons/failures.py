@@ -10,7 +10,7 @@ free. A bias of the torque and the difference of the levels say the same.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -74,11 +74,12 @@ def mistakes() -> Mapping[str, Callable[[], Dataset]]:
     }
 
 
-def consequence(data: Dataset) -> tuple[str, str, str]:
+def consequence(data: Dataset) -> Iterator[str]:
     """What `check` says first, and the curve errors of a fit in one step, and of one by default."""
     verdict = fid.check(data)
-    texts = list(verdict.findings.text) or ["nothing"]
-    return texts[0], error_of(data, "one_step"), error_of(data, None, ["inertia", "delay"])
+    yield next(iter(verdict.findings.text), "nothing")
+    yield error_of(data, "one_step")
+    yield error_of(data, None, ["inertia", "delay"])
 
 
 def error_of(data: Dataset, method: str | None, free: list[str] | None = None) -> str:

@@ -83,8 +83,8 @@ def test_of_servos_it_is_said_how_near_their_limit_they_come():
 
 
 @pytest.mark.usefixtures("real_data")
-@pytest.mark.parametrize("name", ["dfki_c1", "simple_pendulum", "tiago", "tx40", "emps"])
+@pytest.mark.parametrize("name", ["dfki_c1", "tiago"])
 def test_recordings_of_machines_within_their_limits_show_none(name):
-    """TIAGo's friction and TX40's crests look like none, either."""
+    """Of the other machines, `test_real_checks` and `test_traps_of_arms` allow no such finding."""
     verdict = fid.check(name)
     assert verdict.torque_speed[["peak", "no_load"]].isna().all(axis=None)

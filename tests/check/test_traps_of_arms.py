@@ -119,14 +119,6 @@ def test_stamps_that_jitter_where_positions_do_not(arm, table):
     assert "jittering_stamps" not in kinds(check(wrist.dataset(arm, uneven)))
 
 
-def test_a_log_that_is_faster_than_its_sensors_repeats_rows(arm, table):
-    held = table.copy()
-    angles = wrist.COLUMNS[0]
-    held[angles] = table[angles].to_numpy()[np.arange(len(table)) // 2 * 2]
-    finding = kinds(check(wrist.dataset(arm, held)))["repeated_rows"]
-    assert finding.level == "doubtful" and "faster than its sensors" in finding.text
-
-
 def changed(tmp_path, name, *pairs):
     """A shipped data set with some of its text replaced."""
     text = (DATA / name / "dataset.toml").read_text()

@@ -53,6 +53,8 @@ sys.argv = ["frictionid", "--version"]
 assert main() == 0
 heavy = {"numpy", "scipy", "sympy", "pandas", "torch", "joblib", "matplotlib", "sklearn"}
 print("heavy:", sorted(heavy & set(sys.modules)))
+import frictionid.report
+assert "matplotlib" not in sys.modules
 """
 
 

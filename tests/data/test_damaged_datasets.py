@@ -258,21 +258,6 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     assert try_to_load(a_csv=csv_bytes(columns)) == needed.issubset(columns)
 
 
-@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
-@given(data=st.data())
-def test_damaged_bytes_are_refused_or_harmless(ending, data):
-    text = csv_bytes(motion())
-    make = {"csv": bytes, "csv_gz": lambda text: gzip.compress(text, mtime=0)}
-    content = make[ending](text) if ending in make else parquet_bytes(motion())
-    content = damaged(data, content)
-    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content}))
-
-
-@given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
-def test_junk_is_refused(content, ending):
-    assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
-
-
 @given(st.data())
 def test_damaged_toml_is_refused_or_harmless(data):
     assert is_harmless(outcome(damaged(data, tomli_w.dumps(full_description()).encode())))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
-from frictionid.data.outliers import _roughness, prediction_residuals, smoothed
+from frictionid.data.kalman import kalman_filter, padded_series
+from frictionid.data.outliers import _roughness, prediction_residuals
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_outliers
 
@@ -219,13 +219,6 @@ def test_the_causal_filter_is_not_thrown_off_by_samples_without_weight():
     good, kept, thrown = (KalmanFilter()([s])[0].w for s in (clean, *angles, wild))
     error = [np.abs(w - good)[119:130].max() for w in (kept, thrown)]
     assert error[0] < 0.5 < 5 < error[1]
-
-
-def test_series_without_outliers_are_smoothed_as_before():
-    time, rng = clock(), np.random.default_rng(11)
-    series = padded_series([Signal(time, swing(time, rng))])
-    rho = likeliest_jerk_ratio(series)
-    np.testing.assert_array_equal(smoothed(series).mean, rts_smoother(series, rho))
 
 
 @pytest.mark.parametrize("slower", [10**1.2, 10**1.8])

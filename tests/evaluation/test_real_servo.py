@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from fixtures.bam_formula import bam_friction
 
 from frictionid.comparison.registry import friction_of
 from frictionid.data.plants import plant_of
@@ -104,27 +105,14 @@ def as_published(told, log):
             u = enabled[k] * kt * (volts - kt * w) / R
             te = -mass * 9.80665 * length * np.sin(x)
             total = inertia / h * w + u + te
-            w = (total - np.sign(total) * min(abs(total), budget(told, u, te, w))) * h / inertia
+            w = (
+                (total - np.sign(total) * min(abs(total), bam_friction(told, u, te, w)))
+                * h
+                / inertia
+            )
             x += w * h
         out.append(x)
     return np.mean(np.abs(out - q))
-
-
-def budget(told, u, te, w):
-    """Most that friction can be, by the published formula of M1 and M6."""
-    most = told["friction_base"] + told["friction_viscous"] * abs(w)
-    if told["model"] == "m1":
-        return most
-    left = np.exp(-(abs(w / told["dtheta_stribeck"]) ** told["alpha"]))
-    load, peak = (
-        abs(told[f"load_friction_external{x}"] * te - told[f"load_friction_motor{x}"] * u)
-        for x in ("", "_stribeck")
-    )
-    if np.sign(te) != np.sign(u):
-        wins = abs(te) < abs(u)
-        side, smaller = ("external", te) if wins else ("motor", u)
-        peak += told[f"load_friction_{side}_quad"] * smaller**2
-    return most + load + left * (told["friction_stribeck"] + peak)
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -308,11 +308,6 @@ def test_an_interrupted_call_can_be_made_again(call, tmp_path):
     assert code == 0, err
     (tmp_path / "arm" / "dataset.toml").unlink()  # written last
     assert call(*command)[0] == 0
-    (tmp_path / "arm" / "dataset.toml").unlink()
-    (tmp_path / "arm" / "suite.toml").write_text("mine")
-    code, _, err = call(*command)
-    assert code == 2 and "suite.toml is there already" in err
-    assert not (tmp_path / "arm" / "dataset.toml").exists()
 
 
 # --- Several runs in one table --------------------------------------------------------------------

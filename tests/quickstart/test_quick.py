@@ -186,7 +186,7 @@ def test_folds_without_motion_say_nothing(found):
 
 
 def test_unusable_data_get_no_verdict(tmp_path, run):
-    turned = [replace(r, torque=r.torque._replace(value=-r.torque.value)) for r in recordings(300)]
+    turned = [replace(r, torque=r.torque._replace(value=-r.torque.value)) for r in recordings()]
     result = quick(Dataset("turned", MACHINE, tuple(turned)))
     assert result.check.level == "unusable" and result.chosen is None and verdict(result) == []
     write_lab_tables(tmp_path / "arm", sign=-1.0)
@@ -235,7 +235,7 @@ def test_short_data_are_used_as_they_are():
 
 @pytest.mark.parametrize("copies", [5, 40])
 def test_long_data_are_shortened_to_the_same_work(copies):
-    many = [replace(r, name=f"{r.name}-{k}") for k in range(copies) for r in recordings(300)]
+    many = [replace(r, name=f"{r.name}-{k}") for k in range(copies) for r in recordings()]
     part, sample_time = shortened(Dataset("long", MACHINE, tuple(many)), 6_000)
     apart = sample_time or 0.01
     samples = sum(np.ptp(r.angle.time) / apart for r in part.recordings)

@@ -4,8 +4,6 @@ import io
 import json
 import re
 import shutil
-import subprocess
-import sys
 
 import matplotlib
 import matplotlib.image
@@ -33,14 +31,6 @@ from frictionid.report.tables import escape_latex
 from frictionid.report.verdict import verdict_of
 
 ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "日本", "x" * 90)
-
-
-@pytest.fixture(scope="module")
-def typical(tmp_path_factory):
-    """A report of a folder made by hand, with blank pictures."""
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        return made.built(made.typical(tmp_path_factory.mktemp("typical")))
 
 
 @pytest.fixture(scope="module")
@@ -114,11 +104,6 @@ def test_a_folder_without_results_is_the_users_mistake(content, tmp_path):
         shutil.rmtree(tmp_path / "tasks")
     with pytest.raises(InputError, match=re.escape(str(tmp_path))):
         load_results(tmp_path)
-
-
-def test_importing_the_report_does_not_load_matplotlib():
-    code = "import sys, frictionid.report; assert 'matplotlib' not in sys.modules"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.usefixtures("undrawn")

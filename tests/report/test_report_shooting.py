@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import result_folders as made
+from fixtures.driven_pendulum import LEVEL, driven_pendulum
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
@@ -30,30 +31,15 @@ from frictionid.report.figures.curves import curve_bands
 from frictionid.report.figures.fits import STRONG, correlation
 from frictionid.report.figures.style import measured, styles
 from frictionid.report.shooting_results import interval_table
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Sine, Stribeck, simulate
 
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
 HEAVIER = {"mass": 0.33}
-DELAY, COULOMB = 0.01, 0.02
+DELAY, COULOMB = 0.01, LEVEL
 
 
-def pendulums():
-    """Recordings of a pendulum that is heavier than its nominal mechanism, with its torque late."""
-    runs = (
-        Run(f"{k}", (1.5 - 0.5 * k,), torques=(Sine(0.15 + 0.05 * k, 0.7 + 0.2 * k),))
-        for k in range(4)
-    )
-    rig = Rig(
-        "pendulum",
-        PENDULUM,
-        Stribeck(Curve((COULOMB,), (COULOMB,), (0.002,))),
-        Camera(samples=120, angle_noise=0.0016),
-        tuple(runs),
-        true_parameters=HEAVIER,
-        drive=Drive(delay=DELAY),
-        substeps=4,
-    )
-    return simulate(rig, 5)
+def late_and_heavy():
+    """Recordings of a pendulum that is heavier than its nominal mechanism, its torque late."""
+    return driven_pendulum(120, 4, HEAVIER, delay=DELAY)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -73,7 +59,7 @@ def undrawn(monkeypatch):
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory):
     """A report of a fit that the library has made, of a law with parameters that the data lack."""
-    folder, dataset = tmp_path_factory.mktemp("computed"), pendulums()
+    folder, dataset = tmp_path_factory.mktemp("computed"), late_and_heavy()
     folds = make_folds(dataset.recordings, Split(count=2))
     blocks = (FrictionBlock(), InertiaBlock(), DelayBlock())
     recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
@@ -332,7 +318,7 @@ def test_odd_names_and_missing_numbers_are_drawn_and_written(tmp_path):
 
 
 def test_recordings_with_masses_of_their_own_have_nominal_values_of_their_own():
-    dataset = pendulums()
+    dataset = late_and_heavy()
     heavy = tuple(replace(r, parameters=HEAVIER) for r in dataset.recordings)
     start = Friction(CoulombViscous(), np.array([[COULOMB, 0.002]]))
     blocks = (FrictionBlock(), InertiaBlock())

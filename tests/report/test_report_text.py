@@ -32,12 +32,6 @@ def undrawn():
         yield
 
 
-@pytest.fixture(scope="module")
-def typical(tmp_path_factory):
-    """A report of a folder made by hand."""
-    return made.built(made.typical(tmp_path_factory.mktemp("typical")))
-
-
 # --- Words -------------------------------------------------------------------------------------
 
 

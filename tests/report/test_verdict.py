@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 
+from frictionid.api.comparison import load_comparison
 from frictionid.comparison.results import load_results
 from frictionid.report import results_json, show, write
 from frictionid.report.summary_table import summary_of, summary_table
@@ -94,17 +95,15 @@ def test_motion_that_hardly_shows_friction_does_not_show_that_there_is_none(tmp_
     assert answer == "no"
 
 
-def test_the_document_says_every_question_with_its_answer(tmp_path, monkeypatch):
-    made.undraw(monkeypatch)
-    folder = made.built(made.typical(tmp_path))
-    document = json.loads((folder / "verdict.json").read_text())
+def test_the_document_says_every_question_with_its_answer(typical):
+    document = json.loads((typical / "verdict.json").read_text())
     (only,) = document["datasets"]
     assert only["recommended"] == "stribeck (integral)"
     answers = {q["name"]: q["answer"] for q in only["questions"]}
     assert answers["friction"] == "yes" and answers["published"] == "yes"
     assert answers["physics"] == "not_evaluated"
     assert all(q["reason"] for q in only["questions"])
-    assert "verdict.json" in (folder / "SHA256SUMS").read_text()
+    assert "verdict.json" in (typical / "SHA256SUMS").read_text()
 
 
 @pytest.mark.parametrize(
@@ -125,21 +124,17 @@ def test_scripts_require_a_verdict(tmp_path, monkeypatch, requirement, status, w
     assert code == status and words in err and err.count("\n") == bool(words)
 
 
-def test_the_verdict_of_a_loaded_comparison_is_that_of_its_folder(tmp_path):
-    from frictionid.api.comparison import load_comparison
-
-    folder = made.typical(tmp_path)
-    loaded = load_comparison(folder)
-    assert loaded.verdict.sentence == verdict_of(made.section(folder)).sentence
+def test_the_verdict_of_a_loaded_comparison_is_that_of_its_folder(typical):
+    loaded = load_comparison(typical)
+    assert loaded.verdict.sentence == verdict_of(made.section(typical)).sentence
     assert [v.dataset for v in loaded.verdicts] == ["made"]
 
 
 # --- In the terminal, and as JSON -----------------------------------------------------------------
 
 
-def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):
-    results = load_results(made.typical(tmp_path / "made"))
-    show(results)
+def test_the_last_words_are_the_verdict_and_the_path(typical, capsys):
+    show(load_results(typical))
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1].endswith("index.html") and lines[-2] == ""
     assert lines[-3].startswith("- Record next: ")
@@ -147,14 +142,12 @@ def test_the_last_words_are_the_verdict_and_the_path(tmp_path, capsys):
     assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
 
 
-def test_the_verdict_is_that_of_the_page_and_of_the_summary(tmp_path, monkeypatch):
-    made.leave_blank(monkeypatch)
-    folder = made.built(made.typical(tmp_path / "made"))
-    section = made.section(folder)
-    assert words_of(section)
-    for line in words_of(section).splitlines():
-        assert line in (folder / "summary.md").read_text()
-        assert line.removeprefix("- ").partition(": ")[2] in made.words(folder)
+def test_the_verdict_is_that_of_the_page_and_of_the_summary(typical):
+    said = words_of(made.section(typical))
+    assert said
+    for line in said.splitlines():
+        assert line in (typical / "summary.md").read_text()
+        assert line.removeprefix("- ").partition(": ")[2] in made.words(typical)
 
 
 def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, run):

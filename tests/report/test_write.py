@@ -13,12 +13,10 @@ from frictionid.report import build
 OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
 
 
-@pytest.fixture(scope="module", autouse=True)
-def typical(tmp_path_factory):
-    """A report of a folder made by hand; here all builds write blank pictures."""
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        yield made.built(made.typical(tmp_path_factory.mktemp("typical")))
+@pytest.fixture(autouse=True)
+def blank(monkeypatch):
+    """Builds that write blank pictures."""
+    made.leave_blank(monkeypatch)
 
 
 def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):

@@ -10,7 +10,6 @@ from fixtures.dataset_files import described, load, motion
 from fixtures.own_reader import read_by
 from fixtures.reader_files import MARKERS, MOTOR, bam_bytes, bam_log, column, marker_csv, mat_bytes
 
-from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
 from frictionid.data.readers.mat import read_mat
@@ -62,19 +61,6 @@ def test_mat_variables_are_those_that_scipy_reads(tmp_path, compressed):
 
 
 # --- bam -----------------------------------------------------------------------------------------
-
-
-def test_bam_torque_is_that_of_the_motor_and_zero_without_it(tmp_path):
-    log = bam_log()
-    recording = read_bam(put(tmp_path, "a.json", bam_bytes()), MOTOR)
-    time, q = column(log, "timestamp"), column(log, "position")
-    duty = np.clip(XL330_GAIN * 400 * (column(log, "goal_position") - q), -1, 1)
-    expected = 0.4 * (7.4 * duty - 0.4 * np.gradient(q, time)) / 4.0
-    driven = column(log, "torque_enable") > 0
-    np.testing.assert_array_equal(recording.angle.time, time)
-    np.testing.assert_allclose(recording.torque.value[driven, 0], expected[driven], rtol=1e-12)
-    assert np.all(recording.torque.value[~driven] == 0.0)
-    assert np.any(np.abs(expected[~driven]) > 0.01)  # the back-EMF of a connected motor
 
 
 def test_bam_duty_stays_within_its_limit(tmp_path):

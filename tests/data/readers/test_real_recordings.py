@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.signals import sample
 
 pytestmark = pytest.mark.real
 
@@ -17,22 +15,6 @@ def dataset(request, real_data):
     """Each of the data sets, its tables named as by --data."""
     folder = request.config.rootpath / "data" / request.param
     return load_dataset(folder, data=real_data / "dfki_double_pendulum")
-
-
-def test_every_file_is_there_and_has_the_stated_hash(dataset):
-    assert len(dataset.recordings) == len(dataset.hashes) == DATA[dataset.name]
-
-
-def test_the_variable_leads_to_the_same_files(dataset, request, real_data, monkeypatch):
-    monkeypatch.setenv("FRICTIONID_DATA", str(real_data))
-    again = load_dataset(request.config.rootpath / "data" / dataset.name)
-    assert again.hashes == dataset.hashes
-
-
-def test_origin_licence_and_citation_are_stated(dataset):
-    assert dataset.origin["licence"].startswith("BSD-3-Clause")
-    assert "1e8544e67f3da72a51ee52fbbb278e131ce2a43f" in dataset.origin["origin"]
-    assert "Wiebe" in dataset.origin["citation"]
 
 
 def test_time_is_in_seconds(dataset):
@@ -56,34 +38,10 @@ def test_torques_are_in_newton_metres(dataset):
     """The drives peak below 4 N m and resolve 5.9e-3 N m; no joint reports none at all."""
     for recording in dataset.recordings:
         torque = recording.torque.value
+        assert recording.torque.hold == "linear"
         assert np.abs(torque).max() < 4.0
         assert np.all(np.ptp(torque, axis=0) > 0)
         assert np.diff(np.unique(torque[:, 0])).min() == pytest.approx(5.86e-3, rel=0.01)
-
-
-def test_the_torques_have_the_sign_of_the_work_they_do(dataset):
-    """Energy from rest can only come from the drives: their work is at least the energy gained."""
-    p = dataset.mechanism.values
-    for recording in dataset.recordings:
-        time, angle = recording.angle.time, recording.angle.value
-        work = (averages(recording.torque, time) * np.diff(angle, axis=0)).sum()
-        q1, q12 = angle[:, 0], angle.sum(axis=1)
-        height = -p["m1"] * p["r1"] * np.cos(q1) - p["m2"] * (
-            p["l1"] * np.cos(q1) + p["r2"] * np.cos(q12)
-        )
-        assert work > p["g"] * (height[-1] - height[0])
-
-
-def test_holding_a_measured_torque_is_worse_than_joining_its_samples(dataset):
-    """Why the description says "linear": each sample is nearer to its neighbours' mean."""
-    for recording in dataset.recordings:
-        torque = recording.torque
-        assert torque.hold == "linear"
-        half = torque._replace(time=torque.time[::2], value=torque.value[::2])
-        between, skipped = torque.time[1:-1:2], torque.value[1:-1:2]
-        joined = np.abs(sample(half, between) - skipped)
-        held = np.abs(sample(half._replace(hold="previous"), between) - skipped)
-        assert np.all((joined**2).mean(axis=0) < (held**2).mean(axis=0))
 
 
 def test_swing_ups_are_cut_to_their_motion_and_the_others_are_whole(dataset):

@@ -9,32 +9,8 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.ros import read as read_ros
 from frictionid.errors import InputError
 
-rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
-typesys = pytest.importorskip("rosbags.typesys")
-
-STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-TYPE = "sensor_msgs/msg/JointState"
-START = 1_700_000_000_123_456_789  # [ns]
-
-
-def message(stamp, names, position, velocity, effort):
-    types = STORE.types
-    sec, nano = divmod(stamp, 10**9)
-    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](sec, nano), "base")
-    arrays = [np.asarray(a, dtype=np.float64) for a in (position, velocity, effort)]
-    return types[TYPE](header, list(names), *arrays)
-
-
-def write(folder, messages, plugin="MCAP", topics=("/joint_states",), kind=TYPE):
-    """A bag of the same messages in all topics, or of each topic's own; its file."""
-    own = messages if isinstance(messages, dict) else dict.fromkeys(topics, messages)
-    storage = getattr(rosbag2.StoragePlugin, plugin)
-    with rosbag2.Writer(folder, version=9, storage_plugin=storage) as bag:
-        for topic, sent in own.items():
-            connection = bag.add_connection(topic, kind, typestore=STORE)
-            for late, one in sent:
-                bag.write(connection, START + late, STORE.serialize_cdr(one, kind))
-    return next(p for p in folder.iterdir() if p.suffix in (".mcap", ".db3"))
+pytest.importorskip("rosbags", reason="rosbags is not installed")
+from fixtures.bags import START, STORE, TYPE, message, write
 
 
 @pytest.fixture

@@ -1,14 +1,28 @@
 """Logs of drives, LeRobot and UR: the motion that was written comes back, mistakes are one line."""
 
-import io
-import json
 import tomllib
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 import tomli_w
+from fixtures.log_formats import (
+    ANGLE,
+    COUNTS,
+    DRIVE,
+    ELEMENTS,
+    GEAR,
+    LEROBOT,
+    PARTS,
+    PENDULUM,
+    PREAMBLE,
+    RATED,
+    SPEED,
+    TIME,
+    TORQUE,
+    lerobot,
+    recorder,
+    rtde,
+)
 from fixtures.paths import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,11 +31,6 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.errors import InputError
 
-TIME = np.arange(400) / 500.0  # [s]
-ANGLE = 1.2 * np.sin(5.0 * TIME)  # [rad]
-SPEED = 6.0 * np.cos(5.0 * TIME)
-TORQUE = 0.8 * np.cos(7.0 * TIME) - 0.2  # [N m]
-PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 few = settings(max_examples=25)
 
 
@@ -43,41 +52,6 @@ def assert_refused(words, *arguments, **tables):
 
 
 # --- Recorders of drives --------------------------------------------------------------------------
-
-COUNTS, GEAR, RATED = 2**20, 50.0, 2.5
-DRIVE = {
-    "columns": {
-        "time": {"angle": "Time", "torque": "Time[2]", "velocity": "Time[3]"},
-        "angle": "0x6064",
-        "torque": "0x6077",
-        "velocity": "0x606C",
-    },
-    "units": {"time": "ms", "angle": "counts", "velocity": "counts/s", "torque": "permille"},
-    "motor": {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS, "rated_torque": RATED},
-}
-PREAMBLE = ["Recorder 3.1;Axis 1", "", 'Start;"07.05.2024 10:31"']
-
-
-def recorder(separator=";", comma=True, order=(0, 1, 2), preamble=PREAMBLE, decimals=4):
-    """A recorder's file: position at 500 Hz, torque at 250 Hz, velocity at 100 Hz, each with its
-    own time column, cells below the end of the slower ones empty."""
-    to_counts = GEAR * COUNTS / (2 * np.pi)
-    every = [
-        ("Position actual value (0x6064)", ANGLE * to_counts, 1),
-        ("0x6077:00", TORQUE / GEAR / RATED * 1000.0, 2),
-        ("606Ch", SPEED * to_counts, 5),
-    ]
-    names, columns = [], []
-    for k in order:
-        name, values, step = every[k]
-        names += ["Time", name]
-        columns += [1e3 * TIME[::step], values[::step]]
-    lines = [*preamble, separator.join(names), separator.join(["[ms]", "[inc]"] * len(order))]
-    for row in range(len(TIME)):
-        cells = [f"{c[row]:.{decimals}f}" if row < len(c) else "" for c in columns]
-        line = separator.join(cells)
-        lines.append(line.replace(".", ",") if comma else line)
-    return "\r\n".join([*lines, "EOF"]).encode("cp1252")
 
 
 @few
@@ -188,23 +162,6 @@ def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
 # --- UR RTDE --------------------------------------------------------------------------------------
 
 
-def rtde(separator=" ", order=None):
-    """The recorder's columns of two joints, of which only the second moves."""
-    columns = {"timestamp": 12.0 + TIME}
-    for name, values in (
-        ("target_q", 9.0 * ANGLE),
-        ("actual_q", ANGLE),
-        ("actual_qd", SPEED),
-        ("actual_current", 4.0 * TORQUE),
-        ("target_moment", TORQUE),
-    ):
-        columns |= {f"{name}_0": 0.0 * values, f"{name}_1": values}
-    names = order or list(columns)
-    rows = zip(*(columns[name] for name in names), strict=True)
-    lines = [separator.join(map(repr, map(float, row))) for row in rows]
-    return "\n".join([separator.join(names), *lines]).encode()
-
-
 @few
 @given(st.sampled_from(" ,"), st.data())
 def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
@@ -238,46 +195,6 @@ def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, tables, words):
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
-
-ELEMENTS = ["shoulder_pan.pos", "shoulder_lift.pos"]
-LEROBOT = {
-    "columns": {
-        "time": "timestamp",
-        "angle": "observation.state[shoulder_lift.pos]",
-        "torque": "observation.effort[0]",
-        "covariates": {"target": "action[shoulder_lift.pos]"},
-    },
-    "units": {"angle": "deg"},
-}
-PARTS = [slice(0, 150), slice(150, 260), slice(260, 400)]  # episodes
-
-
-def lerobot(folder, fixed=True, names=ELEMENTS, angle=np.degrees(ANGLE)):
-    """A data set of version 3, three episodes in one file; names as of version 2 in a mapping."""
-    (folder / "meta").mkdir()
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    feature = {"dtype": "float32", "shape": [2], "names": names}
-    features = {"observation.state": feature, "action": feature}
-    info = {"codebase_version": "v3.0", "fps": 500, "features": features}
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
-    vector = pa.list_(pa.float32(), 2) if fixed else pa.list_(pa.float32())
-
-    def vectors(values):
-        return pa.array(np.stack([0 * values, values], 1).astype("float32").tolist(), vector)
-
-    local = np.concatenate([TIME[part] - TIME[part][0] for part in PARTS])
-    episode = np.concatenate([np.full(len(TIME[part]), k) for k, part in enumerate(PARTS)])
-    effort = pa.array([[u] for u in TORQUE.tolist()])
-    columns = {
-        "observation.state": vectors(angle),
-        "action": vectors(angle + 1.0),
-        "observation.effort": effort,
-        "timestamp": pa.array(local.astype("float32")),
-        "episode_index": pa.array(episode),
-    }
-    stream = io.BytesIO()
-    pq.write_table(pa.table(columns), stream)
-    (folder / "data" / "chunk-000" / "file-000.parquet").write_bytes(stream.getvalue())
 
 
 @pytest.mark.parametrize(("fixed", "names"), [(True, ELEMENTS), (False, {"motors": ELEMENTS})])

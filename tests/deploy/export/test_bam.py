@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.bam_formula import bam_friction
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
@@ -28,27 +29,6 @@ def published(model, rng):
     return {"model": model, "actuator": "xl330", "moment": MOMENT, **values}
 
 
-def budget(p, u, te, w):
-    """Most that friction can be in BAM: `compute_frictions` of its model.py, written again."""
-    left = np.exp(-(np.abs(w / p["dtheta_stribeck"]) ** p["alpha"])) if "alpha" in p else 0.0
-    if "load_friction_motor" in p:
-        load = np.abs(te * p["load_friction_external"] - u * p["load_friction_motor"])
-        peak = np.abs(
-            te * p["load_friction_external_stribeck"] - u * p["load_friction_motor_stribeck"]
-        )
-    else:
-        load = p.get("load_friction_base", 0.0) * np.abs(te - u)
-        peak = p.get("load_friction_stribeck", 0.0) * np.abs(te - u)
-    quad = 0.0
-    if "load_friction_motor_quad" in p and np.sign(te) != np.sign(u):
-        if abs(te) < abs(u):
-            quad = p["load_friction_external_quad"] * te**2
-        elif abs(te) > abs(u):
-            quad = p["load_friction_motor_quad"] * u**2
-    base = p["friction_base"] + load + left * (p.get("friction_stribeck", 0.0) + peak + quad)
-    return base + p["friction_viscous"] * abs(w)
-
-
 @pytest.mark.parametrize("model", list(MODELS))
 def test_each_model_is_that_of_bam(model, tmp_path):
     rng = np.random.default_rng(3)
@@ -58,7 +38,7 @@ def test_each_model_is_that_of_bam(model, tmp_path):
     q, w, u = 2.0 * rng.standard_normal((3, 10_000, 1))
     own = friction.law.sharpened().torque(friction.theta, Inputs(q, w, u, 0 * u), ())[:, 0]
     p, te = published(model, np.random.default_rng(3)), -MOMENT * np.sin(q)
-    wanted = [np.sign(b) * budget(p, a, c, b) for a, b, c in np.stack([u, w, te], -1)[:, 0]]
+    wanted = [np.sign(b) * bam_friction(p, a, c, b) for a, b, c in np.stack([u, w, te], -1)[:, 0]]
     np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-9)
 
 
