@@ -17,7 +17,7 @@ from .memory import KINDS, loops_of, middle
 from .numbers import MINUS
 from .sections import Model, SummaryData
 
-PASSED, FAILED, NOTED, NOT_EVALUATED = OUTCOMES = ("passed", "failed", "noted", "not_evaluated")
+PASSED, FAILED, NOTED, NOT_EVALUATED = "passed", "failed", "noted", "not_evaluated"
 DRIVES = -0.02  # of the torque's size: what lies above counts as zero
 ASYMMETRIC, FALLING, WEAK = 0.02, 0.05, 0.01  # of the torque's size, above which it is said
 UNBALANCED = 0.1  # of the energy that the motion implies

@@ -16,12 +16,12 @@ from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.search_space import Objective, Space, Tuning
 from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_suite
 from frictionid.comparison.suite_tasks import tasks_of
-from frictionid.comparison.tuning import study_specs, tune
+from frictionid.comparison.tuning import tune
 from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.report.sensitivity import score_table, settings_tables, write_outcome
+from frictionid.report.sensitivity import score_table, settings_tables
 
 OWN = """
 from dataclasses import dataclass, replace
@@ -281,27 +281,6 @@ def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path
 # --- Suites and pages ----------------------------------------------------------------------------
 
 
-def test_the_written_suite_runs_with_the_chosen_settings(place, tmp_path):
-    table, file = suite(place, tuning={"trials": 2, "folds": 2})
-    to_tune = tuning_tasks(table, file, trust=True)
-    assert len(study_specs(to_tune, table.tune)) == 4
-    results = tune(to_tune, table.tune, tmp_path)
-    page = write_outcome(tmp_path, results, table.tune.objective, file)
-    whole = next(f for f in results if f.fold is None)
-    tuned = tmp_path / "tiny.toml"
-    tasks = tasks_in(tuned)
-    made = {task.name: task.identifier for task in tasks}
-    assert made["scaled"].factor == whole.best.settings["factor"] and "none" in made
-    assert tasks[0].benchmark.folds.hash == to_tune[0].benchmark.folds.hash
-    text = page.read_text()
-    best = score_table(results, table.tune.objective).lines[0].cells
-    assert all(cell.text in text for cell in best)
-    (settings,) = settings_tables(results)
-    assert settings.lines[0].cells[0].text == "factor" and "0 to 2" in text
-    assert (tmp_path / "progress.png").stat().st_size > 1000
-    assert len((tmp_path / "trials.csv").read_text().splitlines()) == 1 + 4 * 2
-
-
 MISTAKES = {
     "no search": ({"search": None}, {}, "no identifier has a search table: add one"),
     "unknown setting": ({"search": {"fctor": {"low": 0, "high": 1}}}, {}, "fctor"),
@@ -361,15 +340,27 @@ def test_a_comparison_does_not_read_what_tuning_searches(place):
     assert identifier_of(entry, place, [INTEGRAL], trust=True).identifier == scaled.identifier
 
 
-def test_the_command_writes_page_and_suite(place, run):
-    suite(place)
+def test_the_command_writes_a_page_and_a_suite_that_runs_with_the_chosen_settings(place, run):
+    table, file = suite(place, tuning={"trials": 2, "folds": 2})
     words = ("tune", "suite.toml", "--jobs", 1, "--trust", "--out")
     code, out, _ = run(place, *words, "t")
-    assert code == 0 and "factor" in out and str(place / "t" / "summary.md") in out
-    assert (place / "t" / "tiny.toml").exists() and (place / "t" / "journal.log").exists()
-    again = fid.tune(
-        "suite.toml", out="t", jobs=1, resume=True, trust=True
-    )  # what the command calls
-    assert str(again) in out and len(again.frame) == len(pd.read_csv(place / "t" / "trials.csv"))
+    assert code == 0 and str(place / "t" / "summary.md") in out
+    # what the command calls
+    tuned = fid.tune("suite.toml", out="t", jobs=1, resume=True, trust=True)
+    assert str(tuned) in out and len(tuned.studies) == 4
+    assert len(tuned.frame) == len(pd.read_csv(place / "t" / "trials.csv")) == 4 * 2
+    whole = next(study for study in tuned.studies if study.fold is None)
+    tasks = tasks_in(place / "t" / "tiny.toml")
+    chosen = {task.name: task.identifier for task in tasks}
+    assert chosen["scaled"].factor == whole.best.settings["factor"] and "none" in chosen
+    (first, *_) = tuning_tasks(table, file, trust=True)
+    assert tasks[0].benchmark.folds.hash == first.benchmark.folds.hash
+    text = tuned.page.read_text()
+    best = score_table(tuned.studies, tuned.objective).lines[0].cells
+    assert all(cell.text in text for cell in best)
+    (settings,) = settings_tables(tuned.studies)
+    assert settings.lines[0].cells[0].text == "factor" and "0 to 2" in text
+    for name, size in (("progress.png", 1000), ("journal.log", 100)):
+        assert (place / "t" / name).stat().st_size > size
     code, _, err = run(place, *words, ".")
     assert code == 2 and "holds no tuning but" in err

@@ -73,7 +73,7 @@ REFUSED = {
     "lstm": [
         ({"cells": 0}, "cells"),
         ({"free": True}, "add dissipative = false"),
-        ({"hidden": []}, "hidden"),
+        ({"epochs": 0}, "epochs"),
         ({"rate": 0.0}, "rate"),
         ({"device": "tpu"}, "device"),
     ],
@@ -92,10 +92,7 @@ REFUSED = {
         ({"members": 0}, "members"),
         ({"batch": 0.5}, "batch"),
     ],
-    **dict.fromkeys(
-        ("blackbox_mlp", "blackbox_lstm"),
-        [({"hidden": [0]}, "hidden"), ({"epochs": 0}, "epochs"), ({"width": -1.0}, "width")],
-    ),
+    "blackbox_mlp": [({"width": -1.0}, "width")],
     "sindy": [
         ({"optimizer": "lasso"}, "optimizer.*lasso"),
         ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),

@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-import torch
 from fixtures import learned_laws
 from fixtures.exact_problems import cost, everything, explained_by
 
@@ -68,13 +67,6 @@ def test_beyond_its_reach_the_level_goes_on_nearly_straight():
     steepest = theta[..., 0] / theta[..., 1] * np.log1p(np.exp(theta[..., 2]))
     assert (slope <= steepest[:, None] * (1 + 1e-9)).all()
     assert (np.abs(np.diff(slope, n=1, axis=1)) <= 0.2 * steepest[:, None]).all()
-
-
-def test_numpy_and_torch_agree():
-    law = MLP((5, 4), others=1)
-    theta, w = drawn(law)[:, None], np.random.default_rng(1).normal(0.0, 3.0, (7, 2))
-    torque = law.torque(torch.tensor(theta), at_rest(torch.tensor(w)), ())
-    np.testing.assert_allclose(torque, law.torque(theta, at_rest(w), ()), rtol=1e-12)
 
 
 def test_other_joints_count_when_they_are_asked_for():

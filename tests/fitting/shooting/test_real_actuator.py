@@ -80,23 +80,23 @@ def logs(request, real_data, tmp_path_factory):
     return load_dataset(whole, real_data / "bam_xl330"), load_dataset(folder)
 
 
+SERVO = ("gain", "limit", "supply", "kt", "R", "damping", "target_delay", "backlash", "delay")
+
+
 def test_tables_with_an_actuator_are_the_logs_of_the_reader_bam(logs):
+    """All that fits read: angles, torques, and servos by which torques follow the motion."""
     bam, tables = logs
+    assert tables.mechanism.nominal() == bam.mechanism.nominal()
     assert [r.name for r in tables.recordings] == [r.name for r in bam.recordings]
     for own, other in zip(tables.recordings, bam.recordings, strict=True):
         np.testing.assert_array_equal(own.angle.time, other.angle.time)
         np.testing.assert_allclose(own.angle.value, other.angle.value, atol=1e-15)
         np.testing.assert_allclose(own.torque.value, other.torque.value, atol=1e-12)
-
-
-def test_fits_of_tables_with_an_actuator_give_the_numbers_of_the_reader_bam(logs):
-    settings = {"windows": (0.1,), "iterations": 2}
-    one = [fid.fit(data, "motor_load", method="one_step").frame["value"] for data in logs]
-    np.testing.assert_allclose(one[0], one[1], rtol=1e-6)
-    settings |= {"free": ["friction", "actuator"], "fixed": ["actuator.kt"]}
-    by = [fid.fit(data, "motor_load", method="shooting", **settings) for data in logs]
-    assert list(by[0].frame["parameter"]) == ["coulomb", "viscous", "loss", "R"]
-    np.testing.assert_allclose(by[0].frame["value"], by[1].frame["value"], rtol=1e-6)
+        for name in ("goal", "enabled"):
+            a, b = (getattr(r.servo, name) for r in (own, other))
+            np.testing.assert_allclose(a.value, b.value, atol=1e-15)
+        for name in SERVO:
+            assert getattr(own.servo, name) == pytest.approx(getattr(other.servo, name))
 
 
 def test_check_says_of_tables_with_an_actuator_what_it_says_of_the_reader_bam(logs):
