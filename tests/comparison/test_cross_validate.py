@@ -56,21 +56,6 @@ def test_a_fold_does_not_depend_on_the_recordings_that_it_holds_out(recipe):
         assert not np.array_equal(before.overall.theta, other.overall.theta)
 
 
-def test_a_fold_does_not_depend_on_the_block_that_it_holds_out():
-    split = Split(count=4, kind="blocks", gap=0.25)
-    whole = benchmark(split=split)
-    before = run(whole, FIT, STUDY)
-    # the second block begins within recording 2 and ends within recording 5
-    labels = whole.folds.labels
-    held = [i for i, label in enumerate(labels) if (label == 1).all()]
-    parts = list(recordings())
-    for i in held:
-        parts[i] = disturbed(parts[i], 0.0)
-    other = run(benchmark(dataset(recordings=tuple(parts)), split), FIT, STUDY)
-    same = [np.array_equal(before.friction.theta[f], other.friction.theta[f]) for f in range(4)]
-    assert held and same == [False, True, False, False]
-
-
 # --- The same however it is run ------------------------------------------------------------------
 
 OWN = """

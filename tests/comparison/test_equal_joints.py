@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import half_widths
+from fixtures.exact_problems import everything, half_widths
 
 import frictionid as fid
 from frictionid.arrays import times
@@ -63,7 +63,7 @@ def test_the_fit_is_the_least_squares_one_among_equal_joints(identifier):
     """Joints that are not equal: no other common parameters leave less."""
     problem = problem_of(Stribeck(), [[0.1, 0.04, 1.5, 0.02], [0.06, 0.03, 2.0, 0.01]], 1e-3)
     identifier = replace(identifier, robust=None) if hasattr(identifier, "robust") else identifier
-    found = identifier.fit(problem, np.ones((1, len(problem.r))), 0)
+    found = identifier.fit(problem, everything(problem), 0)
 
     def cost(theta):
         return float(
@@ -90,7 +90,7 @@ def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
     law, squares = CoulombViscous(), []
     for seed in range(20):
         problem = problem_of(law, [[0.1, 0.02]] * 2, 1e-3, twins=True, seed=seed)
-        weights = np.ones((1, len(problem.r)))
+        weights = everything(problem)
         tied, apart = (
             half_widths(Linear(law, equal=e).fit(problem, weights, 0)[0], problem, weights[0])
             for e in (EQUAL, ())
@@ -102,7 +102,7 @@ def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
 
 def test_equal_joints_count_their_parameters_once():
     problem = problem_of(CoulombViscous(), [[0.1, 0.02]] * 2, 1e-3)
-    weights = np.ones((1, len(problem.r)))
+    weights = everything(problem)
     for equal, count in (((), 4.0), (EQUAL, 2.0)):
         fit = Linear(CoulombViscous(), equal=equal).fit(problem, weights, 0)[0]
         assert effective_parameters(fit, problem, weights[0]) == pytest.approx(count)
@@ -111,7 +111,7 @@ def test_equal_joints_count_their_parameters_once():
 def test_a_prior_as_wide_as_the_data_takes_half_of_its_parameter():
     """Two routes: standard errors between stretches, and the trace of the hat matrix."""
     problem, law = synthetic_problem(1, 1e-3), CoulombViscous()
-    weights = np.ones((1, len(problem.r)))
+    weights = everything(problem)
     plain = Linear(law).fit(problem, weights, 0)[0]
     covariance, _ = covariance_of_fit(plain, problem, weights[0])
     for i, name in enumerate(law.names):
@@ -124,7 +124,7 @@ def p_values(second, seed):
     """P-values of the test of twins whose second joint has another friction."""
     law = CoulombViscous()
     problem = problem_of(law, [[0.1, 0.02], second], 1e-3, twins=True, seed=seed)
-    weights = np.ones((1, len(problem.r)))
+    weights = everything(problem)
     fit = one_step_fit(Linear(law).fit(problem, weights, 0), problem, weights[0])
     return differences(fit, EQUAL)
 

@@ -81,15 +81,6 @@ def test_windows_are_whole_and_share_their_ends(peers):
     assert task.time[-1] == pytest.approx(time)
 
 
-def test_a_task_comes_back_from_its_file(peers, tmp_path):
-    from exchange import load, save
-
-    task = task_of_two(peers)
-    save(task, tmp_path / "task.npz")
-    for mine, read in zip(task, load(tmp_path / "task.npz"), strict=True):
-        np.testing.assert_array_equal(mine, read)
-
-
 def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers):
     """Each in its own process; what is left is the peer's step, and that starts are smoothed."""
     need_toolbox()

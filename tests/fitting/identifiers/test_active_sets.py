@@ -24,10 +24,6 @@ COULOMB = np.array([[0.10, 0.02], [0.05, 0.01]])
 STRIBECK = np.array([[0.10, 0.05, 0.9, 0.02], [0.05, 0.04, 3.2, 0.01]])  # between the grid's ws
 
 
-def noisy(law, theta):
-    return explained_by(law, theta, 1e-3, np.random.default_rng(0))
-
-
 def gram_matrices(problem):
     """Gram matrices of one fold as SINDy sees them, and its constraints."""
     fold = next(SINDy()._folds(problem, everything(problem)))
@@ -35,7 +31,7 @@ def gram_matrices(problem):
 
 
 def test_the_search_finds_the_best_of_all_sets_of_a_joint():
-    problem = noisy(Stribeck(), STRIBECK)
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     G, constraints = gram_matrices(problem)
     T, fixed = G.sum(0), [16, 19]
     sets = best_sets_of_joint(T, constraints, fixed, 0, [])
@@ -53,7 +49,7 @@ def test_the_search_finds_the_best_of_all_sets_of_a_joint():
 
 
 def test_where_sets_are_too_many_they_are_extended_and_exchanged(monkeypatch):
-    problem = noisy(Stribeck(), STRIBECK)
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     G, constraints = gram_matrices(problem)
     every = {len(f.columns): f for f in best_sets_of_joint(G.sum(0), constraints, [16, 19], 0, [])}
     monkeypatch.setattr(active_sets, "_LIMIT", 20)
@@ -64,7 +60,7 @@ def test_where_sets_are_too_many_they_are_extended_and_exchanged(monkeypatch):
 
 
 def test_held_out_costs_are_those_of_fits_to_the_other_clusters():
-    problem = noisy(CoulombViscous(), COULOMB)
+    problem = explained_by(CoulombViscous(), COULOMB, 1e-3)
     G, _ = gram_matrices(problem)
     A = columns(LAW, problem)
     label, S = clusters(problem), [0, 3]
@@ -99,7 +95,7 @@ def test_active_sets_have_one_of_a_family_and_nothing_that_drives():
 
 def test_pysindy_gets_all_that_the_rows_say():
     """Its optimiser on the factor of the Gram matrix finds what it finds on all rows."""
-    problem = noisy(Stribeck(), STRIBECK)
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     A = columns(Library(velocities=(1.0, 3.0)), problem).reshape(-1, 15)
     A = A / np.linalg.norm(A, axis=0)
     values, vectors = np.linalg.eigh(A.T @ A)
@@ -109,7 +105,7 @@ def test_pysindy_gets_all_that_the_rows_say():
 
 
 def test_peaks_that_the_motion_does_not_show_are_no_candidates():
-    problem = noisy(CoulombViscous(), COULOMB)
+    problem = explained_by(CoulombViscous(), COULOMB, 1e-3)
     _, constraints = gram_matrices(problem)
     usable = dict(zip(LAW.names, constraints.usable[:16], strict=True))
     assert usable["peak_3.4"] and not usable["peak_11"]

@@ -87,7 +87,7 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
 
 def test_laws_without_a_gradient_are_scipys_least_squares():
     theta = [[0.1, 0.02, 1.4], [0.05, 0.01, 2.2]]
-    problem = explained_by(Drag(), theta, 1e-3, np.random.default_rng(0))
+    problem = explained_by(Drag(), theta, 1e-3)
     weights = synthetic_weights(problem)
     for f, found in enumerate(fit(Drag(), problem, weights).theta):
         np.testing.assert_allclose(
@@ -180,7 +180,7 @@ def test_a_law_that_is_not_finite_at_its_start_or_at_the_best_fit_is_an_error(st
 @pytest.mark.parametrize("size", [1e-9, 1e9])
 def test_units_do_not_matter(size):
     """Torques a thousand million times larger or smaller give levels that are as much."""
-    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(3))
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3, 3)
     weights = everything(problem)
     scaled = replace(problem, G=problem.G / size)
     usual, other = (fit(Stribeck(), p, weights).theta[0] for p in (problem, scaled))
@@ -188,7 +188,7 @@ def test_units_do_not_matter(size):
 
 
 def test_fewer_iterations_give_a_worse_fit_and_more_never_do():
-    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(4))
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3, 4)
     weights = everything(problem)
     costs = [
         cost(problem, weights, fit(Stribeck(), problem, weights, iterations=i))[0]

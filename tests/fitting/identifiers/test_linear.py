@@ -27,7 +27,7 @@ def drawn(law):
 
 @pytest.mark.parametrize("law", LAWS_, ids=["spline", "hats", "sided", "table"])
 def test_it_is_least_squares_by_another_route(law):
-    problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, rng(1))
+    problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, 1)
     weights = synthetic_weights(problem)
     ours = Linear(law).fit(problem, weights, 0)
     theirs = LeastSquares(law, robust=None).fit(problem, weights, 0)
@@ -37,15 +37,11 @@ def test_it_is_least_squares_by_another_route(law):
     np.testing.assert_allclose(ours.theta, theirs.theta, atol=1e-6)
 
 
-def rng(seed):
-    return np.random.default_rng(seed)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_levels_are_not_negative_and_at_zero_the_gradient_points_outwards(seed):
     law = Spline(KNOTS)
-    theta = drawn(law) - 0.3 * rng(seed).uniform(size=(2, len(law.names)))
-    problem = explained_by(law, np.abs(theta) * [-1, *[1] * (len(law.names) - 1)], 1e-3, rng(seed))
+    theta = drawn(law) - 0.3 * np.random.default_rng(seed).uniform(size=(2, len(law.names)))
+    problem = explained_by(law, np.abs(theta) * [-1, *[1] * (len(law.names) - 1)], 1e-3, seed)
     weights = everything(problem)
     found = Linear(law).fit(problem, weights, 0)
     assert (found.theta[..., 0] >= 0).all()

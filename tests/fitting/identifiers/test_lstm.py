@@ -170,7 +170,7 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
 )
 def test_memory_finds_what_a_static_law_cannot(learner):
     theta = np.array([[0.05, 0.12, 1.5, 0.01, 0.1]])
-    problem = explained_by(FilmLag(), theta, 5e-4, np.random.default_rng(0))
+    problem = explained_by(FilmLag(), theta, 5e-4)
     weights = everything(problem)
     static = LeastSquares(Stribeck()).fit(problem, weights, 0)
     found = learner.fit(problem, weights, 0)

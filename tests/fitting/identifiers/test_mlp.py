@@ -83,7 +83,7 @@ def test_other_joints_count_when_they_are_asked_for():
 
 
 def test_it_finds_a_curve_that_is_none_of_its_own():
-    problem = explained_by(Stribeck(symmetric=False), TRUTH, 5e-4, np.random.default_rng(1))
+    problem = explained_by(Stribeck(symmetric=False), TRUTH, 5e-4, 1)
     found = CompressedNetwork(MLP()).fit(problem, everything(problem), 0)
     fast = np.quantile(np.abs(problem.nodes.inputs.w), 0.95)
     w = np.linspace(-fast, fast, 401)

@@ -83,7 +83,7 @@ def test_the_curve_holds_beyond_the_data_and_friction_does_not_drive():
 
 
 def test_the_seed_goes_to_the_estimator():
-    problem = explained_by(Stribeck(), TRUTH, 1e-3, np.random.default_rng(0))
+    problem = explained_by(Stribeck(), TRUTH, 1e-3)
     forest = estimator_named("random_forest", {"n_estimators": 5})
     one, same, other = (fit(problem, forest, seed=seed).theta for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
@@ -92,7 +92,7 @@ def test_the_seed_goes_to_the_estimator():
 
 
 def test_fewer_bins_are_means_of_more_rows():
-    problem = explained_by(Stribeck(), TRUTH, 2e-3, np.random.default_rng(0))
+    problem = explained_by(Stribeck(), TRUTH, 2e-3)
     flat = fit(problem, DummyRegressor(), bins=3).theta
     np.testing.assert_allclose(flat, fit(problem, DummyRegressor(), bins=80).theta, atol=1e-9)
     assert not np.array_equal(fit(problem, bins=10).theta, fit(problem, bins=80).theta)

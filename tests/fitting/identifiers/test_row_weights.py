@@ -21,7 +21,7 @@ def fit(law, problem, weights, **settings):
 
 
 def test_rows_that_count_twice_are_rows_that_stand_there_twice():
-    problem = explained_by(Stribeck(), STRIBECK, 1e-3, np.random.default_rng(1))
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3, 1)
     rows = np.concatenate([np.arange(120), np.arange(40)])
     fields = ("r", "G", "stencil", "recording", "time", "dt")
     doubled = replace(problem, **{name: getattr(problem, name)[rows] for name in fields})
@@ -41,7 +41,7 @@ def test_the_size_of_weights_does_not_matter(size):
 
 
 def test_one_row_that_weighs_enormously_is_met_exactly():
-    problem = explained_by(CoulombViscous(), STRIBECK[:, [0, 3]], 1e-2, np.random.default_rng(2))
+    problem = explained_by(CoulombViscous(), STRIBECK[:, [0, 3]], 1e-2, 2)
     weights = everything(problem)
     weights[0, 17] = 1e16
     found = fit(CoulombViscous(), problem, weights)

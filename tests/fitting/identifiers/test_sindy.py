@@ -43,11 +43,6 @@ def terms(friction):
     return [[names[i] for i in np.flatnonzero(row)] for row in friction.theta]
 
 
-def made_of(law, theta, noise=0.0, seed=0):
-    rng = np.random.default_rng(seed)
-    return explained_by(law, theta, noise, rng)
-
-
 def theta_of(law, *joints):
     """Coefficients (n, P) from names and values."""
     return np.array([[joint.get(name, 0.0) for name in law.names] for joint in joints])
@@ -61,7 +56,7 @@ def theta_of(law, *joints):
 def test_ten_seeds_give_levels_viscous_friction_the_nearest_peak_and_nothing_else(
     law, theta, peaks
 ):
-    found = [terms(fit(made_of(law, theta, 1e-3, seed))[0]) for seed in range(10)]
+    found = [terms(fit(explained_by(law, theta, 1e-3, seed))[0]) for seed in range(10)]
     assert found.count([["sign", "viscous", *peak] for peak in peaks]) >= 9
 
 
@@ -70,7 +65,7 @@ def test_truth_in_truth_out(optimizer):
     truth = theta_of(
         LAW, {"sign": 0.1, "cubic": 1e-4}, {"sign": 0.05, "drag": 1e-3, "peak_3.4": 0.03}
     )
-    found = fit(made_of(LAW, truth), optimizer=optimizer)
+    found = fit(explained_by(LAW, truth), optimizer=optimizer)
     np.testing.assert_allclose(found.theta[0], truth, rtol=1e-6, atol=1e-9)
 
 
@@ -81,7 +76,7 @@ def test_candidates_on_request_are_found_where_they_are_true():
         {"sign": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_sign": 0.02},
         {"sign": 0.05, "peak_3": 0.03, "other": 0.004},
     )
-    found = fit(made_of(law, truth, 1e-5), library=law)
+    found = fit(explained_by(law, truth, 1e-5), library=law)
     assert terms(found[0]) == terms(Friction(law, truth))
     np.testing.assert_allclose(found.theta[0], truth, atol=1e-3)
 
@@ -121,7 +116,7 @@ def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
 
 
 def test_on_its_active_set_it_is_least_squares():
-    problem = made_of(Stribeck(), STRIBECK, 1e-3)
+    problem = explained_by(Stribeck(), STRIBECK, 1e-3)
     weights = synthetic_weights(problem)
     found = fit(problem, weights)
     rng = np.random.default_rng(3)
@@ -142,7 +137,7 @@ def test_columns_are_those_of_pysindys_libraries():
 
 
 def test_ensembles_say_how_often_a_term_is_there():
-    problem = made_of(CoulombViscous(), COULOMB, 1e-3)
+    problem = explained_by(CoulombViscous(), COULOMB, 1e-3)
     sindy = SINDy(Library(velocities=(1.0, 3.0), widths=()), ensemble=12)
     given = problem, everything(problem), 0
     share, found = sindy.inclusion(*given, draws=12)[0], sindy.fit(*given)
@@ -203,7 +198,7 @@ def test_fit_prints_and_keeps_its_equation(tmp_path, run):
 
 
 def test_it_writes_its_equation_with_units_and_intervals():
-    problem = made_of(CoulombViscous(), COULOMB, 1e-3)
+    problem = explained_by(CoulombViscous(), COULOMB, 1e-3)
     found = fit(problem)
     own = one_step_fit(found, problem, everything(problem)[0])
     lines = with_notes(own).provenance.equation
@@ -222,7 +217,7 @@ def test_it_writes_its_equation_with_units_and_intervals():
 def test_intervals_hold_the_truth_about_as_often_as_they_say():
     inside = []
     for seed in range(40):
-        problem = made_of(CoulombViscous(), COULOMB, 1e-3, seed)
+        problem = explained_by(CoulombViscous(), COULOMB, 1e-3, seed)
         found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)[0]
         half = half_widths(found, problem, everything(problem)[0])
         inside.append(np.abs(found.theta - COULOMB) < half)

@@ -90,7 +90,7 @@ def test_coulomb_viscous_in_stribeck_in_asymmetric_each_costs_no_more_than_the_l
     for seed in range(6):
         theta = TRUTH[ASYMMETRIC] * rng.uniform(0.0, 2.0, (2, 6))
         theta[:, 4] = rng.uniform(0.4, 15.0, 2)
-        problem = explained_by(ASYMMETRIC, theta, 2e-3, np.random.default_rng(seed))
+        problem = explained_by(ASYMMETRIC, theta, 2e-3, seed)
         weights = synthetic_weights(problem)
         laws = CoulombViscous(), SYMMETRIC, ASYMMETRIC
         costs = [cost(problem, weights, fit(law, problem, weights)) for law in laws]

@@ -21,7 +21,6 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
 
 LATE = 0.012  # [s]
-HEAVIER = 1.2  # nominal mass over the true one
 FIT = LeastSquares(CoulombViscous())
 SHORT = Settings(windows=(0.2,), iterations=6, significance=1.0)
 FRICTION = (FrictionBlock(),)
@@ -31,9 +30,7 @@ BASE = (tiny.INERTIA, tiny.GRAVITY)
 
 def data(first, last):
     """Some of the pendulums, whose torque is late and whose nominal mass is wrong."""
-    nominal = {**tiny.PENDULUM["parameters"], "mass": HEAVIER * 0.2}
-    table = {**tiny.PENDULUM, "parameters": nominal}
-    return tiny.dataset(recordings=tiny.late(LATE)[first:last], mechanism=table)
+    return tiny.dataset(recordings=tiny.late(LATE)[first:last], mechanism=tiny.heavier(1.2))
 
 
 @cache

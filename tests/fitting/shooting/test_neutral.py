@@ -37,7 +37,7 @@ def test_what_stays_at_its_neutral_value_is_said_in_its_unit(unit, value):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
-    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, seed)
     speeds = np.abs(problem.nodes.inputs.w[problem.stencil])
     rows = (speeds > FAST).all(axis=(1, 2))[None] * 1.0
     plain, rich = (fitted(law, problem, rows) for law in (CoulombViscous(), Stribeck()))
@@ -50,7 +50,7 @@ def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
 @pytest.mark.parametrize("seed", range(2))
 def test_what_one_way_fast_shows_of_a_rich_law_is_the_law_without_the_rest(seed):
     """Even where the peak has taken the level's place, which the other direction followed then."""
-    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(seed))
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, seed)
     rows = (problem.nodes.inputs.w[problem.stencil] > FAST).all(axis=(1, 2))[None] * 1.0
     plain, rich = (
         fitted(law, problem, rows) for law in (CoulombViscous(), Stribeck(symmetric=False))
@@ -62,13 +62,13 @@ def test_what_one_way_fast_shows_of_a_rich_law_is_the_law_without_the_rest(seed)
 
 def test_what_the_rows_tell_is_the_plain_minimum():
     truth = [[0.1, 0.04, 1.5, 0.02]]
-    problem = explained_by(Stribeck(), truth, 1e-3, np.random.default_rng(1))
+    problem = explained_by(Stribeck(), truth, 1e-3, 1)
     both = [fitted(Stribeck(), problem, everything(problem), neutral=n) for n in (True, False)]
     np.testing.assert_array_equal(both[0].theta, both[1].theta)
 
 
 def test_a_prior_stands_in_place_of_the_neutral_value():
-    problem = explained_by(CoulombViscous(), LINE, 2e-3, np.random.default_rng(2))
+    problem = explained_by(CoulombViscous(), LINE, 2e-3, 2)
     rows = everything(problem)
     held = fitted(Quadratic(), problem, rows, prior={"drag": (0.004, 1e-9)})
     assert held.theta[0, 2] == pytest.approx(0.004, rel=1e-3)
@@ -77,7 +77,7 @@ def test_a_prior_stands_in_place_of_the_neutral_value():
 @pytest.mark.parametrize("lasting", [6, 12])
 def test_a_prior_of_one_step_weighs_what_it_says_beside_the_scatter_of_stretches(lasting):
     """Errors that last as long as some rows: mean by the precisions of both, two routes."""
-    problem = explained_by(CoulombViscous(), LINE, 0.0, np.random.default_rng(3))
+    problem = explained_by(CoulombViscous(), LINE, 0.0, 3)
     count = -(-len(problem.r) // lasting)
     noise = np.random.default_rng(4).normal(size=(count, 1)).repeat(lasting, axis=0)
     problem = replace(problem, r=problem.r + 0.01 * noise[: len(problem.r)])
@@ -177,7 +177,7 @@ def test_a_prior_weighs_the_same_however_often_a_sample_is_counted():
 
 def test_a_tolerance_draws_a_wrong_mass_towards_what_was_stated():
     """Nominal masses 3 % off, stated as 5 %: the data correct them; stated as .01 % they stay."""
-    wrong = {"kind": "pendulum", "parameters": {"mass": 0.206, "length": 0.2}}
+    wrong = tiny.heavier(1.03)
     start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
     found = {}
     for tolerance in (5.0, 0.01):

@@ -6,12 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures import tiny_pendulums as tiny
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.result_folders import leave_blank
 
 from frictionid.comparison.cross_validate import Benchmark, run
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of, recipes_of
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
@@ -160,29 +159,18 @@ def test_a_recipe_says_what_is_free_fixed_and_known_beforehand():
     assert made.settings.windows == (0.1, 0.2) and made.settings.iterations == 7
 
 
-def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite(tmp_path):
-    write_dataset(dataset(), tmp_path / "data")
-    slow = (
-        '[[recipes]]\nname = "slow"\nscheme = "integral"\n'
-        'velocity_threshold = 0.01\nstates = {kind = "rts"}\n'
-    )
-    text = SUITE.replace("windows", 'start = "slow"\nstart_velocity = 0.5\nwindows')
-    text = text.replace("[[recipes]]", slow + "[[recipes]]", 1)
-    file = tmp_path / "s.toml"
-    file.write_text(text)
-    recipes = {t.recipe.name: t.recipe for t in tiny.tasks_in(file)}
-    assert recipes["ours"].start == recipes["slow"] and recipes["slow"].velocity_threshold == 0.01
-    assert recipes["ours"].settings.start_velocity == 0.5
-    file.write_text(text.replace('start = "slow"', 'start = "slo"'))
+def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite():
+    own = {"scheme": "integral", "velocity_threshold": 0.01, "states": {"kind": "rts"}}
+    slow = RecipeEntry(name="slow", **own)
+    ours = {"name": "ours", "by": "shooting", "start_velocity": 0.5}
+    first, second = recipes_of([slow, RecipeEntry(**ours, start="slow")])
+    assert second.start == first and first.velocity_threshold == 0.01
+    assert second.settings.start_velocity == 0.5
     with pytest.raises(InputError, match="recipe 'slo' is unknown; did you mean 'slow'"):
-        tiny.tasks_in(file)
+        recipes_of([slow, RecipeEntry(**ours, start="slo")])
 
 
-def test_unknown_parameters_to_fix_are_named(tmp_path):
-    write_dataset(dataset(), tmp_path / "data")
-    text = SUITE.replace("windows", 'fixed = ["friction.viscos"]\nwindows')
-    (tmp_path / "s.toml").write_text(text)
-    tasks = tiny.tasks_in(tmp_path / "s.toml")
-    own = next(t for t in tasks if t.name == "coulomb_viscous" and t.recipe.name == "ours")
+def test_unknown_parameters_to_fix_are_named():
+    recipe = recipe_of(RecipeEntry(name="ours", by="shooting", fixed=["friction.viscos"]))
     with pytest.raises(InputError, match="has no parameter 'viscos' to fix"):
-        run(own.benchmark, own.identifier, own.recipe)
+        run(benchmark(), LeastSquares(CoulombViscous()), recipe)
