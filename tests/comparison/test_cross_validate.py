@@ -15,6 +15,7 @@ from fixtures.tiny_pendulums import (
     tasks_in,
     write_suite,
 )
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.registry import LAWS
@@ -101,7 +102,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     )
     assert first["model"]["law"]["kind"] == "Rubs"
     thetas = [np.array(document["folds"]["theta"]) for document in (first, second)]
-    np.testing.assert_allclose(thetas[1], 1.01 * thetas[0])
+    assert_allclose(thetas[1], 1.01 * thetas[0])
 
 
 def test_fixed_friction_is_scored_once_and_written_for_each_recipe_and_seed(tmp_path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, half_widths
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.arrays import times
@@ -55,7 +56,7 @@ def test_truth_in_truth_out(identifier, true):
     problem = problem_of(identifier.law, [true[: len(identifier.law.names)]] * 2)
     found = identifier.fit(problem, np.ones((2, len(problem.r))), 0).theta
     assert (found[:, 0] == found[:, 1]).all()
-    np.testing.assert_allclose(found[:, 0], [true[: len(identifier.law.names)]] * 2, rtol=1e-6)
+    assert_allclose(found[:, 0], [true[: len(identifier.law.names)]] * 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("identifier", [LAWS["linear"][0], LAWS["by steps"][0]], ids=str)
@@ -97,7 +98,7 @@ def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
         )
         squares.append([(tied**2).mean(axis=0), (apart**2).mean(axis=0)])
     tied, apart = np.sqrt(np.mean(squares, axis=0))
-    np.testing.assert_allclose(tied / apart, np.sqrt(0.5), rtol=0.1)
+    assert_allclose(tied / apart, np.sqrt(0.5), rtol=0.1)
 
 
 def test_equal_joints_count_their_parameters_once():
@@ -165,7 +166,7 @@ def test_shooting_finds_the_common_friction_with_narrower_intervals(equal_data):
     apart = fid.fit(equal_data, law, **shot)
     theta = tied.friction.theta
     assert (theta[0] == theta[1]).all()
-    np.testing.assert_allclose(theta[0], [0.08, 0.01], rtol=0.01)
+    assert_allclose(theta[0], [0.08, 0.01], rtol=0.01)
     one, other = (
         f.frame.sort_values(["joint", "parameter"], ignore_index=True)[["low_95", "high_95"]]
         for f in (tied, apart)
@@ -215,13 +216,13 @@ def test_derivatives_by_common_parameters_are_sums_of_each_joints(equal_data, se
         by.append(lines.by[rows])
         values = values_of(estimate, problem.blocks)
         moved = with_values(estimate, problem.blocks, 1.1 * values).friction.theta
-        np.testing.assert_allclose(moved, 1.1 * theta)
+        assert_allclose(moved, 1.1 * theta)
     tied, apart = by
     P = len(law.names)
     assert tied.shape[-1] == P + 3
     both = apart[..., :P] + apart[..., P : 2 * P]
-    np.testing.assert_allclose(tied[..., :P], both, atol=1e-12 * np.abs(both).max())
-    np.testing.assert_allclose(tied[..., P:], apart[..., 2 * P :], rtol=1e-12)
+    assert_allclose(tied[..., :P], both, atol=1e-12 * np.abs(both).max())
+    assert_allclose(tied[..., P:], apart[..., 2 * P :], rtol=1e-12)
 
 
 def test_the_command_names_joints_that_are_not_equal(tmp_path, run):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.tiny_pendulums import TRUTH, dataset, recordings, write_dataset
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
@@ -35,7 +36,7 @@ def test_it_is_the_friction_that_a_comparison_fits_to_all_data(recipe):
     folds = make_folds(DATA.recordings, Split(count=2))
     compared = run(Benchmark(DATA, folds, Protocol((0.3,))), FIT, recipe).overall
     friction = fit_model(DATA, FIT, recipe)
-    np.testing.assert_allclose(friction.theta, compared.theta, rtol=1e-9)
+    assert_allclose(friction.theta, compared.theta, rtol=1e-9)
     if recipe.needs_intervals:
         delay = compared.calibration.delay
         assert friction.calibration.delay == pytest.approx(delay, rel=1e-9) and delay != 0.0
@@ -83,7 +84,7 @@ def test_signals_and_files_that_state_no_hold_give_the_same_fit(recipe, tmp_path
     files, signals = (
         fit_model(replace(read, recordings=each), FIT, recipe) for each in (some, own)
     )
-    np.testing.assert_array_equal(files.theta, signals.theta)
+    assert_array_equal(files.theta, signals.theta)
     between = (replace(r, torque=r.torque._replace(hold="linear")) for r in own)
     other = fit_model(replace(read, recordings=tuple(between)), FIT, recipe)
     assert not np.allclose(files.theta, other.theta, rtol=1e-6)

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.check import check
@@ -106,9 +107,9 @@ def test_scales_follow_the_unit_of_length_and_of_time():
     first = slide(1.0, 1.0).scales
     for travel, times in SCALES:
         other = slide(travel, times).scales
-        np.testing.assert_allclose(other.size, travel * first.size)
-        np.testing.assert_allclose(other.fast, travel / times * first.fast)
-        np.testing.assert_allclose(other.slow, 0.02 * other.fast)
+        assert_allclose(other.size, travel * first.size)
+        assert_allclose(other.fast, travel / times * first.fast)
+        assert_allclose(other.slow, 0.02 * other.fast)
 
 
 def test_a_joint_that_turns_has_the_usual_scales_unless_it_moves_little():

@@ -3,9 +3,9 @@
 import inspect
 import json
 
-import numpy as np
 import pytest
 import sympy as sp
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.kind_descriptions import described, identifiers, laws, mechanisms
 from frictionid.comparison.registry import IDENTIFIERS, LAWS
@@ -64,9 +64,7 @@ def test_base_parameters_are_what_the_mechanism_makes_of_its_defaults():
             sp.sympify(b.meaning).subs({sp.Symbol(k): v for k, v in values.items()})
             for b in kind.base
         ]
-        np.testing.assert_allclose(
-            list(map(float, base)), mechanism.base(mechanism.defaults), rtol=1e-4
-        )
+        assert_allclose(list(map(float, base)), mechanism.base(mechanism.defaults), rtol=1e-4)
         required = {p.name for p in mechanism.parameters if p.required}
         assert {p.name for p in kind.parameters if not p.default} == required
 

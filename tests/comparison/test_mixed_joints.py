@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
+from numpy.testing import assert_allclose
 
 from frictionid.check import check
 from frictionid.check.conventions import hypotheses
@@ -69,8 +70,8 @@ def test_a_fit_is_the_same_whatever_the_unit_of_the_track():
     sizes = data.scales.size
     moving = (fitted.G != 0).all(axis=(1, 2))
     assert moving.mean() > 0.5
-    np.testing.assert_allclose(fitted.r[moving], given.r[moving] / sizes)
-    np.testing.assert_allclose(fitted.G[moving], given.G[moving] / sizes[:, None])
+    assert_allclose(fitted.r[moving], given.r[moving] / sizes)
+    assert_allclose(fitted.G[moving], given.G[moving] / sizes[:, None])
 
 
 def test_models_of_both_kinds_of_joints_are_saved_and_read(tmp_path):
@@ -109,8 +110,8 @@ def test_check_finds_nothing_wrong_and_names_units_that_are():
 
 def test_wrong_units_are_asked_for_each_kind_of_joint():
     by_kind = {c.kind: c.angle for c in hypotheses(2, (True, False), ("m", "rad"))}
-    np.testing.assert_allclose(by_kind["degrees"], np.diag([1.0, np.pi / 180]))
-    np.testing.assert_allclose(by_kind["millimetres"], np.diag([1e-3, 1.0]))
+    assert_allclose(by_kind["degrees"], np.diag([1.0, np.pi / 180]))
+    assert_allclose(by_kind["millimetres"], np.diag([1e-3, 1.0]))
     assert not {"absolute_angle", "swapped_angles"} & set(by_kind)  # metres are no radians
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 from fixtures.random_machines import physical, states
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.mechanics import acrobot
 from frictionid.simulate import load_rig, noise_free, simulate
@@ -48,9 +49,9 @@ def test_the_mjcf_is_the_same_machine(peers):
         M, h = mechanism.dynamics(mechanism.base(v), q, w)
         mass = np.zeros((2, 2))
         mujoco.mj_fullM(model, data, mass)
-        np.testing.assert_allclose(mass, M, rtol=1e-10)
-        np.testing.assert_allclose(-data.qfrc_bias, h, rtol=1e-10, atol=1e-10)
-        np.testing.assert_array_equal(data.qfrc_actuator, [0.0, 0.3])
+        assert_allclose(mass, M, rtol=1e-10)
+        assert_allclose(-data.qfrc_bias, h, rtol=1e-10, atol=1e-10)
+        assert_array_equal(data.qfrc_actuator, [0.0, 0.3])
 
 
 def test_a_rotor_is_refused(peers):
@@ -74,9 +75,9 @@ def test_windows_are_whole_and_share_their_ends(peers):
     windows = task.windows(task.angle)
     assert windows.shape == (task.count, peers.LENGTH + 1, 2) == (6, 21, 2)
     recorded = dataset.recordings[1].angle.value
-    np.testing.assert_array_equal(windows[4], recorded[20:41])
-    np.testing.assert_array_equal(windows[4, -1], windows[5, 0])
-    np.testing.assert_allclose(task.start.reshape(-1, 4)[:, :2], windows[:, 0], atol=2e-3)
+    assert_array_equal(windows[4], recorded[20:41])
+    assert_array_equal(windows[4, -1], windows[5, 0])
+    assert_allclose(task.start.reshape(-1, 4)[:, :2], windows[:, 0], atol=2e-3)
     time = task.start.shape[1] * peers.LENGTH / 60.0
     assert task.time[-1] == pytest.approx(time)
 
@@ -92,7 +93,7 @@ def test_the_methods_of_the_peer_agree_and_come_near_the_truth(peers):
         assert wall > 0.0 and cpu > 0.0
         assert np.all(peers.error_of(theta, "coulomb_viscous", dataset) < 0.05)
         found[way] = theta
-    np.testing.assert_allclose(found["batched"], found["documented"], rtol=1e-3, atol=1e-5)
+    assert_allclose(found["batched"], found["documented"], rtol=1e-3, atol=1e-5)
 
 
 def test_ours_comes_nearer(peers, tmp_path):
@@ -128,7 +129,7 @@ def test_ratios_are_those_of_the_worst_seed(peers):
     ours = [run(peers, (0.1, 0.2), 1.0), run(peers, (0.1, 0.1), 2.0)]
     theirs = [run(peers, (1.0, 1.0), 20.0), run(peers, (2.0, 0.2), 20.0)]
     errors, faster = peers.ratios(ours, theirs)
-    np.testing.assert_allclose(errors, [0.1, 0.5])
+    assert_allclose(errors, [0.1, 0.5])
     assert faster == 10.0
 
 

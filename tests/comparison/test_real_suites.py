@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from fixtures.paths import ROOT
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -118,7 +119,7 @@ def test_friction_is_near_that_of_the_published_fit(compared):
     _, _, results = compared
     ours, theirs = (np.asarray(results[k][1].overall.theta) for k in ("coulomb_viscous", "figaroh"))
     large = theirs > 0.5  # not those of joint 6, whose friction is that of its motor
-    np.testing.assert_allclose(ours[large], theirs[large], rtol=0.2)
+    assert_allclose(ours[large], theirs[large], rtol=0.2)
 
 
 @pytest.mark.parametrize("name", ARMS)

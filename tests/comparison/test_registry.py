@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS, LAWS
 from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT
@@ -70,7 +71,7 @@ def test_every_law_satisfies_the_protocol_and_survives_its_file(name, tmp_path):
     save_model(Friction(law, theta), tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", LAWS)
     assert again.law == law
-    np.testing.assert_array_equal(again.theta, theta)
+    assert_array_equal(again.theta, theta)
 
 
 REFERENCES = Path(__file__).parents[2] / "docs" / "references.md"

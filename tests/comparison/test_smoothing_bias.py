@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coverage_cases import case_of, rig_of
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.simulate import simulate
@@ -45,10 +46,10 @@ def test_intervals_with_the_bias_hold_the_truth_where_those_of_noise_alone_do_no
 
 def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(fits, tmp_path):
     alone, known = (group[0] for group in fits)
-    np.testing.assert_array_equal(known.friction.theta, alone.friction.theta)
+    assert_array_equal(known.friction.theta, alone.friction.theta)
     bias = known.friction.provenance.smoothing_bias
     wider = known.frame.high_95 - alone.frame.high_95
-    np.testing.assert_allclose(wider, np.abs(bias).ravel(), rtol=1e-9)
+    assert_allclose(wider, np.abs(bias).ravel(), rtol=1e-9)
     assert "bias=True" in repr(alone) and "too narrow" in repr(alone)
     assert "the noise, and the bias of smoothed states" in repr(known) and "95 %" in repr(known)
     assert "noise alone" in alone.friction.provenance.half_widths_hold

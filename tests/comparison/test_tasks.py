@@ -8,10 +8,10 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pandas as pd
 import pytest
 from fixtures.tiny_pendulums import compare_into, recordings, write_dataset, write_suite
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.results import COLUMNS, load_results, reduction
 from frictionid.errors import InputError
@@ -294,11 +294,11 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
     assert table["value"].notna().all()
     # the same numbers as in the tasks' files, to nine digits
     full = load_results(place / "whole").scores
-    np.testing.assert_allclose(table["value"], full["value"], rtol=1e-8)
+    assert_allclose(table["value"], full["value"], rtol=1e-8)
     # identifiers that differ only in their patience find the same
     parts = [table[table["identifier"] == name]["value"].to_numpy() for name in "abcd"]
     for part in parts[1:]:
-        np.testing.assert_array_equal(part, parts[0])
+        assert_array_equal(part, parts[0])
 
 
 def test_provenance_is_complete(place):

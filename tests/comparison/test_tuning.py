@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from fixtures.paths import ROOT
 from fixtures.tiny_pendulums import dataset, disturbed, tasks_in, write_suite
+from numpy.testing import assert_array_equal
 
 import frictionid as fid
 from frictionid.comparison.cross_validate import Benchmark
@@ -201,7 +202,7 @@ def test_samples_keep_their_own_deviations(place, tmp_path, kind):
     (first, *_) = training_benchmark(own, 1, Split(count=2)).dataset.recordings
     whole = next(r for r in own.dataset.recordings if r.name == first.name.split(",")[0])
     rows = np.isin(whole.angle.time, first.angle.time)
-    np.testing.assert_array_equal(first.angle.sigma, np.asarray(whole.angle.sigma)[rows])
+    assert_array_equal(first.angle.sigma, np.asarray(whole.angle.sigma)[rows])
     (result, *_) = tune([tuning_task(place, own)], Tuning(trials=1, folds=2), tmp_path)
     assert np.isfinite(result.best.value)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares, lsq_linear
 
 from frictionid.fitting.gauss_newton import Conditions, bounded, box_step, minimum
@@ -41,10 +42,10 @@ def test_what_has_no_influence_stays_and_what_stands_beside_does_not_matter():
     H = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 0.5], [0.5, 1.0]]])
     g, wide = np.array([[1.0, 0.0], [3.0, 1.0]]), np.full((2, 2), 9.0)
     both = bounded(H, g, -wide, wide)
-    np.testing.assert_allclose(both[0], [0.5, 0.0])
+    assert_allclose(both[0], [0.5, 0.0])
     for i in range(2):
         alone = bounded(H[i : i + 1], g[i : i + 1], -wide[:1], wide[:1])
-        np.testing.assert_array_equal(both[i], alone[0])
+        assert_array_equal(both[i], alone[0])
 
 
 def test_steps_do_not_depend_on_units():
@@ -54,7 +55,7 @@ def test_steps_do_not_depend_on_units():
     units = 10.0 ** np.array([-6, 0, 3, 9])
     plain = box_step(H, g, -wide, wide, 0.1)
     other = box_step(H / np.outer(units, units), g / units, -wide * units, wide * units, 0.1)
-    np.testing.assert_allclose(other / units, plain, rtol=1e-6, atol=1e-12)
+    assert_allclose(other / units, plain, rtol=1e-6, atol=1e-12)
 
 
 class Decay:
@@ -100,9 +101,9 @@ def test_a_minimum_within_bounds_is_scipys(seed, high):
         return np.append(e, np.sqrt(3.0) * (x[1] - 1.0))
 
     exact = least_squares(rows, [0.5, 0.1], bounds=(0.0, [np.inf, high]), xtol=1e-14, ftol=1e-14)
-    np.testing.assert_allclose(end.x[0], exact.x, rtol=1e-6)
+    assert_allclose(end.x[0], exact.x, rtol=1e-6)
     assert end.converged.all() and end.iterations < 30
-    np.testing.assert_array_equal(end.residual, problem.residual(end.x))
+    assert_array_equal(end.residual, problem.residual(end.x))
 
 
 def test_fits_that_end_sooner_are_as_alone():
@@ -113,7 +114,7 @@ def test_fits_that_end_sooner_are_as_alone():
     for x, begin in zip(together.x, begins, strict=True):
         alone = minimum(problem, begin[None], under, 100, tolerance=1e-12)
         assert alone.iterations <= together.iterations
-        np.testing.assert_allclose(x, alone.x[0], rtol=1e-12)
+        assert_allclose(x, alone.x[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -128,4 +129,4 @@ def test_parameters_without_room_are_as_if_they_were_not_there(seed):
     at = np.flatnonzero(room)
     small = bounded(H[None][:, at[:, None], at], g[None, at], low[None, at], high[None, at])[0]
     assert not d[~room].any()
-    np.testing.assert_allclose(d[at], small, atol=1e-6)
+    assert_allclose(d[at], small, atol=1e-6)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.neighbors import KNeighborsRegressor
 
 from frictionid.comparison.registry import IDENTIFIERS, LAWS
@@ -96,7 +97,7 @@ def test_every_identifier_of_the_suites_keeps_to_it_and_its_friction_comes_back(
         save_model(fitted, tmp_path / "model.json", LAWS)
         again = load_model(tmp_path / "model.json", LAWS)
         assert again.law == fitted.law and again.mechanism == fitted.mechanism
-        np.testing.assert_array_equal(again.theta, fitted.theta)
+        assert_array_equal(again.theta, fitted.theta)
 
 
 def test_the_practice_problem_is_explained_by_its_friction_and_has_what_the_contract_needs():
@@ -104,7 +105,7 @@ def test_the_practice_problem_is_explained_by_its_friction_and_has_what_the_cont
         problem = synthetic_problem(n, noise=0.0)
         weights = synthetic_weights(problem)
         residual = problem.residual(along(true_friction(n), problem.nodes))
-        np.testing.assert_allclose(residual, 0.0, atol=1e-15)
+        assert_allclose(residual, 0.0, atol=1e-15)
         assert problem.r.shape == (120, n)
         assert problem.history == 4
         assert (weights > 0).any(axis=1).all()

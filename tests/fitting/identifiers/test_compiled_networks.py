@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures import tiny_pendulums as tiny
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.suite import identifier_named, on_device
 from frictionid.errors import InputError
@@ -31,7 +32,7 @@ def test_a_compiled_network_learns_the_same():
     plain = {"cpp.simdlen": 1, "aot_inductor.debug_compile": True, "compile_threads": 1}
     with inductor.patch({**plain, "cpp_cache_precompile_headers": False}):
         quick = along(replace(TINY, compile=True).fit(problem, weights, 0), problem.nodes)
-    np.testing.assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
+    assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
 
 
 def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):

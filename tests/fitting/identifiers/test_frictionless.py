@@ -2,6 +2,7 @@
 
 import numpy as np
 from fixtures.exact_problems import everything, explained_by
+from numpy.testing import assert_array_equal
 
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
@@ -14,19 +15,19 @@ def test_it_predicts_the_motion_without_friction():
     friction = Frictionless().fit(problem, synthetic_weights(problem), 0)
     assert friction.theta.shape == (3, 2, 0)
     torque = along(friction, problem.nodes)
-    np.testing.assert_array_equal(torque, np.zeros((3, *problem.nodes.inputs.w.shape)))
-    np.testing.assert_array_equal(problem.residual(torque)[2], problem.r)
+    assert_array_equal(torque, np.zeros((3, *problem.nodes.inputs.w.shape)))
+    assert_array_equal(problem.residual(torque)[2], problem.r)
 
 
 def test_it_is_exact_on_motion_without_friction_and_there_others_find_none():
     problem = explained_by(NoFriction(), np.zeros((2, 0)))
-    np.testing.assert_array_equal(problem.r, np.zeros((120, 2)))
+    assert_array_equal(problem.r, np.zeros((120, 2)))
     found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)
-    np.testing.assert_array_equal(found.theta, np.zeros((1, 2, 2)))
+    assert_array_equal(found.theta, np.zeros((1, 2, 2)))
 
 
 def test_it_neither_holds_a_joint_nor_has_a_curve():
     friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
-    np.testing.assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
+    assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
     x = synthetic_problem(2).nodes.inputs
-    np.testing.assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))
+    assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.servo_logs import by_torque
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -88,7 +89,7 @@ def test_each_fold_chooses_by_its_own_rows():
     assert fit.law == with_harmonics(LAW, (6, 12))
     assert fit.theta[0].all() and not fit.theta[1, 0, 2:].any()
     alone = LeastSquares(CoulombViscous()).fit(problem, (~first)[None] + 0.0, 0)
-    np.testing.assert_allclose(fit.theta[1, 0, :2], alone.theta[0, 0], rtol=1e-6)
+    assert_allclose(fit.theta[1, 0, :2], alone.theta[0, 0], rtol=1e-6)
 
 
 def test_other_joints_keep_to_what_they_show():

@@ -16,6 +16,7 @@ from fixtures.exact_problems import (
 )
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
+from numpy.testing import assert_allclose, assert_array_equal
 from threadpoolctl import threadpool_limits
 
 from frictionid.data.plants import plant_of
@@ -81,8 +82,8 @@ def test_a_start_that_is_the_truth_is_taken_by_each_joint():
     begin, end = best_initial_guess(
         on_problem(law, problem, everything(problem)[0]), everything(problem)
     )
-    np.testing.assert_array_equal(begin, truth.reshape(1, 6))
-    np.testing.assert_allclose(end, begin, rtol=1e-6)
+    assert_array_equal(begin, truth.reshape(1, 6))
+    assert_allclose(end, begin, rtol=1e-6)
 
 
 def test_laws_without_a_gradient_are_scipys_least_squares():
@@ -90,9 +91,7 @@ def test_laws_without_a_gradient_are_scipys_least_squares():
     problem = explained_by(Drag(), theta, 1e-3)
     weights = synthetic_weights(problem)
     for f, found in enumerate(fit(Drag(), problem, weights).theta):
-        np.testing.assert_allclose(
-            found, by_scipy(Drag(), problem, weights[f], theta), rtol=1e-5, atol=1e-8
-        )
+        assert_allclose(found, by_scipy(Drag(), problem, weights[f], theta), rtol=1e-5, atol=1e-8)
 
 
 # Data that decide nothing, or wrongly.
@@ -132,8 +131,8 @@ def test_a_direction_that_never_occurs_is_like_the_other_one():
     problem = explained_by(Stribeck(symmetric=False), [[0.1, 0.2, 0.04, 0.05, 1.5, 0.02]])
     forward = (problem.nodes.inputs.w[problem.stencil] > 0).all(axis=(1, 2))
     found = fit(Stribeck(symmetric=False), problem, forward[None] * 1.0).theta[0, 0]
-    np.testing.assert_allclose(found[[0, 2, 4, 5]], [0.1, 0.04, 1.5, 0.02], rtol=1e-4)
-    np.testing.assert_allclose(found[[1, 3]], [0.1, 0.0], rtol=1e-4)
+    assert_allclose(found[[0, 2, 4, 5]], [0.1, 0.04, 1.5, 0.02], rtol=1e-4)
+    assert_allclose(found[[1, 3]], [0.1, 0.0], rtol=1e-4)
 
 
 @pytest.mark.parametrize(("field", "value"), [("r", np.nan), ("G", np.inf)])
@@ -167,7 +166,7 @@ def test_steps_that_leave_a_laws_domain_are_taken_back():
     Cliff.met.clear()
     found = fit(started(Cliff(1.6), 0.0, 0.1, 0.9), problem, everything(problem))
     assert any(Cliff.met)
-    np.testing.assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
+    assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
 
 
 @pytest.mark.parametrize("start", [0.9, 1.2])
@@ -184,7 +183,7 @@ def test_units_do_not_matter(size):
     weights = everything(problem)
     scaled = replace(problem, G=problem.G / size)
     usual, other = (fit(Stribeck(), p, weights).theta[0] for p in (problem, scaled))
-    np.testing.assert_allclose(other / [size, size, 1.0, size], usual, rtol=1e-5)
+    assert_allclose(other / [size, size, 1.0, size], usual, rtol=1e-5)
 
 
 def test_fewer_iterations_give_a_worse_fit_and_more_never_do():
@@ -239,5 +238,5 @@ def test_sums_of_rows_make_up_the_weights_of_each_fold(alike):
     for rows, weight, share in sums_of_rows(weights):
         total[:, rows] += share[:, None] * weight
         count += len(rows)
-    np.testing.assert_allclose(total, weights, rtol=1e-15)
+    assert_allclose(total, weights, rtol=1e-15)
     assert count == (60 if alike else 4 * 60)

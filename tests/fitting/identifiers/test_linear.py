@@ -6,6 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear
@@ -31,10 +32,8 @@ def test_it_is_least_squares_by_another_route(law):
     weights = synthetic_weights(problem)
     ours = Linear(law).fit(problem, weights, 0)
     theirs = LeastSquares(law, robust=None).fit(problem, weights, 0)
-    np.testing.assert_allclose(
-        cost(problem, weights, ours), cost(problem, weights, theirs), rtol=1e-9
-    )
-    np.testing.assert_allclose(ours.theta, theirs.theta, atol=1e-6)
+    assert_allclose(cost(problem, weights, ours), cost(problem, weights, theirs), rtol=1e-9)
+    assert_allclose(ours.theta, theirs.theta, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -54,7 +53,7 @@ def test_where_the_curve_would_drive_it_is_fitted_by_steps():
     problem = explained_by(law, np.array([[0.1, -0.15]]))
     found = Linear(law).fit(problem, everything(problem), 0)
     same = LeastSquares(law, robust=None).fit(problem, everything(problem), 0)
-    np.testing.assert_array_equal(found.theta, same.theta)
+    assert_array_equal(found.theta, same.theta)
     assert (found[0].curve(np.array([3.0, 5.0]))[:, 0] >= 0).all()
 
 
@@ -69,8 +68,8 @@ def test_gram_matrices_add_up_what_the_rows_say(cells, monkeypatch):
         for f, c in ((0, 0), (1, 8), (2, 20)):
             rows = A[label == c]
             direct = np.einsum("k,kia,kib->ab", weights[f, label == c], rows, rows)
-            np.testing.assert_allclose(G[f, c], direct, rtol=1e-10, atol=1e-15)
-        np.testing.assert_allclose(grams(A, weights)[:, 0], G.sum(1), rtol=1e-9, atol=1e-13)
+            assert_allclose(G[f, c], direct, rtol=1e-10, atol=1e-15)
+        assert_allclose(grams(A, weights)[:, 0], G.sum(1), rtol=1e-9, atol=1e-13)
 
 
 def test_clusters_are_recordings_where_there_are_enough_and_else_stretches():
@@ -88,8 +87,8 @@ def test_a_table_is_straight_between_its_speeds_and_level_beyond():
     law = Table((1.0, 2.0, 4.0))
     friction = Friction(law, np.array([[0.3, 0.1, 0.2, 0.5, 0.5, 0.5]]))
     w = np.array([0.3, 1.0, 1.5, 2.0, 3.0, 4.0, 40.0])
-    np.testing.assert_allclose(friction.curve(w)[:, 0], [0.3, 0.3, 0.2, 0.1, 0.15, 0.2, 0.2])
-    np.testing.assert_allclose(friction.curve(-w)[:, 0], -0.5)
+    assert_allclose(friction.curve(w)[:, 0], [0.3, 0.3, 0.2, 0.1, 0.15, 0.2, 0.2])
+    assert_allclose(friction.curve(-w)[:, 0], -0.5)
 
 
 @pytest.mark.parametrize("speeds", [(1.0,), (0.0, 1.0), (2.0, 1.0), (1.0, "fast")])

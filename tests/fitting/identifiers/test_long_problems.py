@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import LeastSquares, least_squares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
@@ -25,7 +26,7 @@ def test_stretches_change_no_number(law, joints, monkeypatch):
     assert len(list(fit.stretches())) == (3 if law.has_memory else 4)
     parts = fit.normal_equations(theta, fit.residual(theta), weights)
     for a, b in zip(whole, parts, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(a).max())
+        assert_allclose(a, b, rtol=1e-11, atol=1e-12 * np.abs(a).max())
 
 
 @pytest.mark.parametrize("robust", [None, 3.0])
@@ -41,7 +42,7 @@ def test_many_rows_are_fitted_as_without_beginning_with_some(robust, monkeypatch
     begun = identifier.fit(problem, weights, seed=0)
     assert looks == [3]
     tolerance = 1e-9 if robust is None else 1e-3  # robust weights are found in two rounds
-    np.testing.assert_allclose(begun.theta, whole.theta, rtol=tolerance)
+    assert_allclose(begun.theta, whole.theta, rtol=tolerance)
 
 
 def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
@@ -51,7 +52,7 @@ def test_where_some_rows_determine_nothing_all_rows_do(monkeypatch):
     whole = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
     monkeypatch.setattr(least_squares, "_ENOUGH", 40)
     begun = LeastSquares(Stribeck()).fit(problem, weights, seed=0)
-    np.testing.assert_array_equal(begun.theta, whole.theta)
+    assert_array_equal(begun.theta, whole.theta)
 
 
 def test_more_rows_need_little_more_memory(monkeypatch):

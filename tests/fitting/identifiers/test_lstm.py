@@ -7,6 +7,7 @@ import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import costs_of_rows, drawn
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
@@ -30,7 +31,7 @@ def test_a_free_network_makes_friction_of_the_samples_alone():
     theta, x = drawn(FREE), at_rest(np.full(2, 2.0))
     memory = FREE.advance(theta, x, FREE.start(theta, x), np.full((1,), FREE.sample_time))
     before, after = (FREE.torque(theta, at_rest(np.full(2, w)), memory) for w in (2.0, -0.1))
-    np.testing.assert_array_equal(before, after)  # of any sign, and held until the next sample
+    assert_array_equal(before, after)  # of any sign, and held until the next sample
     assert (FREE.limit(theta, x, memory) == 0).all()
     later = FREE.advance(theta, at_rest(np.full(2, -0.1)), memory, np.full((1,), 0.02))
     assert (np.abs(FREE.torque(theta, x, later) - before) > 1e-6).all()
@@ -45,7 +46,7 @@ def test_slopes_in_the_memory_are_those_of_differences(law):
     for i, slope in enumerate(law.memory_slopes(theta, x, memory)):
         more, less = ((*memory[:i], memory[i] + s, *memory[i + 1 :]) for s in (1e-6, -1e-6))
         rise = law.torque(theta, x, more) - law.torque(theta, x, less)
-        np.testing.assert_allclose(slope, rise / 2e-6, atol=1e-8)
+        assert_allclose(slope, rise / 2e-6, atol=1e-8)
 
 
 def test_it_may_drive_a_joint_where_it_need_not_dissipate():
@@ -70,7 +71,7 @@ def test_it_remembers_and_forgets():
     assert (np.abs(slow - other) > 1e-5).any()
     for _ in range(400):
         memory = [law.advance(theta, x, m, dt) for m in memory]
-    np.testing.assert_allclose(law.torque(theta, x, memory[1]), law.torque(theta, x, memory[2]))
+    assert_allclose(law.torque(theta, x, memory[1]), law.torque(theta, x, memory[2]))
 
 
 def test_numpy_and_torch_agree():
@@ -84,7 +85,7 @@ def test_numpy_and_torch_agree():
             x = at_rest(kind(w * (1 + step)))
             memory = law.advance(numbers, x, memory, kind(np.full((1,), 0.02)))
         states.append(np.asarray(law.torque(numbers, x, memory)))
-    np.testing.assert_allclose(*states, rtol=1e-12)
+    assert_allclose(*states, rtol=1e-12)
 
 
 def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
@@ -123,7 +124,7 @@ def test_folds_with_problems_of_their_own_are_as_alone(law):
     assert len(together.provenance.learning["training"]) == len(weights)
     for f, alone in enumerate(each):
         theta = settings.fit(alone, weights[f : f + 1], 1).theta
-        np.testing.assert_allclose(together.theta[f : f + 1], theta, rtol=1e-7, atol=1e-9)
+        assert_allclose(together.theta[f : f + 1], theta, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +144,7 @@ def test_cost_of_the_pieces_is_that_of_the_rows(law):
     memories = memory_along(Friction(law, theta), problem.nodes)
     assert len(memories[0]) == 2 * law.cells * (1 + law.odd)
     exact = costs_of_rows(problem, weights, law, theta)
-    np.testing.assert_allclose(found, exact, rtol=1e-4)
+    assert_allclose(found, exact, rtol=1e-4)
 
 
 def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_rows():
@@ -153,7 +154,7 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
         replace(SMALL, epochs=1, targets=t, batch=b).fit(problem, everything(problem), 0)
         for t, b in ((longest, 256), (10**7, 10**12))
     )
-    np.testing.assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
+    assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
     rows = Network(MLP((4,)), epochs=1, batch=10**12)
     assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
     with pytest.raises(InputError, match="burn_in = 100000 samples .* longest recording"):

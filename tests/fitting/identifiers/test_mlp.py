@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures import learned_laws
 from fixtures.exact_problems import cost, everything, explained_by
+from numpy.testing import assert_array_equal
 
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
@@ -79,7 +80,7 @@ def test_other_joints_count_when_they_are_asked_for():
     alone = MLP((4,))
     theta = drawn(alone)
     here, there = (alone.torque(theta, at_rest(np.array(w)), ()) for w in ([1.0, 2.0], [1.0, -2.0]))
-    np.testing.assert_array_equal(here[:, 0], there[:, 0])
+    assert_array_equal(here[:, 0], there[:, 0])
 
 
 def test_it_finds_a_curve_that_is_none_of_its_own():

@@ -9,6 +9,7 @@ from fixtures import tiny_pendulums as tiny
 from fixtures.compared import compare
 from fixtures.exact_problems import everything, explained_by
 from fixtures.paths import ROOT
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.suite import IdentifierEntry, identifier_of
 from frictionid.evaluation import Protocol, Split, make_folds
@@ -52,7 +53,7 @@ def test_it_finds_the_numbers_of_its_own_law(own):
     true = np.array([[0.16, 0.01, 0.003], [0.05, 0.002, 0.0004]])
     problem = explained_by(own.law, true)
     fitted = own.fit(problem, everything(problem), 0)
-    np.testing.assert_allclose(fitted.theta[0], true, rtol=1e-6)
+    assert_allclose(fitted.theta[0], true, rtol=1e-6)
 
 
 def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own):

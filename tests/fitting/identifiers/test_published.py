@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import DATA
+from numpy.testing import assert_array_equal
 
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
@@ -26,8 +27,8 @@ def test_it_is_the_same_in_every_fold_whatever_data_weights_and_seed():
     other = replace(problem, r=problem.r + 1.0)
     found = Published(OTHERS).fit(problem, synthetic_weights(problem), 0)
     again = Published(OTHERS).fit(other, np.ones((3, len(problem.r))), 5)
-    np.testing.assert_array_equal(found.theta, np.broadcast_to(NUMBERS, (3, 2, 2)))
-    np.testing.assert_array_equal(again.theta, found.theta)
+    assert_array_equal(found.theta, np.broadcast_to(NUMBERS, (3, 2, 2)))
+    assert_array_equal(again.theta, found.theta)
     assert (found.law, found.parameters) == (OTHERS.law, {"m1": 0.5})
     assert found.provenance.notes == {"source": "a paper"}
     found.theta[...] = 0.0  # nobody can change the published numbers through a fit

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.dummy import DummyRegressor
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LinearRegression
@@ -35,8 +36,8 @@ def test_torques_of_rows_are_the_mean_true_torques(n):
     problem = explained_by(Stribeck(), TRUTH[:n])
     x, torque, share = torques(problem)
     true = along(Friction(Stribeck(), TRUTH[:n]), problem.nodes)
-    np.testing.assert_allclose(torque, problem.mean(true), atol=1e-10)
-    np.testing.assert_allclose(x.w, problem.mean(problem.nodes.inputs.w))
+    assert_allclose(torque, problem.mean(true), atol=1e-10)
+    assert_allclose(x.w, problem.mean(problem.nodes.inputs.w))
     assert (share > 0).all()
 
 
@@ -51,7 +52,7 @@ def test_shares_are_inverse_variances_and_joints_at_rest_have_none():
     some = np.flatnonzero(~still.any(axis=1))[:5]
     for k in some:
         drawn = noise[:, k] @ np.linalg.pinv(problem.G[k]).T
-        np.testing.assert_allclose(drawn.var(axis=0), 1.0 / share[k], rtol=0.15)
+        assert_allclose(drawn.var(axis=0), 1.0 / share[k], rtol=0.15)
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -60,7 +61,7 @@ def test_each_named_estimator_finds_the_curve(name):
     found = fit(problem, estimator_named(name, {}))[0]
     for side in (1.0, -1.0):
         true = Friction(Stribeck(), TRUTH).curve(side * SPEEDS)
-        np.testing.assert_allclose(found.curve(side * SPEEDS), true, rtol=0.2)
+        assert_allclose(found.curve(side * SPEEDS), true, rtol=0.2)
     assert found.law.names[0].startswith("up_")
 
 
@@ -68,7 +69,7 @@ def test_a_linear_regression_in_sign_and_speed_finds_coulomb_friction():
     problem = explained_by(CoulombViscous(), [[0.1, 0.0], [0.05, 0.0]])
     found = fit(problem, LinearRegression())[0]
     curve = found.curve(np.array([-3.0, -1.0, 1.0, 3.0]))
-    np.testing.assert_allclose(curve, np.outer([-1, -1, 1, 1], [0.1, 0.05]), rtol=0.05)
+    assert_allclose(curve, np.outer([-1, -1, 1, 1], [0.1, 0.05]), rtol=0.05)
 
 
 def test_the_curve_holds_beyond_the_data_and_friction_does_not_drive():
@@ -76,7 +77,7 @@ def test_the_curve_holds_beyond_the_data_and_friction_does_not_drive():
     found = fit(problem)[0]
     fastest = np.abs(problem.nodes.inputs.w).max()
     far = found.curve(np.array([fastest, 2 * fastest, 50.0]))
-    np.testing.assert_allclose(far[1:], far[:1].repeat(2, axis=0))
+    assert_allclose(far[1:], far[:1].repeat(2, axis=0))
     driving = replace(problem, r=-problem.r)
     w = np.linspace(-9, 9, 80)
     assert (fit(driving)[0].curve(w) * w[:, None] >= 0).all()
@@ -86,7 +87,7 @@ def test_the_seed_goes_to_the_estimator():
     problem = explained_by(Stribeck(), TRUTH, 1e-3)
     forest = estimator_named("random_forest", {"n_estimators": 5})
     one, same, other = (fit(problem, forest, seed=seed).theta for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one, same)
+    assert_array_equal(one, same)
     assert not np.array_equal(one, other)
     assert forest.random_state is None
 
@@ -94,7 +95,7 @@ def test_the_seed_goes_to_the_estimator():
 def test_fewer_bins_are_means_of_more_rows():
     problem = explained_by(Stribeck(), TRUTH, 2e-3)
     flat = fit(problem, DummyRegressor(), bins=3).theta
-    np.testing.assert_allclose(flat, fit(problem, DummyRegressor(), bins=80).theta, atol=1e-9)
+    assert_allclose(flat, fit(problem, DummyRegressor(), bins=80).theta, atol=1e-9)
     assert not np.array_equal(fit(problem, bins=10).theta, fit(problem, bins=80).theta)
 
 
@@ -115,7 +116,7 @@ def test_with_other_inputs_it_is_not_saved(tmp_path):
     found = fit(problem, KNeighborsRegressor(5), synthetic_weights(problem), inputs=("w", "q", "u"))
     torque = along(found, problem.nodes)
     for f in range(len(torque)):
-        np.testing.assert_array_equal(along(found[f], problem.nodes), torque[f])
+        assert_array_equal(along(found[f], problem.nodes), torque[f])
     with pytest.raises(InputError, match="cannot be saved: regressors of more than the velocity"):
         save_model(found, tmp_path / "model.json", LAWS)
     assert not list(tmp_path.iterdir())

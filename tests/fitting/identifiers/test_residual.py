@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 from frictionid.arrays import inverse, times
@@ -101,7 +102,7 @@ def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measure
     u = averages(recording.torque, states.time)
     predicted = euler_step(plant_of(1)[0], SHARP, begin, u, dt)
     residual = problem.residual(along(SHARP, problem.nodes))
-    np.testing.assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
+    assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
 
 
 def test_the_integral_residual_is_the_momentum_balance():
@@ -119,7 +120,7 @@ def test_the_integral_residual_is_the_momentum_balance():
         Tf = [SHARP.torque(at_rest(x)) for x in (w0, w, w1)]
         force = (a.dLdq + 4 * m.dLdq + b.dLdq) / 6 + u[k] - (Tf[0] + 4 * Tf[1] + Tf[2]) / 6
         predicted = np.linalg.solve(b.M, a.M @ w0 + dt * force)
-        np.testing.assert_allclose(residual[k], predicted - w1, rtol=0, atol=1e-11)
+        assert_allclose(residual[k], predicted - w1, rtol=0, atol=1e-11)
 
 
 def test_joints_without_motor_feel_no_torque(build):
@@ -128,7 +129,7 @@ def test_joints_without_motor_feel_no_torque(build):
     value = recording.torque.value * [100.0, 1.0]
     loud = Recording("r", recording.angle, recording.torque._replace(value=value))
     a, b = (build(plant, [r], [states]) for r in (recording, loud))
-    np.testing.assert_array_equal(a.r, b.r)
+    assert_array_equal(a.r, b.r)
 
 
 # ---------------------------------------------------------------- affine in friction
@@ -140,11 +141,11 @@ def test_G_is_what_an_impulse_of_friction_does(build):
     at = states.q[:-1] if build is euler_problem else states.q[1:]
     M = plant_of(1)[0].mechanism.inertia(plant_of(1).p[0], at)
     dt = np.diff(states.time)
-    np.testing.assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
-    np.testing.assert_array_equal(problem.dt, dt)
+    assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
+    assert_array_equal(problem.dt, dt)
     torque = np.random.default_rng(7).normal(size=problem.nodes.inputs.w.shape)
     change = times(problem.G, problem.mean(torque))
-    np.testing.assert_allclose(problem.r - problem.residual(torque), change, atol=1e-12)
+    assert_allclose(problem.r - problem.residual(torque), change, atol=1e-12)
 
 
 # ---------------------------------------------------------------- recordings, history, clocks
@@ -163,10 +164,10 @@ def test_several_recordings_are_each_alone_with_its_own_parameters(build):
     for i in range(3):
         alone = build(plant[i : i + 1], recordings[i : i + 1], states[i : i + 1])
         rows = together.recording == i
-        np.testing.assert_array_equal(together.r[rows], alone.r)
-        np.testing.assert_array_equal(together.G[rows], alone.G)
+        assert_array_equal(together.r[rows], alone.r)
+        assert_array_equal(together.G[rows], alone.G)
         own = alone.residual(along(LAG, alone.nodes))
-        np.testing.assert_allclose(residual[rows], own, rtol=0, atol=1e-13)
+        assert_allclose(residual[rows], own, rtol=0, atol=1e-13)
     other = build(plant_of(3), recordings, states)
     assert (np.abs(other.r - together.r).max(axis=1) > 0)[together.recording == 0].all()
 
@@ -178,10 +179,10 @@ def test_history_drops_the_first_rows_of_each_recording_and_nothing_else(build):
     keep = ~np.isin(whole.time, first)
     assert late.history == 5 and keep.sum() == 11 + 24 + 17 - 15
     for name in ("r", "G", "stencil", "recording", "time", "dt"):
-        np.testing.assert_array_equal(getattr(late, name), getattr(whole, name)[keep])
+        assert_array_equal(getattr(late, name), getattr(whole, name)[keep])
     for friction in (SHARP, LAG):  # memory still begins with the recording
         residual = whole.residual(along(friction, whole.nodes))
-        np.testing.assert_array_equal(late.residual(along(friction, late.nodes)), residual[keep])
+        assert_array_equal(late.residual(along(friction, late.nodes)), residual[keep])
 
 
 def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_error(build):
@@ -201,38 +202,38 @@ def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
     problem = build(plant_of(3), recordings, [states[0], holed, states[2]])
     assert problem.dt.max() < 2 * np.median(np.diff(s.time))
     gone = (whole.recording == 1) & (whole.time >= s.time[7] - 1e-9) & (whole.time < s.time[16])
-    np.testing.assert_array_equal(problem.r, whole.r[~gone])
+    assert_array_equal(problem.r, whole.r[~gone])
 
 
 def test_nodes_are_in_order_and_rows_find_theirs():
     recordings, states = three(np.random.default_rng(13))
     problem = integral_problem(plant_of(3), recordings, states, history=2)
     nodes = problem.nodes
-    np.testing.assert_array_equal(np.diff(nodes.first), [23, 49, 35])
+    assert_array_equal(np.diff(nodes.first), [23, 49, 35])
     assert nodes.per_sample == 2 and len(nodes.time) == nodes.first[-1]
     for i, s in enumerate(states):
         own = slice(nodes.first[i], nodes.first[i + 1])
         assert (np.diff(nodes.time[own]) > 0).all()
-        np.testing.assert_array_equal(nodes.time[own][::2], s.time)
-        np.testing.assert_array_equal(nodes.inputs.w[own][::2], s.w)
+        assert_array_equal(nodes.time[own][::2], s.time)
+        assert_array_equal(nodes.inputs.w[own][::2], s.w)
         rows = problem.stencil[problem.recording == i]
         assert (nodes.first[i] <= rows).all() and (rows < nodes.first[i + 1]).all()
     begin, middle, end = nodes.time[problem.stencil.T]
-    np.testing.assert_array_equal(begin, problem.time)
-    np.testing.assert_allclose(middle, (begin + end) / 2)
-    np.testing.assert_allclose(end - begin, problem.dt)
+    assert_array_equal(begin, problem.time)
+    assert_allclose(middle, (begin + end) / 2)
+    assert_allclose(end - begin, problem.dt)
     memories = memory_along(LAG, nodes)
     assert len(memories) == 49 and memories[0][0].shape == (3, 2)
-    np.testing.assert_array_equal(memories[0][0], np.abs(nodes.inputs.w[nodes.first[:-1]]))
+    assert_array_equal(memories[0][0], np.abs(nodes.inputs.w[nodes.first[:-1]]))
 
 
 def test_laws_see_torque_and_bearing_load_at_their_nodes():
     recording, states = made_up(np.random.default_rng(16))
     plant = plant_of(1)[0]
     nodes = integral_problem(plant_of(1), [recording], [states]).nodes
-    np.testing.assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
-    np.testing.assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
-    np.testing.assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
+    assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
+    assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
+    assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
 
 
 # ---------------------------------------------------------------- joints at rest
@@ -266,4 +267,4 @@ def test_a_masked_residual_is_the_least_that_any_friction_of_masked_joints_leave
     for k, resting in enumerate(mask):
         free = problem.G[k][:, resting]
         left = residual[k] - free @ np.linalg.pinv(free) @ residual[k]
-        np.testing.assert_allclose(least[k], left, rtol=0, atol=1e-9)
+        assert_allclose(least[k], left, rtol=0, atol=1e-9)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by, standard_errors
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
@@ -29,7 +30,7 @@ def test_rows_that_count_twice_are_rows_that_stand_there_twice():
     one, two = (
         fit(Stribeck(), *pair) for pair in ((problem, weights), (doubled, np.ones((1, 160))))
     )
-    np.testing.assert_allclose(one.theta, two.theta, rtol=1e-8)
+    assert_allclose(one.theta, two.theta, rtol=1e-8)
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e307])
@@ -37,7 +38,7 @@ def test_the_size_of_weights_does_not_matter(size):
     problem = synthetic_problem(2)
     weights = synthetic_weights(problem)
     usual, other = (fit(Stribeck(), problem, w) for w in (weights, size * weights))
-    np.testing.assert_allclose(other.theta, usual.theta, rtol=1e-6)
+    assert_allclose(other.theta, usual.theta, rtol=1e-6)
 
 
 def test_one_row_that_weighs_enormously_is_met_exactly():
@@ -93,20 +94,20 @@ def test_a_robust_fit_of_good_rows_is_nearly_the_plain_one():
     )
     assert (np.abs(robust - plain) < 0.5 * error).all()
     same = fit(Stribeck(), problem, everything(problem), robust=1e9).theta[0]
-    np.testing.assert_allclose(same, plain, rtol=1e-6)
+    assert_allclose(same, plain, rtol=1e-6)
 
 
 def test_rows_keep_a_share_by_their_worst_joint_in_weighted_standard_deviations():
     residual = np.random.default_rng(7).normal(size=(2, 4000, 2)) * [1.0, 5.0]
     kept = huber_factors(residual, np.ones((2, 4000)), clip=3.0)
     worst = np.max(np.abs(residual) / [1.0, 5.0], axis=-1)
-    np.testing.assert_allclose(kept, np.minimum(1.0, 3.0 / worst), rtol=0.05)
+    assert_allclose(kept, np.minimum(1.0, 3.0 / worst), rtol=0.05)
     rows = np.repeat(np.arange(50), 3)
     one, three = residual[:1, :50], residual[:1, rows]
     weighted = huber_factors(one, np.full((1, 50), 3.0), 1.0)
-    np.testing.assert_allclose(weighted[:, rows], huber_factors(three, np.ones((1, 150)), 1.0))
+    assert_allclose(weighted[:, rows], huber_factors(three, np.ones((1, 150)), 1.0))
     unseen = np.where(np.arange(50) < 40, 1.0, 0.0)[None]
-    np.testing.assert_array_equal(
+    assert_array_equal(
         huber_factors(one, unseen, 1.0)[:, :40], huber_factors(one[:, :40], unseen[:, :40], 1.0)
     )
 
@@ -115,8 +116,8 @@ def test_joints_that_rest_most_of_the_time_do_not_shrink_the_deviation():
     residual = np.random.default_rng(8).normal(size=(1, 100, 1))
     still = np.concatenate([residual, np.zeros((1, 400, 1))], axis=1)
     kept = huber_factors(still, np.ones((1, 500)), 2.0)
-    np.testing.assert_array_equal(kept[:, :100], huber_factors(residual, np.ones((1, 100)), 2.0))
-    np.testing.assert_array_equal(kept[:, 100:], 1.0)
+    assert_array_equal(kept[:, :100], huber_factors(residual, np.ones((1, 100)), 2.0))
+    assert_array_equal(kept[:, 100:], 1.0)
 
 
 @pytest.mark.parametrize("clip", [0.0, -1.0, float("nan")])

@@ -8,6 +8,7 @@ import pytest
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.exact_problems import cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
+from numpy.testing import assert_allclose, assert_array_equal
 from pysindy import FourierLibrary, PolynomialLibrary
 
 from frictionid.comparison.fit_model import with_notes
@@ -66,7 +67,7 @@ def test_truth_in_truth_out(optimizer):
         LAW, {"sign": 0.1, "cubic": 1e-4}, {"sign": 0.05, "drag": 1e-3, "peak_3.4": 0.03}
     )
     found = fit(explained_by(LAW, truth), optimizer=optimizer)
-    np.testing.assert_allclose(found.theta[0], truth, rtol=1e-6, atol=1e-9)
+    assert_allclose(found.theta[0], truth, rtol=1e-6, atol=1e-9)
 
 
 def test_candidates_on_request_are_found_where_they_are_true():
@@ -78,7 +79,7 @@ def test_candidates_on_request_are_found_where_they_are_true():
     )
     found = fit(explained_by(law, truth, 1e-5), library=law)
     assert terms(found[0]) == terms(Friction(law, truth))
-    np.testing.assert_allclose(found.theta[0], truth, atol=1e-3)
+    assert_allclose(found.theta[0], truth, atol=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -132,8 +133,8 @@ def test_columns_are_those_of_pysindys_libraries():
     ours = law.gradient(np.zeros((1, len(law.names))), x)[:, 0]
     powers = PolynomialLibrary(degree=3, include_bias=False).fit_transform(w)
     waves = FourierLibrary(n_frequencies=2, include_sin=True).fit_transform(x.q)
-    np.testing.assert_allclose(ours[:, 1:4], powers)
-    np.testing.assert_allclose(ours[:, 4:], np.asarray(waves)[:, [1, 0, 3, 2]])
+    assert_allclose(ours[:, 1:4], powers)
+    assert_allclose(ours[:, 4:], np.asarray(waves)[:, [1, 0, 3, 2]])
 
 
 def test_ensembles_say_how_often_a_term_is_there():
@@ -145,7 +146,7 @@ def test_ensembles_say_how_often_a_term_is_there():
     assert terms(found[0]) == [["sign", "viscous"]] * 2
     for line, own in zip(found.provenance.inclusion, share, strict=True):
         assert line.count("%") == (own > 0).sum() and f" {100 * own.max():.0f} %" in line
-    np.testing.assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
+    assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
 
 
 def test_the_law_keeps_to_the_contract_with_all_candidates():
@@ -157,7 +158,7 @@ def test_the_law_keeps_to_the_contract_with_all_candidates():
     for side in (1.0, -1.0):  # nothing but `other`, which is no level, sees the other joint
         near = at_rest(side * 1e-6 + 0 * x.w)._replace(q=x.q, load=x.load)
         level = side * narrow.torque(theta, near, ())
-        np.testing.assert_allclose(narrow.limit(theta, near, ()), np.maximum(level, 0), atol=1e-4)
+        assert_allclose(narrow.limit(theta, near, ()), np.maximum(level, 0), atol=1e-4)
 
 
 def test_each_fold_is_refined_on_the_terms_that_it_has():
@@ -171,10 +172,10 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     recipe = Shooting(settings=Settings(windows=(0.2, 0.33)))
     whole = refine_folds(start, intervals, recipe, training)
     friction = whole.folds
-    np.testing.assert_array_equal(friction.theta != 0, start.theta != 0)
+    assert_array_equal(friction.theta != 0, start.theta != 0)
     names = [p.name for p in whole.covariance.parameters if p.block == "friction"]
     assert names == ["sign of joint 1"]
-    np.testing.assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
+    assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
     shot = with_notes(whole).provenance
     (line,) = shot.equation
     assert shot.equation_errors == "95 % intervals"

@@ -11,6 +11,7 @@ from fixtures.exact_problems import (
     stationarity,
     with_initial,
 )
+from numpy.testing import assert_allclose
 
 from frictionid.arrays import times
 from frictionid.fitting.identifiers import LeastSquares
@@ -43,9 +44,7 @@ def test_truth_in_truth_out(law, velocity):
     theta = TRUTH[law].copy()
     theta[:, law.names.index("stribeck_velocity")] *= velocity
     problem = explained_by(law, theta)
-    np.testing.assert_allclose(
-        fit(law, problem, everything(problem)).theta[0], theta, rtol=1e-6, atol=1e-9
-    )
+    assert_allclose(fit(law, problem, everything(problem)).theta[0], theta, rtol=1e-6, atol=1e-9)
 
 
 @BOTH
@@ -56,7 +55,7 @@ def test_every_start_in_the_valley_leads_to_the_truth(law):
     problem = explained_by(law, TRUTH[law][:1])
     for start in near:
         found = fit(with_initial(law, start), problem, everything(problem))
-        np.testing.assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
+        assert_allclose(found.theta[0], TRUTH[law][:1], rtol=1e-6)
 
 
 @EACH
@@ -65,7 +64,7 @@ def test_each_fold_is_scipys_least_squares(law):
     weights = synthetic_weights(problem)
     for f, theta in enumerate(fit(law, problem, weights).theta):
         same = by_scipy(law, problem, weights[f], TRUTH[law])
-        np.testing.assert_allclose(theta, same, rtol=1e-6)
+        assert_allclose(theta, same, rtol=1e-6)
 
 
 @BOTH
@@ -104,15 +103,15 @@ def test_without_a_dip_in_the_data_stribeck_is_coulomb_viscous():
     found = fit(SYMMETRIC, problem, everything(problem))
     torque = along(found, problem.nodes)[0]
     exact = CoulombViscous().torque(np.array([[0.1, 0.02], [0.05, 0.01]]), problem.nodes.inputs, ())
-    np.testing.assert_allclose(torque, exact, atol=1e-9)
+    assert_allclose(torque, exact, atol=1e-9)
 
 
 def test_data_that_are_alike_in_both_directions_give_both_the_same_levels():
     problem = explained_by(SYMMETRIC, TRUTH[SYMMETRIC])
     theta = fit(ASYMMETRIC, problem, everything(problem)).theta[0]
-    np.testing.assert_allclose(theta[:, 0], theta[:, 1], rtol=1e-6)
-    np.testing.assert_allclose(theta[:, 2], theta[:, 3], rtol=1e-6)
-    np.testing.assert_allclose(theta[:, [0, 2, 4, 5]], TRUTH[SYMMETRIC], rtol=1e-6)
+    assert_allclose(theta[:, 0], theta[:, 1], rtol=1e-6)
+    assert_allclose(theta[:, 2], theta[:, 3], rtol=1e-6)
+    assert_allclose(theta[:, [0, 2, 4, 5]], TRUTH[SYMMETRIC], rtol=1e-6)
 
 
 def test_the_best_start_is_no_worse_than_any_one_start():
@@ -134,7 +133,7 @@ def test_levels_of_all_sizes_come_out(shape, factor):
     law, theta = CoulombViscous(width=0.05, shape=shape), TRUTH[PLAIN] * factor
     problem = explained_by(law, theta)
     found = fit(law, problem, everything(problem))
-    np.testing.assert_allclose(found.theta[0], theta, rtol=1e-9, atol=1e-12)
+    assert_allclose(found.theta[0], theta, rtol=1e-9, atol=1e-12)
 
 
 def test_a_level_of_an_arctangent_is_its_level_at_high_speed():
@@ -144,5 +143,5 @@ def test_a_level_of_an_arctangent_is_its_level_at_high_speed():
     published = 0.1 / (np.pi / 2) * np.arctan(100 * w)  # as others write it: cf = level/(pi/2)
     problem = explained_by(law, theta)
     mean = times(problem.G, problem.mean(published))
-    np.testing.assert_allclose(problem.r, mean, rtol=1e-12)
-    np.testing.assert_allclose(fit(law, problem, everything(problem)).theta[0], theta, atol=1e-12)
+    assert_allclose(problem.r, mean, rtol=1e-12)
+    assert_allclose(fit(law, problem, everything(problem)).theta[0], theta, atol=1e-12)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import DATA
+from numpy.testing import assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -51,7 +52,7 @@ def test_torques_that_the_motion_denies_are_replaced_by_their_neighbours(clean, 
     mended = without_torque_outliers(wild, plant_of(wild), states_of(wild))
     off = []
     for before, after, mask in zip(data.recordings, mended.recordings, found, strict=True):
-        np.testing.assert_array_equal(after.torque.value[~mask], _of(wild, before)[~mask])
+        assert_array_equal(after.torque.value[~mask], _of(wild, before)[~mask])
         off.append(np.abs(after.torque.value - before.torque.value)[mask])
     assert np.quantile(np.concatenate(off), 0.9) < 0.1  # but beside one that was missed
 

@@ -8,6 +8,7 @@ import torch
 from fixtures.exact_problems import cost
 from fixtures.learned_laws import costs_of_rows, drawn
 from fixtures.paths import ROOT
+from numpy.testing import assert_allclose, assert_array_equal
 from own_network import OwnLaw, own_network
 
 from frictionid.comparison.registry import LAWS
@@ -50,11 +51,11 @@ def test_its_slopes_are_those_of_differences(odd, presliding):
     by_theta, by_memory = law.slopes(theta, x, memory)
     for k, step in enumerate(1e-6 * np.eye(theta.shape[1])):
         rise = law.torque(theta + step, x, memory) - law.torque(theta - step, x, memory)
-        np.testing.assert_allclose(by_theta[..., k], rise / 2e-6, atol=1e-8)
+        assert_allclose(by_theta[..., k], rise / 2e-6, atol=1e-8)
     for i, entry in enumerate(memory):
         more, less = ((*memory[:i], entry + s, *memory[i + 1 :]) for s in (1e-7, -1e-7))
         rise = law.torque(theta, x, more) - law.torque(theta, x, less)
-        np.testing.assert_allclose(by_memory[i], rise / 2e-7, atol=1e-6, rtol=1e-4)
+        assert_allclose(by_memory[i], rise / 2e-7, atol=1e-6, rtol=1e-4)
 
 
 @pytest.mark.parametrize("odd", [False, True])
@@ -75,14 +76,14 @@ def test_options_of_laws_with_memory_hold_along_a_motion(law, odd):
 def test_its_memory_is_the_newest_samples():
     law, nodes = WindowMLP(3, hidden=(2,)), synthetic_problem(1).nodes
     steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
-    np.testing.assert_array_equal(steps[0], 3 * [nodes.inputs.w[nodes.first[:-1]]])
+    assert_array_equal(steps[0], 3 * [nodes.inputs.w[nodes.first[:-1]]])
     w = nodes.inputs.w[: nodes.first[1]]
     for age in range(3):
-        np.testing.assert_array_equal(steps[21][age][0], w[20 - 2 * age])
+        assert_array_equal(steps[21][age][0], w[20 - 2 * age])
     seen = window(law, nodes)
     for age in range(3):
-        np.testing.assert_array_equal(seen[age][21], w[20 - 2 * age])
-        np.testing.assert_array_equal(seen[age][0], w[0])
+        assert_array_equal(seen[age][21], w[20 - 2 * age])
+        assert_array_equal(seen[age][0], w[0])
 
 
 def test_its_memory_of_the_way_is_the_newest_angles():
@@ -92,8 +93,8 @@ def test_its_memory_of_the_way_is_the_newest_angles():
     seen = window(law, nodes)
     for t in (0, 1, 2, 3, 8, 21):
         for i in range(4):
-            np.testing.assert_allclose(seen[i][t], steps[t][i][0], atol=1e-12)
-    np.testing.assert_array_equal(seen[2][21], nodes.inputs.q[18])
+            assert_allclose(seen[i][t], steps[t][i][0], atol=1e-12)
+    assert_array_equal(seen[2][21], nodes.inputs.q[18])
 
 
 def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
@@ -102,7 +103,7 @@ def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
     here = Inputs(0.0 * w, w, 0.0 * w, 0.0 * w)
     there, memory = here._replace(q=here.q + 1.0), law.start(theta, here)
     torque = law.torque(theta, here, memory)
-    np.testing.assert_allclose(law.torque(theta, there, law.start(theta, there)), torque)
+    assert_allclose(law.torque(theta, there, law.start(theta, there)), torque)
     assert (np.abs(law.torque(theta, there, memory) - torque) > 1e-4).all()
 
 
@@ -123,7 +124,7 @@ def test_cost_in_training_is_that_of_the_rows(law):
     items = stack.tensor(np.tile(np.arange(rows.items), (3, 1)))
     found = rows.cost(stack.tensor(theta), items) * rows.items
     exact = costs_of_rows(problem, weights, law, theta)
-    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    assert_allclose(found, exact, rtol=1e-9)
 
 
 def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_others():
@@ -133,7 +134,7 @@ def test_batches_of_a_fold_go_through_all_its_rows_and_do_not_depend_on_the_othe
     first = np.concatenate([b[0] for b in both])
     assert sorted(first[:7]) == sorted(first[7:14]) == list(range(7))
     alone = batches(counted[1:], 4, [[0]])
-    np.testing.assert_array_equal([b[1] for b in both], [next(alone)[0] for _ in range(5)])
+    assert_array_equal([b[1] for b in both], [next(alone)[0] for _ in range(5)])
 
 
 def test_its_steps_are_those_of_pytorchs_own():
@@ -146,7 +147,7 @@ def test_its_steps_are_those_of_pytorchs_own():
         other.zero_grad()
         (1e-2 * ((theirs - 1.0) ** 4)).sum().backward()
         other.step()
-    np.testing.assert_allclose(theta.detach(), theirs.detach(), rtol=1e-9)
+    assert_allclose(theta.detach(), theirs.detach(), rtol=1e-9)
 
 
 def test_gradients_and_least_squares_find_one_curve_least_squares_more_closely():
@@ -170,7 +171,7 @@ def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
     assert (cost(problem, weights, found) < 0.1 * (weights @ (problem.r**2).sum(1))).all()
     save_model(found, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", {**LAWS, "OwnLaw": OwnLaw})
-    np.testing.assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
+    assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
     with pytest.raises(InputError, match="law 'OwnLaw' is unknown"):
         load_model(tmp_path / "model.json", LAWS)
     check_law(TorchModule(torch.nn.Linear(2, 1)))
@@ -189,9 +190,9 @@ def test_an_ensemble_is_the_mean_of_its_members_which_spread(tmp_path):
     check_law(Ensemble(WindowMLP(2, hidden=(2,)), 2))
     members = members_of(mean)
     assert members.theta.shape[:3] == (3, 3, 1)
-    np.testing.assert_array_equal(members[0].theta, one.theta)
+    assert_array_equal(members[0].theta, one.theta)
     w = np.linspace(-6.0, 6.0, 50)
-    np.testing.assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
+    assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
     seen, far = (members.curve(np.array([v])).std(axis=0).max() for v in (2.0, 30.0))
     assert 0 < seen < far
     save_model(mean, tmp_path / "model.json", LAWS)

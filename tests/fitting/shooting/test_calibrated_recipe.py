@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.comparison.registry import LAWS
@@ -50,7 +51,7 @@ def test_the_delay_is_found_in_each_fold_and_corrects_the_data(results):
     assert (
         calibration.delay.shape == (4,) and np.ptp(calibration.delay) > 0
     )  # each fold has its own
-    np.testing.assert_allclose(calibration.delay, LATE, atol=1e-3)
+    assert_allclose(calibration.delay, LATE, atol=1e-3)
     assert calibration.base is None and not calibration.bias.any() and (calibration.gain == 1).all()
     for score in (("one_step_integral", "rms"), ("rollout_angle", "median", 0.3)):
         assert corrected.value(*score) < 0.7 * plain.value(*score)
@@ -69,7 +70,7 @@ def test_a_fold_of_a_corrected_fit_never_sees_its_held_out_recordings(results):
     other = replace(benchmark, dataset=replace(benchmark.dataset, recordings=tuple(recordings)))
     again = run(other, RUBS, CORRECTED)
     assert again.friction.calibration.delay[1] == corrected.friction.calibration.delay[1]
-    np.testing.assert_array_equal(again.friction.theta[1], corrected.friction.theta[1])
+    assert_array_equal(again.friction.theta[1], corrected.friction.theta[1])
     assert abs(again.friction.calibration.delay[0] - corrected.friction.calibration.delay[0]) > 1e-4
 
 
@@ -79,7 +80,7 @@ def test_shuffled_folds_share_the_rig_of_all_data_and_one_fit():
     shared = prepare_benchmark(benchmark, [recipe])
     assert np.ptp(shared.training.calibrations["corrected"].delay) == 0.0
     found = run(benchmark, RUBS, recipe, 0, shared)
-    np.testing.assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
+    assert_allclose(found.friction.calibration.delay, LATE, atol=1e-3)
 
 
 def test_the_built_in_calibration_is_right_within_its_intervals():
@@ -93,7 +94,7 @@ def test_the_built_in_calibration_is_right_within_its_intervals():
     for name, value in truth.items():
         low, high = covariance.interval()[names.index(name)]
         assert low < value < high and high - low < 0.1 * value
-    np.testing.assert_allclose(overall.calibration.base, [tiny.INERTIA, tiny.GRAVITY], rtol=0.02)
+    assert_allclose(overall.calibration.base, [tiny.INERTIA, tiny.GRAVITY], rtol=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +121,7 @@ def test_recipes_that_ask_the_same_calibration_share_one_for_each_fold(alike):
     shared = shared.training.calibrations
     assert list(shared) == ["calibrated", "by study", "clock"]
     for recipe in others:
-        np.testing.assert_array_equal(shared[recipe.name].delay, shared["calibrated"].delay)
+        assert_array_equal(shared[recipe.name].delay, shared["calibrated"].delay)
     assert shared["clock"].base is None and shared["by study"].base is not None
 
 
@@ -131,7 +132,7 @@ def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose(alike
         run(late_contest(), SINDy(), r, 0, shared).overall for r in (calibrated, refined)
     )
     chosen = [np.flatnonzero(friction.theta) for friction in (first, last)]
-    np.testing.assert_array_equal(*chosen)
+    assert_array_equal(*chosen)
     assert last.calibration.delay == pytest.approx(LATE, abs=1e-3)
     (named,) = recipes_of([RecipeEntry(name="calibrated", by="shooting")])
     assert isinstance(named, Shooting)  # a name does not make a recipe of it
@@ -166,7 +167,7 @@ def test_sindy_may_choose_other_terms_in_each_fold(results):
     found = run(benchmark, hasty, CORRECTED, 0, shared)
     terms = [tuple(np.flatnonzero(theta[0])) for theta in found.friction.theta]
     assert len(set(terms)) > 1 and all(terms)
-    np.testing.assert_array_equal(
+    assert_array_equal(
         found.friction.calibration.delay, shared.training.calibrations["corrected"].delay[:-1]
     )
     # each fold is what the identifier finds on its own corrected data, whatever the others have
@@ -175,9 +176,7 @@ def test_sindy_may_choose_other_terms_in_each_fold(results):
             with_calibration(shared.prepared, found.friction[fold].calibration), INTEGRAL
         )
         weights = shared.training.weights["integral"][fold : fold + 1]
-        np.testing.assert_array_equal(
-            found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0]
-        )
+        assert_array_equal(found.friction.theta[fold], hasty.fit(own, weights, 0).theta[0])
 
 
 def test_sindy_finds_the_terms_once_the_clock_is_right(results):

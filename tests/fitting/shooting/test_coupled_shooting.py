@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 pytest.importorskip("mujoco")
 from fixtures.slopes import assert_slopes
@@ -42,7 +43,7 @@ def dataset(tmp_path_factory):
 
 def test_truth_comes_out(dataset):
     found = refine(BEGIN, dataset, (FrictionBlock(),), Settings(windows=(0.1, 0.3)))
-    np.testing.assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.003)
+    assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.003)
     off = (found.covariance.values - TRUE.ravel()) / found.covariance.error
     assert (np.abs(off) < 3.5).all()
 

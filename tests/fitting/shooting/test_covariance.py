@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.special import stdtrit
 
 from frictionid.fitting.shooting.sandwich import (
@@ -110,5 +111,5 @@ def test_what_a_single_of_three_recordings_shows_scatters_between_its_stretches(
     assert not shown_once(H, groups).any()
     variance = np.diag(sandwich(H, groups))
     stretches = np.diag(sandwich(H, groups._replace(recording=0 * recording)))
-    np.testing.assert_allclose(variance[-2:], stretches[-2:])
+    assert_allclose(variance[-2:], stretches[-2:])
     assert (variance[:-2] >= stretches[:-2]).all() and variance.max() < 100 * stretches.max()

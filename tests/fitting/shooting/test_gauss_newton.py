@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.tiny_pendulums import dataset
+from numpy.testing import assert_array_equal
 
 from frictionid.dynamics.step_size import TooSteepError
 from frictionid.fitting.parameters import FrictionBlock
@@ -25,7 +26,7 @@ def test_every_iteration_is_heard_once():
         left = [left for _, left in heard[first:end]]
         assert left == list(range(left[0], left[0] - len(left), -1)) and left[-1] >= 0
     unheard = refine(START, dataset(), (FrictionBlock(),), settings)
-    np.testing.assert_array_equal(unheard.friction.theta, result.friction.theta)
+    assert_array_equal(unheard.friction.theta, result.friction.theta)
 
 
 def steep_at(calls, monkeypatch):

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -44,9 +45,9 @@ def parameters_of(friction):
 
 def test_what_is_known_is_held():
     known = known_calibration(first_fit(), "model")
-    np.testing.assert_allclose(known.calibration.base, BASE, rtol=0.05)
+    assert_allclose(known.calibration.base, BASE, rtol=0.05)
     held = fit_model(data(9, 12), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=known))
-    np.testing.assert_array_equal(held.calibration.base, known.calibration.base)
+    assert_array_equal(held.calibration.base, known.calibration.base)
     assert held.calibration.delay == known.calibration.delay
     assert set(parameters_of(held)) == {"coulomb of joint 1", "viscous of joint 1"}
     own = fit_model(data(9, 12), FIT, Shooting(blocks=FRICTION, settings=SHORT))
@@ -76,7 +77,7 @@ def test_a_one_step_fit_under_a_known_calibration_is_that_of_the_calibrated_reci
         "given", INTEGRAL, Shooting(blocks=(), held=known), FIT, use=("delay",)
     )
     thetas = [fit_model(some, FIT, recipe).theta for recipe in (estimated, given)]
-    np.testing.assert_allclose(*thetas, rtol=1e-9)
+    assert_allclose(*thetas, rtol=1e-9)
 
 
 def test_calibrations_of_no_machine_or_another_one_are_refused():
@@ -95,7 +96,7 @@ def test_fit_takes_the_calibration_of_a_model_file(tmp_path, run):
     code, out, err = run(tmp_path, *words, "--out", "second.json")
     assert (code, err) == (0, "")
     read = known_calibration(load_model(tmp_path / "second.json", LAWS), "second")
-    np.testing.assert_allclose(read.calibration.base, first_fit().calibration.base)
+    assert_allclose(read.calibration.base, first_fit().calibration.base)
     words = (*words, "--by", "shooting", "--windows", "0.2", "--iterations", "3")
     code, out, err = run(tmp_path, *words, "--out", "third.json")
     assert code == 0 and "torque delay" not in out
@@ -115,5 +116,5 @@ def test_a_suite_names_the_model_file_from_its_folder(tmp_path):
     held, corrected = recipes_of([entry.beside(tmp_path) for entry in suite.recipes])
     assert [b.name for b in held.blocks] == ["friction"]
     for known in (held.held, corrected.by.held):
-        np.testing.assert_allclose(known.calibration.base, first_fit().calibration.base)
+        assert_allclose(known.calibration.base, first_fit().calibration.base)
         assert {name for name, _ in known.errors} == {"inertia", "gravity", "torque delay"}

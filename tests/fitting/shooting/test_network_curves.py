@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitting.shooting.test_networks import SHORT, errors, swings
+from numpy.testing import assert_allclose
 
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import refine
@@ -36,7 +37,7 @@ def test_a_curve_has_the_torque_and_the_break_away_level_of_its_network(law):
     x = at_rest(np.stack([w, w], axis=-1))
     for function in ("torque", "limit"):
         a, b = (getattr(f.law, function)(f.theta, x, ()) for f in (curve, network))
-        np.testing.assert_allclose(a, b, atol=1e-5 * np.abs(b).max())
+        assert_allclose(a, b, atol=1e-5 * np.abs(b).max())
     check_law(curve.law, level=law.dissipative)
 
 
@@ -90,5 +91,5 @@ def test_a_network_has_the_curve_that_was_fitted(hidden):
         assert distance(curve.law.curve(curve), found.friction) < 1e-3
     w = np.linspace(-8.0, 8.0, 50)
     size = np.abs(found.friction.curve(w)).max()
-    np.testing.assert_allclose(curve.curve(w), found.friction.curve(w), atol=1e-3 * size)
+    assert_allclose(curve.curve(w), found.friction.curve(w), atol=1e-3 * size)
     assert errors(found.friction, swings()).max() < 0.1

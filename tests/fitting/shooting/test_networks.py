@@ -8,6 +8,7 @@ import pytest
 import torch
 from fixtures.learned_laws import Recurrent, Static
 from fixtures.memory_laws import Sampled
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.tangent.law_derivatives import TensorLaw
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
@@ -75,7 +76,7 @@ def test_slopes_in_reverse_mode_are_those_of_differences(law, samples):
     for i in range(theta.shape[1]):
         step = 1e-6 * np.eye(theta.shape[1])[i]
         rise = (torque(theta + step) - torque(theta - step)) / 2e-6
-        np.testing.assert_allclose(slopes[..., i], rise, atol=1e-7)
+        assert_allclose(slopes[..., i], rise, atol=1e-7)
 
 
 @pytest.mark.parametrize("law", [Static(), Recurrent(), WAY], ids=str)
@@ -103,14 +104,14 @@ def test_predictions_change_with_combinations_start_and_memory_as_their_slopes_s
             estimate._replace(friction=replace(estimate.friction, theta=s * step)) for s in (1, -1)
         )
         rise = problem.linearise(up, nodes, rows).end - problem.linearise(down, nodes, rows).end
-        np.testing.assert_allclose(
+        assert_allclose(
             rise[rows] / 2e-5, lines.by[rows, :, k], atol=close * unit[k] + 1e-4 * unit[:-1].max()
         )
     for i in range(nodes.shape[1]):
         step = 1e-5 * np.eye(nodes.shape[1])[i]
         up, down = (problem.linearise(estimate, nodes + s * step, rows).end for s in (1, -1))
         by = lines.by_start[rows, :, i]
-        np.testing.assert_allclose((up - down)[rows] / 2e-5, by, atol=close * np.abs(by).max())
+        assert_allclose((up - down)[rows] / 2e-5, by, atol=close * np.abs(by).max())
 
 
 @cache
@@ -133,7 +134,7 @@ def test_numbers_of_numpy_and_of_torch_give_the_same():
     (_, a), (_, b) = (refined(kind, few) for kind in ("tensor", "numpy"))
     assert isinstance(b.friction.theta, np.ndarray)
     assert a.friction.theta.dtype == torch.float64
-    np.testing.assert_allclose(a.friction.theta.numpy(), b.friction.theta)
+    assert_allclose(a.friction.theta.numpy(), b.friction.theta)
 
 
 def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
@@ -188,7 +189,7 @@ def test_a_memory_of_samples_with_few_numbers_keeps_their_names():
     assert [e.name for e in ends[0].covariance.parameters][0] == "gain of joint 1"
     assert ends[0].friction.theta.dtype == torch.float32
     thetas = [end.friction.theta.numpy() for end in ends]
-    np.testing.assert_allclose(*thetas, rtol=1e-3)
+    assert_allclose(*thetas, rtol=1e-3)
     before, after = (
         forecast(Friction(Sampled(), theta), dataset) for theta in (np.array([[0.3]]), thetas[0])
     )
@@ -200,8 +201,8 @@ def test_tensors_of_a_law_with_names_give_what_numpy_gives():
     law = StribeckLaw(symmetric=False)
     a = refine(Friction(law, theta), swings(), settings=SHORT)
     b = refine(Friction(law, torch.tensor(theta)), swings(), settings=SHORT)
-    np.testing.assert_allclose(a.friction.theta, b.friction.theta.numpy(), rtol=1e-5)
-    np.testing.assert_allclose(a.covariance.matrix, b.covariance.matrix, rtol=1e-3)
+    assert_allclose(a.friction.theta, b.friction.theta.numpy(), rtol=1e-5)
+    assert_allclose(a.covariance.matrix, b.covariance.matrix, rtol=1e-3)
 
 
 def test_each_fold_of_a_network_is_that_of_its_own_recordings():
@@ -213,5 +214,5 @@ def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     whole = refine_folds(Friction(law, theta), intervals, alone, training)
     together = whole.folds
     assert together.theta.shape == theta.shape
-    np.testing.assert_array_equal(together.theta[-1], whole.friction.theta)
+    assert_array_equal(together.theta[-1], whole.friction.theta)
     assert errors(together[0], dataset).max() < 0.1

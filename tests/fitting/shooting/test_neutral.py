@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.exact_problems import everything, explained_by
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
@@ -44,7 +45,7 @@ def test_a_peak_below_all_speeds_is_next_to_nothing(seed):
     coulomb, peak = rich.theta[0, :2]
     assert peak < 0.1 * coulomb
     w = np.linspace(FAST, 8.0, 20)
-    np.testing.assert_allclose(rich.curve(w), plain.curve(w), rtol=0.01)
+    assert_allclose(rich.curve(w), plain.curve(w), rtol=0.01)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -56,15 +57,15 @@ def test_what_one_way_fast_shows_of_a_rich_law_is_the_law_without_the_rest(seed)
         fitted(law, problem, rows) for law in (CoulombViscous(), Stribeck(symmetric=False))
     )
     w = np.linspace(FAST, 8.0, 20)
-    np.testing.assert_allclose(rich.curve(w), plain.curve(w), rtol=1e-4)
-    np.testing.assert_allclose(rich.curve(-w), plain.curve(-w), rtol=1e-4)
+    assert_allclose(rich.curve(w), plain.curve(w), rtol=1e-4)
+    assert_allclose(rich.curve(-w), plain.curve(-w), rtol=1e-4)
 
 
 def test_what_the_rows_tell_is_the_plain_minimum():
     truth = [[0.1, 0.04, 1.5, 0.02]]
     problem = explained_by(Stribeck(), truth, 1e-3, 1)
     both = [fitted(Stribeck(), problem, everything(problem), neutral=n) for n in (True, False)]
-    np.testing.assert_array_equal(both[0].theta, both[1].theta)
+    assert_array_equal(both[0].theta, both[1].theta)
 
 
 def test_a_prior_stands_in_place_of_the_neutral_value():
@@ -142,9 +143,9 @@ def test_what_a_quadratic_foresees_is_what_a_fit_without_the_parameter_finds():
     end, groups = fit([0, 1, 2, 3], start, y)
     without = LocalCost(parameters, end, groups, law, ()).holding({3: 1.5})
     again, other = fit([0, 1, 2], start, y - 1.5 * X[..., 3])
-    np.testing.assert_allclose(without.values, again)
-    np.testing.assert_allclose(without.groups.score, other.score, atol=1e-9)
-    np.testing.assert_allclose(without.groups.H, other.H)
+    assert_allclose(without.values, again)
+    assert_allclose(without.groups.score, other.score, atol=1e-9)
+    assert_allclose(without.groups.H, other.H)
     assert [p.name for p in without.parameters] == ["0", "1", "2"] and without.groups.free.all()
     bound = LocalCost(parameters, end, groups, law, ()).holding({2: 50.0, 3: -90.0})
     assert bound.values[0] == 0.0 and not bound.groups.free[0]
@@ -201,15 +202,15 @@ def test_the_interval_of_a_load_coefficient_holds_what_the_mass_may_be_off():
         squares[tolerance] = np.diag(fit.covariance.matrix)
     added = [np.sqrt(squares[t] - squares[0.0]) for t in (0.5, 5.0)]
     load = float(fit.covariance.values[1])
-    np.testing.assert_allclose(added[0][1], 0.005 * load, rtol=0.2)
-    np.testing.assert_allclose(added[1][1], 10.0 * added[0][1], rtol=0.1)
+    assert_allclose(added[0][1], 0.005 * load, rtol=0.2)
+    assert_allclose(added[1][1], 10.0 * added[0][1], rtol=0.1)
     assert (added[1][[0, 2]] < 0.3 * np.sqrt(squares[0.0][[0, 2]])).all()
 
 
 def test_tolerances_reach_the_base_parameters_to_first_order():
     m = replace(pendulum(mass=0.5, length=0.2), tolerances={"length": 2.0})
     share = m.base_tolerances() / m.base(m.nominal())
-    np.testing.assert_allclose(share, [0.04, 0.02], rtol=1e-3)  # m l^2 and m g l
+    assert_allclose(share, [0.04, 0.02], rtol=1e-3)  # m l^2 and m g l
     assert not np.isfinite(pendulum(mass=0.5, length=0.2).base_tolerances()).any()
     every = replace(m, tolerances={"all": 1.0})
     assert (every.base_tolerances() > 0).all()

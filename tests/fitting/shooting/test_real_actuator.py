@@ -3,9 +3,9 @@
 import gzip
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.comparison.registry import friction_of
@@ -89,12 +89,12 @@ def test_tables_with_an_actuator_are_the_logs_of_the_reader_bam(logs):
     assert tables.mechanism.nominal() == bam.mechanism.nominal()
     assert [r.name for r in tables.recordings] == [r.name for r in bam.recordings]
     for own, other in zip(tables.recordings, bam.recordings, strict=True):
-        np.testing.assert_array_equal(own.angle.time, other.angle.time)
-        np.testing.assert_allclose(own.angle.value, other.angle.value, atol=1e-15)
-        np.testing.assert_allclose(own.torque.value, other.torque.value, atol=1e-12)
+        assert_array_equal(own.angle.time, other.angle.time)
+        assert_allclose(own.angle.value, other.angle.value, atol=1e-15)
+        assert_allclose(own.torque.value, other.torque.value, atol=1e-12)
         for name in ("goal", "enabled"):
             a, b = (getattr(r.servo, name) for r in (own, other))
-            np.testing.assert_allclose(a.value, b.value, atol=1e-15)
+            assert_allclose(a.value, b.value, atol=1e-15)
         for name in SERVO:
             assert getattr(own.servo, name) == pytest.approx(getattr(other.servo, name))
 

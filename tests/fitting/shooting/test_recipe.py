@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.result_folders import leave_blank
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of, recipes_of
@@ -44,10 +45,10 @@ def result():
 def test_friction_inertia_and_delay_come_out_in_every_fold(result):
     theta, calibration = result.friction.theta, result.friction.calibration
     assert theta.shape == (3, 1, 2) and calibration.delay.shape == (3,)
-    np.testing.assert_allclose(theta[..., 0], TRUE[0, 0], rtol=0.06)
-    np.testing.assert_allclose(theta[..., 1], TRUE[0, 1], rtol=0.2)
-    np.testing.assert_allclose(calibration.delay, 0.01, atol=1.5e-3)
-    np.testing.assert_allclose(calibration.base, [[0.012, 0.5886]] * 3, rtol=0.02)
+    assert_allclose(theta[..., 0], TRUE[0, 0], rtol=0.06)
+    assert_allclose(theta[..., 1], TRUE[0, 1], rtol=0.2)
+    assert_allclose(calibration.delay, 0.01, atol=1.5e-3)
+    assert_allclose(calibration.base, [[0.012, 0.5886]] * 3, rtol=0.02)
 
 
 def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
@@ -72,7 +73,7 @@ def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
     assert (off < 1e-6 * error).all()
     for name in ("base", "delay"):
         mine, other = (getattr(x.friction.calibration, name)[fold] for x in (result, again))
-        np.testing.assert_allclose(mine, other, rtol=1e-9)
+        assert_allclose(mine, other, rtol=1e-9)
     assert (np.abs(again.overall.theta - result.overall.theta)[0] > error).any()
 
 

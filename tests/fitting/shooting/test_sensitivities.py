@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
 from fixtures.slopes import assert_slopes
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError
@@ -68,21 +69,21 @@ def test_derivatives_of_all_blocks_are_those_of_central_differences():
     seen = assert_slopes(problem, estimate, rows)
     assert seen == len(values_of(estimate, problem.blocks)) - 2
     lines = problem.linearise(estimate, problem.initial_nodes(estimate), rows)
-    np.testing.assert_array_equal(lines.angle[-2:], np.eye(2))
+    assert_array_equal(lines.angle[-2:], np.eye(2))
 
 
 def test_a_gain_5_per_cent_wrong_is_found_where_one_mass_is_known():
     blocks = (FrictionBlock(), InertiaBlock(fixed=("gravity",)), GainBlock())
     found = refine(BEGIN, driven_pendulum(150, gain=1.05), blocks, SHORT)
     assert found.calibration.gain[0] == pytest.approx(1.05, rel=0.01)
-    np.testing.assert_allclose(found.friction.theta[:, 0], LEVEL, rtol=0.03)
+    assert_allclose(found.friction.theta[:, 0], LEVEL, rtol=0.03)
 
 
 def test_a_mass_10_per_cent_wrong_is_found_where_inertia_is_free_and_falsifies_friction_where_not():
     data = driven_pendulum(150, true={"mass": 0.33})
     free = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
     told = refine(BEGIN, data, (FrictionBlock(),), SHORT)
-    np.testing.assert_allclose(free.calibration.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
+    assert_allclose(free.calibration.base, [0.33 * 0.04, 0.33 * 9.81 * 0.2], rtol=0.01)
     errors = [np.abs(f.friction.theta[0] / TRUE[0] - 1.0).max() for f in (free, told)]
     assert errors[0] < 0.05 and errors[1] > 4 * errors[0]
     assert told.diagnostics.angle_noise[0] > 2 * free.diagnostics.angle_noise[0]

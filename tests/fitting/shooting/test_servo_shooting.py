@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.slopes import assert_slopes
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
@@ -125,9 +126,9 @@ def found():
 
 
 def test_wrong_motor_constants_are_found_where_the_motor_is_disconnected_for_a_while(found):
-    np.testing.assert_allclose(found.calibration.motor, [KT, R], rtol=0.02)
-    np.testing.assert_allclose(found.friction.theta[0, 0], TRUE[0, 0], rtol=0.03)
-    np.testing.assert_allclose(found.friction.theta[0, 1], TRUE[0, 1], rtol=0.15)
+    assert_allclose(found.calibration.motor, [KT, R], rtol=0.02)
+    assert_allclose(found.friction.theta[0, 0], TRUE[0, 0], rtol=0.03)
+    assert_allclose(found.friction.theta[0, 1], TRUE[0, 1], rtol=0.15)
     covariance = found.covariance
     assert [e.name for e in covariance.parameters[-2:]] == ["kt", "R"]
     ends = covariance.interval(0.95)
@@ -148,8 +149,8 @@ def test_the_torque_of_the_found_motor_is_judged_and_runs_free(found):
     protocol = Protocol(horizons=(0.25,), whole=True)
     view = with_calibration(prepare(both(), protocol), found.calibration)
     for servo, recording in zip(view.trajectory.servos, view.dataset.recordings, strict=True):
-        np.testing.assert_array_equal([servo.kt, servo.R], found.calibration.motor)
-        np.testing.assert_allclose(
+        assert_array_equal([servo.kt, servo.R], found.calibration.motor)
+        assert_allclose(
             recording.torque.value, servo_torque(servo, recording.angle).value, atol=1e-12
         )
 
@@ -168,10 +169,10 @@ def test_one_constant_is_found_with_the_other_known(fixed, law):
         (FrictionBlock(), ActuatorBlock(fixed=fixed)),
         SHORT,
     )
-    np.testing.assert_allclose(own.calibration.motor, [KT, R], rtol=0.02)
-    np.testing.assert_allclose(own.friction.theta[0, 0], TRUE[0, 0], rtol=0.05)
+    assert_allclose(own.calibration.motor, [KT, R], rtol=0.02)
+    assert_allclose(own.friction.theta[0, 0], TRUE[0, 0], rtol=0.05)
     if loss:
-        np.testing.assert_allclose(own.friction.theta[0, 2], loss, rtol=0.05)
+        assert_allclose(own.friction.theta[0, 2], loss, rtol=0.05)
 
 
 def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
@@ -179,8 +180,8 @@ def test_a_known_motor_gives_what_its_torque_along_the_measured_motion_gives():
     logs = believed(driven(), KT, R)
     by_voltage = refine(START, logs, (FrictionBlock(), ActuatorBlock(fixed=("kt", "R"))), SHORT)
     by_torque = refine(START, logs, (FrictionBlock(),), SHORT)
-    np.testing.assert_allclose(by_voltage.friction.theta, by_torque.friction.theta, rtol=0.02)
-    np.testing.assert_array_equal(by_voltage.calibration.motor, [KT, R])
+    assert_allclose(by_voltage.friction.theta, by_torque.friction.theta, rtol=0.02)
+    assert_array_equal(by_voltage.calibration.motor, [KT, R])
 
 
 @pytest.mark.parametrize("law", [CoulombViscous(), MotorLoad()])
@@ -217,7 +218,7 @@ def test_voltage_falls_at_once_where_the_motor_is_switched_off():
     assert before == pytest.approx(
         servo.voltage(np.array([off]), sample(angle, [off]))[0, 0], rel=0.05
     )
-    np.testing.assert_allclose(
+    assert_allclose(
         sample(volts, angle.time), servo.voltage(angle.time, angle.value)
         * servo.connected(angle.time), atol=1e-12,
     )  # fmt: skip
@@ -235,7 +236,7 @@ def test_the_part_that_follows_velocity_changes_at_once_up_and_down(way):
     edge = time[middle]
     for at, share in ((edge - 1e-4, B[0, 0]), (edge, B[-1, 0])):
         own = sample(torque, [at]) - sample(beside, [at])
-        np.testing.assert_allclose(own, share * sample(motion.w, [at]), rtol=1e-3)
+        assert_allclose(own, share * sample(motion.w, [at]), rtol=1e-3)
 
 
 def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
@@ -246,7 +247,7 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     recording = replace(driven()[0], angle=Signal(time, q, "linear"))
     motion = ServoMotion.along(recording, States(time, q, w), recording.servo)
     fine = np.linspace(0.0, 1.0, 201)
-    np.testing.assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
+    assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
 
 
 def test_what_no_data_can_tell_is_refused_in_one_line():

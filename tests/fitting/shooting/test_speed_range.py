@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
@@ -76,7 +77,7 @@ def test_a_narrow_peak_is_fitted_even_where_the_fit_begins_without_it():
         refine(Friction(Stribeck(), np.array([theta])), data)
         for theta in ([0.065, 0.0, 9.0, 0.008], [0.06, 0.03, 0.2, 0.01])
     ]
-    np.testing.assert_allclose(ends[0].friction.theta, ends[1].friction.theta, rtol=0.03)
+    assert_allclose(ends[0].friction.theta, ends[1].friction.theta, rtol=0.03)
 
 
 def test_a_velocity_beyond_what_the_data_resolve_ends_there_without_intervals(axis, problem):
@@ -95,7 +96,7 @@ def test_bounds_and_priors_of_parameters(axis, problem):
     viscous = fitted(problem, prior={"viscous": (20.0, 1e-6)}).theta[0, 3]
     assert viscous == pytest.approx(20.0, abs=1e-4)
     loose = fitted(problem, prior={"viscous": (20.0, 1e6)}).theta
-    np.testing.assert_allclose(loose, fitted(problem).theta, rtol=1e-4)
+    assert_allclose(loose, fitted(problem).theta, rtol=1e-4)
     held = fitted(problem, bounds={"coulomb": (13.0, 14.0)})
     assert held.theta[0, 0] == pytest.approx(13.0)
     found = refine(fitted(problem, prior={"viscous": (20.0, 1e-6)}), axis)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.shooting.gauss_newton import _initial_noise
 from frictionid.fitting.shooting.problem import Linearisation
@@ -65,9 +66,9 @@ def test_the_step_is_that_of_all_unknowns_together():
         rows.append(known)
         right.append(np.sqrt(prior[1, w]) * prior[0, w])
     everything = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
-    np.testing.assert_allclose(step, everything[size:], rtol=1e-9)
+    assert_allclose(step, everything[size:], rtol=1e-9)
     states = normal.start - normal.to_start @ step
-    np.testing.assert_allclose(states.ravel(), everything[:size], rtol=1e-9)
+    assert_allclose(states.ravel(), everything[:size], rtol=1e-9)
 
 
 def test_steep_windows_keep_a_curvature_that_is_not_negative():
@@ -96,7 +97,7 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
     lines.by_start[N + 1] = wrong
     held = predict_windows(intervals, lines, nodes, windows, 0.0)
     for whole, right in zip(held, sound, strict=True):
-        np.testing.assert_array_equal(whole[0], right[0])
+        assert_array_equal(whole[0], right[0])
         assert np.isfinite(whole).all()
     assert not held.slope[1].any() and not held.moved[1].any()
     assert (np.abs(held.error[1]) > 100.0).all()
@@ -148,7 +149,7 @@ def test_a_window_counts_as_its_cost_grows():
         return rho.sum(axis=(1, 2))
 
     slope, full = ((f(1 + step) - f(1 - step)) / (2 * step) for f in (cost, plain))
-    np.testing.assert_allclose(slope, counts * full, atol=1e-4 * full.max())
+    assert_allclose(slope, counts * full, atol=1e-4 * full.max())
 
 
 def test_a_window_is_left_out_where_its_gap_stays_open_and_not_while_it_closes():
@@ -181,10 +182,10 @@ def test_a_window_is_left_out_where_its_gap_stays_open_and_not_while_it_closes()
             point._replace(gap=gap), last, np.zeros(SHARED), SIGMA, 2.5, False
         )
         damping.append(last.damping[0])
-    np.testing.assert_allclose(damping, [0.1, 1.0, 10.0])  # its steps become ten times as small
+    assert_allclose(damping, [0.1, 1.0, 10.0])  # its steps become ten times as small
     assert last.gap[1] > 1.0
-    np.testing.assert_array_equal(last.kinked, [True] + 7 * [False])
-    np.testing.assert_array_equal(last.failures, [3.0] + 7 * [0.0])
+    assert_array_equal(last.kinked, [True] + 7 * [False])
+    assert_array_equal(last.failures, [3.0] + 7 * [0.0])
 
 
 @pytest.mark.parametrize("seconds", [1e-6, 0.1, 0.5, 100.0])
@@ -192,7 +193,7 @@ def test_windows_have_three_intervals_at_least_and_hold_each_interval_once(secon
     intervals = intervals_of(tiny.dataset(recordings=tiny.recordings()[:2]))
     windows = cut_windows(intervals, np.ones(len(intervals.dt), dtype=bool), seconds)
     assert (windows >= 0).sum(axis=1).min() >= 3
-    np.testing.assert_array_equal(np.sort(windows[windows >= 0]), np.arange(len(intervals.dt)))
+    assert_array_equal(np.sort(windows[windows >= 0]), np.arange(len(intervals.dt)))
 
 
 def test_each_angle_of_a_window_counts_by_its_own_noise():
@@ -219,7 +220,7 @@ def test_each_angle_of_a_window_counts_by_its_own_noise():
         inside = window[window >= 0]
         expected = np.concatenate([before[inside], after[inside[-1:]]])
         found = weighted[w, : len(inside) + 1] / alike[w, : len(inside) + 1]
-        np.testing.assert_allclose(found, expected, rtol=1e-9)
+        assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_of_exact_angles_the_noise_starts_above_zero_and_below_any_other():
@@ -231,4 +232,4 @@ def test_of_exact_angles_the_noise_starts_above_zero_and_below_any_other():
         for off in (0.0, 1e-4)
     )
     assert (exact > 0).all() and (exact < 1e-5).all()
-    np.testing.assert_allclose(rough, 1.4826e-4, rtol=1e-3)
+    assert_allclose(rough, 1.4826e-4, rtol=1e-3)

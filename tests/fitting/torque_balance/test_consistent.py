@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.recordings import Dataset
@@ -41,7 +42,7 @@ def rotors(arm, base):
 
 def test_moments_and_pseudo_inertias_make_each_other(arm):
     J = pseudo_inertia(arm.tree.inertia)
-    np.testing.assert_allclose(moments_of(J), arm.tree.inertia, atol=1e-12)
+    assert_allclose(moments_of(J), arm.tree.inertia, atol=1e-12)
     assert (np.linalg.eigvalsh(J) > 0).all()
 
 
@@ -54,7 +55,7 @@ def test_what_is_consistent_stays(arm):
         bodies = moments_of(factors @ np.swapaxes(factors, 1, 2))
         base = arm.reduction.regrouping @ np.append(bodies, draw.uniform(0.1, 0.5, 4))
         found = nearest_consistent(arm, base, metric(draw, base))
-        np.testing.assert_allclose(found, base, atol=1e-3 * np.abs(base).max())
+        assert_allclose(found, base, atol=1e-3 * np.abs(base).max())
 
 
 def test_what_no_bodies_have_comes_to_the_nearest_that_some_have(arm):
@@ -102,8 +103,8 @@ def test_a_fit_to_little_motion_is_consistent(arm):
 def test_a_fit_that_is_consistent_anyway_stays(arm):
     data = wrist.dataset(arm, wrist.frame(arm, seconds=4.0))
     free, held = (fitted(data, consistent=flag) for flag in (False, True))
-    np.testing.assert_allclose(held.calibration.base, free.calibration.base, atol=1e-6)
-    np.testing.assert_allclose(held.theta, free.theta, rtol=1e-4)
+    assert_allclose(held.calibration.base, free.calibration.base, atol=1e-6)
+    assert_allclose(held.theta, free.theta, rtol=1e-4)
 
 
 def test_mechanisms_without_bodies_are_refused():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.sines import sines, torque_without_friction
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration
@@ -53,9 +54,9 @@ def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
     assert found.units_at(0) == ("N m", "1", "N m s/rad")  # N m of friction for each of load
     save_model(found, tmp_path / "model.json", LAWS)
     assert load_model(tmp_path / "model.json", LAWS).units_at(1) == found.units_at(1)
-    np.testing.assert_allclose(by_name["load_coefficient"], LOSS, rtol=0.02)
-    np.testing.assert_allclose(by_name["viscous"], VISCOUS, rtol=0.02)
-    np.testing.assert_allclose(by_name["coulomb"], COULOMB, rtol=0.03)
+    assert_allclose(by_name["load_coefficient"], LOSS, rtol=0.02)
+    assert_allclose(by_name["viscous"], VISCOUS, rtol=0.02)
+    assert_allclose(by_name["coulomb"], COULOMB, rtol=0.03)
 
 
 def test_steps_to_impossible_inertias_stay_on_the_border(arm):
