@@ -7,7 +7,7 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
-from fixtures.tiny_pendulums import compare_into, write_suite
+from fixtures.tiny_pendulums import compare_into, stamps, write_suite
 
 from frictionid.comparison import cluster as clusters
 from frictionid.comparison.cluster import check_equal, on_cluster
@@ -79,10 +79,6 @@ def assert_same_scores(folder, other):
     assert sorted(path.name for path in (folder / "models").iterdir()) == models
     for name in models:
         assert (folder / "models" / name).read_bytes() == (other / "models" / name).read_bytes()
-
-
-def stamps(folder):
-    return {path.name: path.stat().st_mtime_ns for path in folder.glob("[!.]*.json")}
 
 
 # --- Mistakes -------------------------------------------------------------------------------------
@@ -179,7 +175,7 @@ def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(clus
     (place / "kill").write_text(str(cluster.scheduler.pid))
     with pytest.raises(InputError, match=r"the scheduler is gone: .* finish with --resume"):
         compare_into(place / "suite.toml", place / "resumed", dask=cluster.address)
-    done = stamps(place / "resumed" / "unfinished" / "tasks")
+    done = stamps(place / "resumed" / "unfinished")
     compare_into(place / "suite.toml", place / "resumed", resume=True)
-    assert done.items() <= stamps(place / "resumed" / "tasks").items()
+    assert done.items() <= stamps(place / "resumed").items()
     assert_same_scores(place / "resumed", place / "serial")

@@ -26,9 +26,20 @@ MASS = 10.0
 
 
 @cache
-def slide(travel, times):
-    """A carriage whose lengths are `travel`, and times `times`, as large as those of the first."""
-    return scaled(carriage(), travel, times)
+def slide(travel=1.0, times=1.0):
+    """A carriage whose lengths are `travel`, and times `times`, as large as those of the first.
+
+    The same forces act on a mass that makes them so.
+    """
+
+    def signal(s, factor):
+        return s._replace(time=s.time * times, value=s.value * factor)
+
+    recordings = tuple(
+        Recording(r.name, signal(r.angle, travel), signal(r.torque, 1.0))
+        for r in carriage().recordings
+    )
+    return Dataset("carriage", linear_axis(mass=MASS * times**2 / travel), recordings)
 
 
 @cache
@@ -48,18 +59,6 @@ def carriage():
         substeps=4,
     )
     return simulate(rig)
-
-
-def scaled(data, travel, times):
-    """The same forces on a mass that makes all lengths and times so much larger."""
-
-    def signal(s, factor):
-        return s._replace(time=s.time * times, value=s.value * factor)
-
-    recordings = tuple(
-        Recording(r.name, signal(r.angle, travel), signal(r.torque, 1.0)) for r in data.recordings
-    )
-    return Dataset(data.name, linear_axis(mass=MASS * times**2 / travel), recordings)
 
 
 def in_common_units(theta, travel, times):
@@ -91,7 +90,7 @@ def test_a_fit_does_not_depend_on_how_long_a_slide_is_or_how_slow(travel, times,
 def test_a_prediction_is_the_same_in_units_of_the_slide(travel, times):
     theta, speed = np.array([[4.0, 3.0]]), travel / times
     motions = []
-    for data, own in ((slide(1.0, 1.0), theta), (slide(travel, times), theta / [1.0, speed])):
+    for data, own in ((slide(), theta), (slide(travel, times), theta / [1.0, speed])):
         u = data.recordings[0].torque.value[:120, None]
         dt = np.diff(data.recordings[0].angle.time)[:120, None]
         start = State(np.zeros((1, 1)), np.zeros((1, 1)))
@@ -104,7 +103,7 @@ def test_a_prediction_is_the_same_in_units_of_the_slide(travel, times):
 
 
 def test_scales_follow_the_unit_of_length_and_of_time():
-    first = slide(1.0, 1.0).scales
+    first = slide().scales
     for travel, times in SCALES:
         other = slide(travel, times).scales
         assert_allclose(other.size, travel * first.size)

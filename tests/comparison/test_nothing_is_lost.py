@@ -5,7 +5,7 @@ import os
 import shutil
 
 import pytest
-from fixtures.tiny_pendulums import compare_into, write_suite
+from fixtures.tiny_pendulums import compare_into, timeless, write_suite
 
 from frictionid.check import check
 from frictionid.comparison.results import load_results
@@ -33,12 +33,6 @@ def finished(whole, tmp_path):
     """A suite and the folder of its finished comparison."""
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     return tmp_path / "lone.toml", tmp_path / "out"
-
-
-def timeless(text):
-    document = json.loads(text)
-    del document["sha256"], document["seconds"]
-    return document
 
 
 def fail(*_):

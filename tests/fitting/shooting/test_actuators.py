@@ -144,14 +144,8 @@ def test_check_names_a_wrong_position_gain_beside_other_causes(factor, named):
 def two_payloads(**friction):
     """One gain set, two masses at the end of the arm."""
     rigs = {"light": ServoPendulum(**friction), "heavy": ServoPendulum(mass=0.8, **friction)}
-    return fid.Dataset.from_frames(
-        {name: pd.DataFrame(rig.log(4.0, 0.05, seed=rig.mass > 0.6)) for name, rig in rigs.items()},
-        fid.mechanisms.pendulum(mass=rigs["light"].mass, length=rigs["light"].length),
-        time="t",
-        angle="q",
-        actuator=dict(target="target", output="torque", P=4.0, D=0.05),
-        parameters={"heavy": {"mass": 0.8}},
-    )
+    logs = {name: rig.log(4.0, 0.05, seed=rig.mass > 0.6) for name, rig in rigs.items()}
+    return by_controller(rigs["light"], logs, {"heavy": {"mass": 0.8}}, P=4.0, D=0.05)
 
 
 def test_check_asks_for_another_gain_set_but_for_no_other_payload_where_there_are_two():

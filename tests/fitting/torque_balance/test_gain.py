@@ -57,11 +57,8 @@ def test_a_known_payload_pins_the_gains_of_unknown_bodies(arm):
     """All base parameters are free; without the payload one scale is, and the fit is refused."""
     heavy = arm.with_values({"payload_mass": 3.0, "payload_x": 0.1})
     frames = {"light": wrist.frame(arm, seed=1), "heavy": wrist.frame(heavy, seed=2)}
-    angle, torque = wrist.COLUMNS
-    motor = {"coupling": wrist.GEARS, "offset": wrist.ZERO, "angle": "motor", "torque": "motor"}
-    columns = {"time": "t", "angle": angle, "torque": torque, "motor": motor, "hold": "linear"}
     known = {"heavy": {"payload_mass": 3.0, "payload_x": 0.1}}
-    data = logged(Dataset.from_frames(frames, arm, parameters=known, **columns))
+    data = logged(wrist.dataset(arm, frames, parameters=known))
     friction = fitted(data, FrictionBlock(), InertiaBlock(), GainBlock())
     assert np.asarray(friction.calibration.gain) == pytest.approx(GAINS, rel=0.03)
     alone = replace(data, recordings=data.recordings[:1])
