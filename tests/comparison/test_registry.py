@@ -30,12 +30,7 @@ KINDS = {
 def default_settings(name):
     """Defaults as a suite would write them, without those that TOML cannot write."""
     defaults = KINDS[name].defaults(REQUIRED.get(name, {}))
-    plain = {k: list(v) if isinstance(v, tuple) else v for k, v in defaults.items()}
-    return {
-        key: value
-        for key, value in plain.items()
-        if isinstance(value, bool | int | float | str | list)
-    }
+    return {k: v for k, v in defaults.items() if isinstance(v, bool | int | float | str | tuple)}
 
 
 @pytest.mark.parametrize("name", KINDS)

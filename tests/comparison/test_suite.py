@@ -181,7 +181,7 @@ def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch
 # --- Mistakes ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_is_one_line_that_names_file_and_key(place, changes, words):
     before = written(place)
     with pytest.raises(InputError, match=words) as caught:

@@ -315,7 +315,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(("entry", "tuning", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+@pytest.mark.parametrize(("entry", "tuning", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, words):
     entry = {"kind": "own_scaled:Scaled", "name": "scaled", "search": FACTOR, **entry}
     entry = {key: value for key, value in entry.items() if value is not None}

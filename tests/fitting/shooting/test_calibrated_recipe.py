@@ -255,7 +255,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(("recipe", "entry", "words"), MISTAKES.values(), ids=MISTAKES.keys())
+@pytest.mark.parametrize(("recipe", "entry", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
     folder = tmp_path_factory.getbasetemp() / "mistakes"
     folder.mkdir(exist_ok=True)

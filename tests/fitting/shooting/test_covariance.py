@@ -38,6 +38,14 @@ def of_rows(A, y, labels):
     return Groups(H, g, move, np.ones(A.shape[-1], dtype=bool), labels, labels)
 
 
+def unequal(rng, recordings, sizes):
+    """Least squares on rows of recordings that tell parameters as much as one of these sizes."""
+    labels = np.repeat(np.arange(recordings), 4)
+    size = rng.choice(sizes, (recordings, 1, len(TRUE)))
+    A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
+    return of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+
+
 @pytest.mark.parametrize("disturbed", [0.0, 0.3])
 def test_intervals_hold_the_truth_as_often_as_they_say(disturbed):
     rng = np.random.default_rng(7)
@@ -56,10 +64,7 @@ def test_intervals_hold_where_few_recordings_tell_most(recordings):
     """A quarter of the recordings tells some parameter a hundred times as much as the others."""
     rng, held = np.random.default_rng(1), []
     for _ in range(SETS):
-        labels = np.repeat(np.arange(recordings), 4)
-        size = rng.choice([0.3, 3.0], (recordings, 1, len(TRUE)))
-        A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
-        groups = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+        groups = unequal(rng, recordings, [0.3, 3.0])
         inner = sandwich(groups.H.sum(axis=0), groups)
         half = stdtrit(recordings - 1, 0.975) * np.sqrt(np.diag(inner))
         held.append(np.abs(groups.move - TRUE) <= half)
@@ -71,10 +76,7 @@ def test_the_variance_is_that_of_the_noise_on_average(largest):
     """However unequal the recordings: what tells much is not counted twice."""
     rng, ratio, freedom = np.random.default_rng(3), [], []
     for _ in range(200):
-        labels = np.repeat(np.arange(RECORDINGS), 4)
-        size = rng.choice([1.0, largest], (RECORDINGS, 1, len(TRUE)))
-        A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
-        groups = of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+        groups = unequal(rng, RECORDINGS, [1.0, largest])
         H = groups.H.sum(axis=0)
         excess, own = expected(H, groups)
         noise = np.diag(np.linalg.inv(H))
