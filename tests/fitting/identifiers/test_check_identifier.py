@@ -1,7 +1,9 @@
 """The contract of identifiers: ours keep it, and the check finds every violation."""
 
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -124,60 +126,74 @@ INNER = LeastSquares(CoulombViscous())
 
 @dataclass(frozen=True)
 class Ill(Identifier):
-    """An identifier to break: what a subclass changes is all that is wrong."""
+    """An identifier to break: what spoils its friction is all that is wrong."""
+
+    spoil: Callable
 
     def fit(self, problem, weights, seed):
-        return self.after(INNER.fit(problem, weights, seed), problem, weights)
-
-    def after(self, friction, problem, weights):
-        return friction
+        return self.spoil(INNER.fit(problem, weights, seed))
 
 
-class Bare(Ill):
-    def after(self, friction, problem, weights):
-        return friction.theta
+def bare(friction):
+    return friction.theta
 
 
-class Single(Ill):
-    def after(self, friction, problem, weights):
-        return friction[0]
+def single(friction):
+    return friction[0]
 
 
-class Undefined(Ill):
-    def after(self, friction, problem, weights):
-        return replace(friction, theta=friction.theta * np.nan)
+def undefined(friction):
+    return replace(friction, theta=friction.theta * np.nan)
 
 
-class Leaking(Ill):
-    def after(self, friction, problem, weights):
-        return replace(friction, theta=0.0 * friction.theta + friction.theta.mean(0))
+def leaking(friction):
+    return replace(friction, theta=0.0 * friction.theta + friction.theta.mean(0))
 
 
-class Absolute(Ill):
-    def after(self, friction, problem, weights):
+def random(friction):
+    off = 1.0 + 1e-9 * np.random.default_rng().standard_normal()
+    return replace(friction, theta=friction.theta * off)
+
+
+def local(friction):
+    return replace(friction, provenance={"by": lambda: None})
+
+
+def forgotten(friction):
+    return replace(friction, law=Forgetful(width=1.0))
+
+
+def of_law(friction, law):
+    """Friction of another law than the one that was fitted."""
+    return replace(friction, law=law)
+
+
+@dataclass(frozen=True)
+class Absolute(Identifier):
+    def fit(self, problem, weights, seed):
         size = weights.sum(1)[:, None, None]
+        friction = INNER.fit(problem, weights, seed)
         return replace(friction, theta=friction.theta * size / (10.0 + size))
 
 
-class Unweighted(Ill):
-    def after(self, friction, problem, weights):
-        return INNER.fit(problem, np.ones_like(weights), 0)
+@dataclass(frozen=True)
+class Unweighted(Identifier):
+    def fit(self, problem, weights, seed):
+        return INNER.fit(problem, np.ones_like(weights), seed)
 
 
-class Random(Ill):
-    def after(self, friction, problem, weights):
-        off = 1.0 + 1e-9 * np.random.default_rng().standard_normal()
-        return replace(friction, theta=friction.theta * off)
-
-
-class Spoiling(Ill):
-    def after(self, friction, problem, weights):
+@dataclass(frozen=True)
+class Spoiling(Identifier):
+    def fit(self, problem, weights, seed):
+        friction = INNER.fit(problem, weights, seed)
         problem.r[...] *= 2.0
         return friction
 
 
-class Wasting(Ill):
-    def after(self, friction, problem, weights):
+@dataclass(frozen=True)
+class Wasting(Identifier):
+    def fit(self, problem, weights, seed):
+        friction = INNER.fit(problem, weights, seed)
         weights[...] = 1.0
         return friction
 
@@ -236,28 +252,6 @@ class Mixing(CoulombViscous):
 
 
 @dataclass(frozen=True)
-class OtherLaw(Ill):
-    """Friction of another law than the one that was fitted."""
-
-    law: CoulombViscous
-
-    def after(self, friction, problem, weights):
-        return replace(friction, law=self.law)
-
-
-@dataclass(frozen=True)
-class Forgotten(Ill):
-    def after(self, friction, problem, weights):
-        return replace(friction, law=Forgetful(width=1.0))
-
-
-@dataclass(frozen=True)
-class Local(Ill):
-    def after(self, friction, problem, weights):
-        return replace(friction, provenance={"by": lambda: None})
-
-
-@dataclass(frozen=True)
 class Drawing(Identifier):
     """Says that no seed changes what it finds, and draws."""
 
@@ -275,31 +269,29 @@ class Foreign:
 
 VIOLATIONS = [
     (Foreign(), "it must derive from Identifier"),
-    (Bare(), "fit must give a Friction"),
-    (Single(), r"theta must have shape \(3, 1, 2\), not \(1, 2\)"),
-    (Undefined(), "theta must be finite; a failed fit raises"),
-    (Leaking(), "fold 0 must be the same alone"),
+    (Ill(bare), "fit must give a Friction"),
+    (Ill(single), r"theta must have shape \(3, 1, 2\), not \(1, 2\)"),
+    (Ill(undefined), "theta must be finite; a failed fit raises"),
+    (Ill(leaking), "fold 0 must be the same alone"),
     (Absolute(), "doubling all weights must change nothing"),
     (Unweighted(), "must have no influence"),
-    (Random(), "the same seed must give the same numbers"),
+    (Ill(random), "the same seed must give the same numbers"),
     (Drawing(), "another seed must give the same numbers"),
     (Spoiling(), "fit must not change the problem"),
     (Wasting(), "fit must not change the weights"),
     (Learning(), "fit must not change the settings"),
     (Nameless(), "repr must say its settings"),
-    (OtherLaw(Shapeless()), "torque must be .* along the nodes"),
-    (OtherLaw(Pulling()), "limit must not be negative"),
-    (OtherLaw(Jointless()), "limit must be .* at the nodes"),
-    (OtherLaw(Wild()), "torque must be finite along the nodes"),
-    (OtherLaw(Mixing()), "fold 0 must be the same alone"),
-    (Forgotten(), "pickled friction must give the same torque"),
-    (Local(), "its friction must pickle"),
+    (Ill(partial(of_law, law=Shapeless())), "torque must be .* along the nodes"),
+    (Ill(partial(of_law, law=Pulling())), "limit must not be negative"),
+    (Ill(partial(of_law, law=Jointless())), "limit must be .* at the nodes"),
+    (Ill(partial(of_law, law=Wild())), "torque must be finite along the nodes"),
+    (Ill(partial(of_law, law=Mixing())), "fold 0 must be the same alone"),
+    (Ill(forgotten), "pickled friction must give the same torque"),
+    (Ill(local), "its friction must pickle"),
 ]
 
 
-@pytest.mark.parametrize(
-    ("identifier", "rule"), VIOLATIONS, ids=lambda v: "" if isinstance(v, str) else type(v).__name__
-)
+@pytest.mark.parametrize(("identifier", "rule"), VIOLATIONS, ids=repr)
 def test_the_check_names_the_broken_rule(identifier, rule):
     with pytest.raises(AssertionError, match=rule) as raised:
         check_identifier(identifier, joints=(1,))
@@ -312,11 +304,11 @@ def test_an_identifier_that_cannot_go_to_another_process_is_told_so():
         pass
 
     with pytest.raises(AssertionError, match="it must pickle .*: define its class in a module"):
-        check_identifier(Inner(), joints=(1,))
+        check_identifier(Inner(bare), joints=(1,))
 
 
 def test_the_tolerance_is_of_the_torques_size():
     with pytest.raises(AssertionError, match="differ by .* of their size"):
-        check_identifier(Leaking(), joints=(2,), tolerance=1e-3)
+        check_identifier(Ill(leaking), joints=(2,), tolerance=1e-3)
     with pytest.raises(AssertionError, match="doubling"):
         check_identifier(Absolute(), joints=(1,), tolerance=0.03)
