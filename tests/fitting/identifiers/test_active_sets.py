@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
 from numpy.testing import assert_allclose
-from pysindy import STLSQ
 
 from frictionid.fitting.identifiers import SINDy, active_sets
 from frictionid.fitting.identifiers.active_sets import (
@@ -92,17 +91,6 @@ def test_active_sets_have_one_of_a_family_and_nothing_that_drives():
     assert best_sets_of_joint(T, free, [], 0, [(1,)])[-1].columns == (0, 2)
     assert best_proposals(T, free, [(1,), (0, 2)])[-1].columns == (0, 2)
     assert_allclose(best_fits(T, np.array([[0, 2]]))[1][0], [1.0, -1.0], atol=1e-9)
-
-
-def test_pysindy_gets_all_that_the_rows_say():
-    """Its optimiser on the factor of the Gram matrix finds what it finds on all rows."""
-    problem = explained_by(Stribeck(), STRIBECK, 1e-3)
-    A = columns(Library(velocities=(1.0, 3.0)), problem).reshape(-1, 15)
-    A = A / np.linalg.norm(A, axis=0)
-    values, vectors = np.linalg.eigh(A.T @ A)
-    X = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
-    rows, few = (STLSQ(threshold=0.05, alpha=1e-3).fit(a[:, :-1], a[:, -1]).coef_ for a in (A, X))
-    assert_allclose(few, rows, atol=1e-9)
 
 
 def test_peaks_that_the_motion_does_not_show_are_no_candidates():

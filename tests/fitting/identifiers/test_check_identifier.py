@@ -29,25 +29,9 @@ from frictionid.fitting.identifiers.check_identifier import (
 )
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
-from frictionid.friction import Friction, along
+from frictionid.friction import along
 from frictionid.friction.laws import LSTM, MLP, CoulombViscous, Library, NoFriction, Stribeck, Table
 from frictionid.friction.model_files import load_model, save_model
-
-
-@dataclass(frozen=True)
-class Mean(Identifier):
-    """A user's own: the viscous friction that is best for all joints together."""
-
-    share: float = 1.0
-
-    def fit(self, problem, weights, seed):
-        w = problem.mean(problem.nodes.inputs.w)
-        column = np.einsum("kij,kj->ki", problem.G, w)
-        best = (weights @ (column * problem.r).sum(1)) / (weights @ (column**2).sum(1))
-        n = problem.r.shape[1]
-        theta = np.stack([np.zeros((len(weights), n)), np.repeat(best[:, None], n, 1)], axis=-1)
-        return Friction(CoulombViscous(), self.share * theta)
-
 
 PEAKS = Library(velocities=(0.5, 1.5, 5.0))
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
@@ -60,7 +44,6 @@ OURS = [
     CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,)),
     Network(MLP((4,)), epochs=3, inputs="all", members=2),
     Network(FREE, epochs=3, batch=40, targets=12),
-    Mean(),
 ]
 
 

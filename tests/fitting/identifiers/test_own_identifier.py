@@ -5,15 +5,12 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from fixtures import tiny_pendulums as tiny
-from fixtures.compared import compare
 from fixtures.exact_problems import everything, explained_by
 from fixtures.paths import ROOT
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.suite import IdentifierEntry, identifier_of
-from frictionid.evaluation import Protocol, Split, make_folds
-from frictionid.fitting.identifiers import Frictionless, check_identifier
+from frictionid.fitting.identifiers import check_identifier
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
 from frictionid.friction.laws import check_law
 
@@ -54,14 +51,3 @@ def test_it_finds_the_numbers_of_its_own_law(own):
     problem = explained_by(own.law, true)
     fitted = own.fit(problem, everything(problem), 0)
     assert_allclose(fitted.theta[0], true, rtol=1e-6)
-
-
-def test_it_takes_part_in_a_comparison_side_by_side_with_ours(own):
-    dataset = tiny.dataset()
-    folds = make_folds(dataset.recordings, Split(count=3))
-    protocol = Protocol(horizons=(0.1, 0.3))
-    results = compare(dataset, {"none": Frictionless(), "own": own}, folds, protocol=protocol)
-    theirs, ours = (results[name, "integral"] for name in ("none", "own"))
-    assert ours.friction.theta.shape == (3, 1, 3)
-    far = [r.value("rollout_angle", "median", 0.3) for r in (ours, theirs)]
-    assert far[0] < far[1] / 2

@@ -121,18 +121,11 @@ def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
 def test_bounds_and_priors_from_the_command_line(axis, tmp_path, run):
     write_dataset(axis, tmp_path / "data")
     out = tmp_path / "model.json"
-    words = ["fit", "data", "--identifier", "stribeck", "--out", out]
-    words += [
-        "--set",
-        "bounds.stribeck_velocity=[0.01, 0.015]",
-        "--set",
-        "prior.viscous=[20, 1e-6]",
-    ]
-    assert run(tmp_path, *words)[0] == 0
+    words = ("fit", "data", "--identifier", "stribeck", "--out", out, "--set")
+    bounds = "bounds.stribeck_velocity=[0.01, 0.015]"
+    assert run(tmp_path, *words, bounds, "--set", "prior.viscous=[20, 1e-6]")[0] == 0
     joint = json.loads(out.read_text())["joints"][0]
     assert 0.01 <= joint["stribeck_velocity"]["value"] <= 0.015
     assert joint["viscous"]["value"] == pytest.approx(20.0, abs=1e-3)
-    words = ["--replace" if word == "--set" else word for word in words[:6]]
-    words += ["--replace", "--set", "bounds.viscuos=[0, 1]"]
-    code, _, error = run(tmp_path, *words)
+    code, _, error = run(tmp_path, *words, "bounds.viscuos=[0, 1]", "--replace")
     assert code == 2 and "did you mean 'viscous'" in error
