@@ -41,7 +41,7 @@ OURS = [
     Linear(Table((0.5, 1.5, 3.0))),
     *(SINDy(PEAKS, search_sets=False), SINDy(PEAKS, optimizer="sr3"), SINDy(PEAKS, ensemble=3)),
     Regressor(KNeighborsRegressor(5), ("w", "q", "u")),
-    CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,)),
+    CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,), iterations=10),
     Network(MLP((4,)), epochs=3, inputs="all", members=2),
     Network(FREE, epochs=3, batch=40, targets=12),
 ]

@@ -24,10 +24,3 @@ def test_it_is_exact_on_motion_without_friction_and_there_others_find_none():
     assert_array_equal(problem.r, np.zeros((120, 2)))
     found = LeastSquares(CoulombViscous()).fit(problem, everything(problem), 0)
     assert_array_equal(found.theta, np.zeros((1, 2, 2)))
-
-
-def test_it_neither_holds_a_joint_nor_has_a_curve():
-    friction = Frictionless().fit(synthetic_problem(2), np.ones((1, 120)), 0)[0]
-    assert_array_equal(friction.curve(np.array([-3.0, 3.0])), np.zeros((2, 2)))
-    x = synthetic_problem(2).nodes.inputs
-    assert_array_equal(friction.law.limit(friction.theta, x, ()), np.zeros(x.w.shape))

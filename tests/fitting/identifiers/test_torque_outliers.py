@@ -11,10 +11,14 @@ from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS
+from frictionid.dynamics.rollout import rollout
+from frictionid.dynamics.state import State
 from frictionid.fitting.one_step.torque_outliers import (
     torque_outliers,
     without_torque_outliers,
 )
+from frictionid.friction import Friction
+from frictionid.friction.laws import CoulombViscous
 from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
 
 
@@ -92,20 +96,11 @@ def test_short_pulses_that_acted_stay():
 
 
 def moved_by(recording, data):
-    """The recording with the frictionless motion under its own torque, and angle noise."""
-    plant = plant_of(data)[0]
+    """The recording with the motion under its own torque and viscous friction, and angle noise."""
     time, torque = recording.angle.time, recording.torque
-    q, w = recording.angle.value[0].copy(), np.zeros(1)
-    out = [q.copy()]
-    for k in range(len(time) - 1):
-        u = torque.value[min(k, len(torque.value) - 1)]
-        steps = 40
-        dt = (time[k + 1] - time[k]) / steps
-        for _ in range(steps):
-            M, h = plant.dynamics(q, w)
-            w = w + dt * np.linalg.solve(M, h + u - 0.3 * w)
-            q = q + dt * w
-        out.append(q.copy())
-    noise = 1e-3 * np.random.default_rng(2).normal(size=(len(out), 1))
+    viscous = Friction(CoulombViscous(), np.array([[0.0, 0.3]]))
+    start = State(recording.angle.value[0], np.zeros(1))
+    q = rollout(plant_of(data)[0], viscous, start, torque.value[: len(time) - 1], np.diff(time)).q
+    noise = 1e-3 * np.random.default_rng(2).normal(size=q.shape)
     held = torque._replace(hold="previous")
-    return replace(recording, angle=Signal(time, np.array(out) + noise), torque=held, truth=None)
+    return replace(recording, angle=Signal(time, q + noise), torque=held, truth=None)

@@ -31,17 +31,6 @@ def prediction_of(rng, steep=1.0):
     )
 
 
-def alone(rng):
-    """Intervals of two windows of N intervals each, with random angles and nodes."""
-    K = 2 * N
-    before, after = rng.normal(size=(2, K, JOINTS))
-    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
-    intervals = SimpleNamespace(
-        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
-    )
-    return intervals, rng.normal(size=(K, STATE))
-
-
 def prior_of(rng):
     return np.stack([rng.normal(size=(W, STATE)), rng.random((W, STATE))])
 
@@ -83,9 +72,13 @@ def test_steep_windows_keep_a_curvature_that_is_not_negative():
 
 @pytest.mark.parametrize("wrong", [1e5, np.inf, np.nan])
 def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
-    rng = np.random.default_rng(2)
-    intervals, nodes = alone(rng)
-    K = len(nodes)
+    rng, K = np.random.default_rng(2), 2 * N
+    before, after = rng.normal(size=(2, K, JOINTS))
+    weight = {name: np.ones((K, JOINTS)) for name in ("weight_before", "weight_after")}
+    intervals = SimpleNamespace(
+        n=JOINTS, size=np.ones(JOINTS), before=before, after=after, **weight
+    )
+    nodes = rng.normal(size=(K, STATE))
     lines = Linearisation(
         end=rng.normal(size=(K, STATE)),
         by_start=np.eye(STATE) + 0.1 * rng.normal(size=(K, STATE, STATE)),
@@ -101,24 +94,6 @@ def test_a_window_that_explodes_is_held_and_the_others_stay_as_they_are(wrong):
         assert np.isfinite(whole).all()
     assert not held.slope[1].any() and not held.moved[1].any()
     assert (np.abs(held.error[1]) > 100.0).all()
-
-
-def test_a_shorter_window_says_nothing_beyond_its_end():
-    """However far the series' first node is from the end of the first interval."""
-    rng = np.random.default_rng(4)
-    intervals, nodes = alone(rng)
-    K = len(nodes)
-    lines = Linearisation(
-        end=nodes[np.r_[1:K, K - 1]] + np.r_[9.0, np.zeros(K - 1)][:, None],
-        by_start=np.tile(np.eye(STATE), (K, 1, 1)),
-        by=rng.normal(size=(K, STATE, SHARED)),
-        angle=np.zeros((SHARED, JOINTS)),
-    )
-    windows = np.stack([np.arange(N), np.where(np.arange(N) < 3, N + np.arange(N), -1)])
-    found = predict_windows(intervals, lines, nodes, windows, 0.0)
-    assert np.abs(found.moved[0]).max() > 1.0
-    assert np.abs(found.moved[1]).max() < 1e-9
-    assert not found.carried[1, 3:].any() and found.carried[1, :3].any()
 
 
 def test_a_window_counts_as_its_cost_grows():
