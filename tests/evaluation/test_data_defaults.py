@@ -66,7 +66,7 @@ def test_a_suite_of_an_arm_that_says_nothing_else_runs(tmp_path, monkeypatch):
     """One recording of few seconds: folds, horizons and windows are those that it holds."""
     leave_blank(monkeypatch)
     arm = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
-    wrist.frame(arm, seconds=6.0).to_csv(tmp_path / "run.csv", index=False)
+    wrist.frame(arm, seconds=6.0, rate=100.0).to_csv(tmp_path / "run.csv", index=False)
     angle, torque = (str(names).replace("'", '"') for names in wrist.COLUMNS)
     (tmp_path / "dataset.toml").write_text(
         f"""name = "arm"

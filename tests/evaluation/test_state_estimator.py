@@ -1,37 +1,20 @@
 """Start states that a model finds itself: right for the right model, blind to what comes later."""
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
 
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.initial_states import estimate_initial_states
 from frictionid.friction import Friction, Law
 from frictionid.friction.law import smooth_sign
-from frictionid.friction.laws import CoulombViscous, FilmLag
-from frictionid.friction.laws import Stribeck as StribeckLaw
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Stribeck, simulate
+from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 
-CURVE = Curve((0.02,), (0.02,), (0.002,))
-TRUE = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
-PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.3, "length": 0.2}}
-
-
-@cache
-def data(noise=0.0016, seed=3, rate=60.0):
-    rig = Rig(
-        "pendulum",
-        PENDULUM,
-        Stribeck(CURVE),
-        Camera(samples=150, rate=rate, angle_noise=noise),
-        tuple(
-            Run(f"{k}", (1.5 - k,), torques=(Sine(0.1 + 0.1 * k, 0.8 + 0.2 * k),)) for k in range(3)
-        ),
-        substeps=4,
-    )
-    return simulate(rig, seed)
+TRUE = Friction(CoulombViscous(), np.array([[LEVEL, VISCOUS]]))
+data = cache(partial(driven_pendulum, 150, 3, seed=3))
 
 
 def ready(dataset):
@@ -70,7 +53,7 @@ def test_the_true_model_knows_velocities_ten_times_better_than_a_filter():
 
 @pytest.mark.parametrize("rate", [60.0, 10.0])
 def test_without_noise_the_true_model_finds_the_true_state(rate):
-    dataset = data(noise=0.0, rate=rate)
+    dataset = data(noise=0.0, frames=rate)
     prepared = ready(dataset)
     assert np.median(errors(dataset, prepared, states(prepared).w)) < 2e-3
 
@@ -148,7 +131,7 @@ def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
 @pytest.mark.parametrize(
     ("law", "theta"),
     [
-        (StribeckLaw(symmetric=False), [[0.02, 0.02, 0.0, 0.0, 1.0, 0.002]]),
+        (Stribeck(symmetric=False), [[0.02, 0.02, 0.0, 0.0, 1.0, 0.002]]),
         (FilmLag(), [[0.02, 0.0, 1.0, 0.002, 0.01]]),
     ],
 )

@@ -29,7 +29,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def data(arm):
-    return wrist.dataset(arm, wrist.frame(arm, 8.0))
+    return wrist.dataset(arm, wrist.frame(arm, 8.0, rate=100.0))
 
 
 def left(data, theta):
@@ -63,9 +63,9 @@ def test_what_is_missing_in_one_joint_is_left_there(data):
 
 
 def test_an_angle_that_jumps_is_no_torque(data, arm):
-    frame = wrist.frame(arm, 8.0)
+    frame = wrist.frame(arm, 8.0, rate=100.0)
     joint = frame.columns.get_loc("q2")
-    frame.iloc[700:750, joint] = frame.iloc[700, joint]
+    frame.iloc[350:375, joint] = frame.iloc[350, joint]
     frozen = left(wrist.dataset(arm, frame), TRUTH)
     assert (frozen["left"] < 0.1).all()  # else .3
     np.testing.assert_allclose(frozen["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)

@@ -151,7 +151,7 @@ def test_the_verdict_is_that_of_the_page_and_of_the_summary(typical):
 
 
 def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, run):
-    made.leave_blank(monkeypatch)
+    monkeypatch.setattr(write, "_contents", lambda *_: {})
     folder = made.typical(tmp_path / "made")
     code, out, err = run(tmp_path, "report", "made", "--json")
     assert (code, err) == (0, "")

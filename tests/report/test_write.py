@@ -13,14 +13,14 @@ from frictionid.report import build
 OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report does not write itself
 
 
-@pytest.fixture(autouse=True)
-def blank(monkeypatch):
-    """Builds that write blank pictures."""
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A small report; here all builds write blank pictures."""
     made.leave_blank(monkeypatch)
+    return made.built(made.write(tmp_path / "folder", [made.task("a", {"made": made.rows(1, 1)})]))
 
 
-def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+def test_a_build_leaves_no_file_of_an_earlier_one(folder):
     before, gone = made.contents(folder), {}
     for place in ("tables/summary--gone.csv", "figures/curves--gone.png", "models/gone.json"):
         gone[place] = b"old"
@@ -31,8 +31,7 @@ def test_a_build_leaves_no_file_of_an_earlier_one(typical, tmp_path):
     assert made.contents(folder) == before
 
 
-def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+def test_what_is_not_of_the_report_is_never_touched(folder):
     before = made.contents(folder)
     (folder / "figures" / "mine.png").write_text("mine")
     (folder / "notes.md").write_text("mine")
@@ -47,8 +46,7 @@ def test_what_is_not_of_the_report_is_never_touched(typical, tmp_path):
     assert made.contents(folder) == before | mine
 
 
-def test_links_to_other_folders_are_not_followed(typical, tmp_path):
-    folder = shutil.copytree(typical, tmp_path / "copy")
+def test_links_to_other_folders_are_not_followed(folder, tmp_path):
     shutil.move(folder / "figures", tmp_path / "elsewhere")
     (folder / "figures").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere" / "mine.png").write_text("mine")

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import TABLE, logged_pendulum
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,9 +18,8 @@ from frictionid.rig.align.clock import Clock, align
 from frictionid.rig.align.cross_correlation import check_spans
 from frictionid.rig.align.drive_response import drive_response
 from frictionid.rig.align.recording_folder import add_recording, check_place
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
+from frictionid.simulate import Steps
 
-TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
 RATE = 200.0
 OFFSET, DRIFT = 0.137, 50e-6
 
@@ -27,11 +27,7 @@ OFFSET, DRIFT = 0.137, 50e-6
 @pytest.fixture(scope="module")
 def motion():
     """Angles at 60 Hz and the drive's torque, 30 s on one clock."""
-    friction = Stribeck(Curve((0.1,), (0.1,), (0.012,), (0.03,), (0.03,), (0.8,)))
-    run = Run("run", (0.3,), (), (Steps(1.1, 0.4),))
-    camera = Camera(1801, 60.0, 0.0016)
-    rig = Rig("rig", TABLE, friction, camera, (run,), drive=Drive(RATE), substeps=1)
-    recording = simulate(rig).recordings[0]
+    recording = logged_pendulum(Steps(1.1, 0.4), 30.0)
     return recording.angle, recording.torque
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fixtures.driven_pendulum import TABLE, logged_pendulum
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -35,10 +36,8 @@ from frictionid.rig.camera.marker_setup import SyncLed as TrackedLed
 from frictionid.rig.camera.scene import SyncLed
 from frictionid.rig.camera.source import open_source
 from frictionid.rig.camera.track import track
-from frictionid.simulate import Camera, Curve, Drive, Rig, Run, Steps, Stribeck, simulate
+from frictionid.simulate import Steps
 
-TABLE = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
-FRICTION = Stribeck(Curve((0.1,), (0.1,), (0.012,), (0.03,), (0.03,), (0.8,)))
 OFFSET, DRIFT = 0.137, 50e-6
 SWITCHES = (0.413, 1.01, 1.606, 2.118, 2.6, 3.341, 3.64, 4.377, 5.0013, 5.5)
 VIEW = View(size=(320, 240), pivot=(160.0, 120.0), scale=330.0)
@@ -74,19 +73,11 @@ name = "led"
 """
 
 
-def recorded(torque, seconds, start=0.3):
-    camera = Camera(round(60 * seconds) + 1, 60.0, 0.0016)
-    run = Run("run", (start,), (), (torque,))
-    return simulate(
-        Rig("rig", TABLE, FRICTION, camera, (run,), drive=Drive(200.0), substeps=1)
-    ).recordings[0]
-
-
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """A film of six seconds with a sync LED, and the drive's log by a clock of its own."""
     folder = tmp_path_factory.mktemp("sync_led")
-    recording = recorded(Steps(1.1, 0.4), 6.0)
+    recording = logged_pendulum(Steps(1.1, 0.4), 6.0)
     write_film(PENDULUM, recording.truth, folder / "film")
     on = np.searchsorted(SWITCHES, recording.torque.time) % 2
     rows = [
@@ -334,7 +325,7 @@ class Pulses:
 
 def pulsed(*starts):
     """Angles and log of a joint at rest that answers pulses of torque, a clock each."""
-    recording = recorded(Pulses(starts), 10.0, start=0.0)
+    recording = logged_pendulum(Pulses(starts), 10.0, start=0.0)
     time, value = recording.torque.time, recording.torque.value
     noise = 0.003 * np.random.default_rng(0).standard_normal(value.shape)
     return recording.angle, Signal((time - OFFSET) / (1 + DRIFT), value + noise, "previous")

@@ -194,7 +194,7 @@ def test_energy_falls_without_input(truth):
     rng = np.random.default_rng(3)
     q, w = rng.uniform(-1.5, 1.5, (3, 2)), rng.normal(size=(3, 2)) * (2.0, 5.0)
     here = system(truth)
-    step = 1 / 60 / (32 if truth is LUGRE else 12)
+    step = 1 / 60 / (32 if truth is LUGRE else 8)
     states = integrate_motion(here, q, w, np.zeros((180, 3, 2)), np.arange(181) / 60, step)
     energy = here.mechanism.terms(here.p, states[:, 0], states[:, 1]).energy
     if truth is LUGRE:  # a bent bristle stores energy
@@ -221,9 +221,9 @@ def test_the_mirrored_rig_moves_mirrored(truth):
     if isinstance(truth, LuGre):
         mirrored = LuGre(turned, (40.0, 12.0), (0.1, 0.02), (0.1, 0.1))
     q, u = np.array([[1.2, -0.7]]), np.full((40, 1, 2), (0.0, 0.13))
-    edges = np.arange(41) / 60
-    one = integrate_motion(system(truth), q, 0 * q, u, edges, 1 / 60 / 32)
-    other = integrate_motion(system(mirrored), -q, 0 * q, -u, edges, 1 / 60 / 32)
+    edges, step = np.arange(41) / 60, 1 / 60 / (32 if truth is LUGRE else 8)
+    one = integrate_motion(system(truth), q, 0 * q, u, edges, step)
+    other = integrate_motion(system(mirrored), -q, 0 * q, -u, edges, step)
     assert one[:, :2] == pytest.approx(-other[:, :2], abs=1e-8)
 
 

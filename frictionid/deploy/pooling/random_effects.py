@@ -28,7 +28,7 @@ from frictionid.arrays import Array
 from frictionid.friction.provenance import Pooled
 
 _POINTS = 400  # of the mixture
-_HALVINGS = 50
+_HALVINGS = 40
 
 
 class RandomEffects(NamedTuple):

@@ -47,7 +47,7 @@ def rig(seed, count=COUNT, seconds=12.0, **variation):
     camera = Camera(int(seconds * 60) + 1, 60.0, 0.0016)
     varied = Variation(**({"scatter": 0.03} | variation))
     true = Stribeck(CURVE)
-    settings = {"variation": varied, "seed": seed, "substeps": 2}
+    settings = {"variation": varied, "seed": seed, "substeps": 1}
     return Rig("rig", {"kind": "acrobot"}, true, camera, runs, **settings)
 
 
