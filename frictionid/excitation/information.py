@@ -71,12 +71,6 @@ def covariances(information: Information, part: slice = slice(None)) -> Array:
     return np.where(singular, np.diag(np.full(H.shape[-1], np.inf)), out)
 
 
-def standard_errors(each: Information, part: slice = slice(None)) -> Array:
-    """Standard errors (P,) by all recordings of `each` (1, R, P, P) together."""
-    total = Information(*(x[0].sum(0) for x in each))
-    return np.sqrt(np.diagonal(covariances(total, part)))
-
-
 def expected_information(experiment: Experiment, motions: Motions, seed: int) -> Information:
     """H and V (L, N, P, P) of N signals at L friction scales.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
+from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 
 from frictionid.check import LEVELS, Finding, check
@@ -21,7 +22,6 @@ from frictionid.data.clock_facts import clock_of
 from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
@@ -32,7 +32,6 @@ from frictionid.report.diagnostics import as_json, write_pictures
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
-MACHINE = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
 LIGHT = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
 
 
@@ -145,12 +144,7 @@ def test_parameters_that_look_the_same_are_an_unidentifiable_direction():
     w = 2 * np.pi * 0.5
     u = (5.0 - 0.08 * w**2) * q + 0.02 * np.sign(np.cos(w * t))
     u = u + np.random.default_rng(0).normal(0, 0.02, 600)
-    dataset = Dataset(
-        "slow",
-        LIGHT,
-        (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
-    )
-    estimate, *_ = estimated(dataset)
+    estimate, *_ = estimated(one_recording(t, q, u, 0.5, 0.4))
     directions = [{name for name, _ in d} for d in estimate.unidentifiable]
     assert any("inertia" in names for names in directions)
 
@@ -161,7 +155,7 @@ def test_facts_count_what_was_planted():
     t = np.concatenate([[0.0], keep * 0.01, [10.0]])
     q = np.round((np.sin(3 * t) + rng.normal(0, 5e-4, len(t))) / 0.002) * 0.002
     u = np.cos(t) + rng.normal(0, 0.05, len(t))
-    recording = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
+    (recording,) = one_recording(t, q, u).recordings
     clock, motions = clock_of([recording.angle.time]), motions_of([recording])
     fact = joints_of([recording], motions)[0]
     assert clock.dropped == 1001 - len(t)
@@ -188,12 +182,7 @@ def test_slow_recordings_without_decay_ask_for_both():
     t = np.arange(900) / 60
     q = 0.3 * np.sin(2 * t) + rng.normal(0, 1e-4, len(t))
     u = 0.5 * np.sin(2 * t) + 0.1 * np.sign(np.cos(2 * t))
-    dataset = Dataset(
-        "slow",
-        LIGHT,
-        (Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None])),),
-    )
-    words = " / ".join(check(dataset).next)
+    words = " / ".join(check(one_recording(t, q, u, 0.5, 0.4)).next)
     assert "joint 1 never exceeds 0.6 rad/s: add a swing" in words
     assert "no free decay: add one of 20 s" in words
 
@@ -242,9 +231,7 @@ def test_the_command_prints_everything_as_json_and_draws(run, tmp_path):
 )
 def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, tmp_path):
     t = np.arange(samples) / 60
-    q, u = np.sin(speed * t)[:, None], np.cos(7 * t)[:, None]
-    dataset = Dataset("few", MACHINE, (Recording("a", Signal(t, q), Signal(t, u)),))
-    verdict = check(dataset)
+    verdict = check(one_recording(t, np.sin(speed * t), np.cos(7 * t)))
     json.loads(as_json(verdict))
     assert len(write_pictures(verdict, tmp_path)) == 3
     assert verdict.level == "unusable"
@@ -254,9 +241,7 @@ def test_recordings_too_short_or_still_are_unusable_and_no_more(samples, speed, 
 def test_recordings_of_another_machine_are_not_called_good():
     """The torque has nothing to do with this motion: no convention explains it."""
     t = np.arange(900) / 60
-    q, u = 0.5 * np.sin(3 * t)[:, None], 5 * np.cos(t)[:, None]
-    dataset = Dataset("odd", MACHINE, (Recording("a", Signal(t, q), Signal(t, u)),))
-    assert check(dataset).level != "good"
+    assert check(one_recording(t, 0.5 * np.sin(3 * t), 5 * np.cos(t))).level != "good"
 
 
 @pytest.mark.parametrize(
@@ -307,8 +292,7 @@ def test_energy_of_a_joint_at_rest_is_not_tested():
     moves = t > 5
     q = np.where(moves, 0.8 * np.sin(4 * (t - 5)) ** 3, 0.0) + 1e-3 * rng.standard_normal(600)
     u = np.where(t > 4.5, 0.1 + np.sin(4 * (t - 5)) ** 2, 0.0)
-    one = Recording("a", Signal(t, q[:, None]), Signal(t, u[:, None]))
-    verdict = check(Dataset("rest", MACHINE, (one,)))
+    verdict = check(one_recording(t, q, u))
     energy = next(q for q in verdict.questions if q.question == "energy falls without input")
     assert energy.passed is None and "exceeds its noise" in energy.words
 

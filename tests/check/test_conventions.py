@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 
 from frictionid import load_dataset
@@ -56,9 +57,7 @@ def test_slow_and_fast_recordings_in_seconds_are_left_alone(interval, joint_nois
     time = interval * np.arange(300)
     rate = 0.1 / interval
     swing = 0.1 * np.cos(rate * time) + joint_noise * np.random.default_rng(0).normal(size=300)
-    machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 9.81 / rate**2}}
-    angle = Signal(time, swing[:, None])
-    data = Dataset("paced", machine, (Recording("swing", angle, Signal(time, 0 * angle.value)),))
+    data = one_recording(time, swing, 0 * swing, 1.0, 9.81 / rate**2)
     assert in_seconds(data) == (data, [])
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.one_joint_sets import Setup, sets
+from fixtures.one_joint_sets import Setup, one_recording, sets
 from fixtures.paths import DATA
 
 from frictionid.check import check
@@ -99,19 +99,13 @@ def test_public_recordings_are_what_their_authors_say(real_data, name, collectio
     assert {s for _, s in found} == source
 
 
-def one_joint(time, angle, torque):
-    machine = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 1.0}}
-    one = Recording("a", Signal(time, angle[:, None]), Signal(time, torque[:, None]))
-    return Dataset("d", machine, (one,))
-
-
 def test_torque_steps_that_are_held_are_commands_and_a_rounded_curve_is_undecided():
     time = np.arange(1000) * 0.01
     angle = np.sin(2 * time)
     held = np.sign(np.sin(3 * time)) * 0.4
-    assert sources(one_joint(time, angle, held)) == {(1, "commanded")}
+    assert sources(one_recording(time, angle, held)) == {(1, "commanded")}
     rounded = np.round(np.sin(3 * time) / 0.02) * 0.02
-    assert sources(one_joint(time, angle, rounded)) == {(1, "cannot tell")}
+    assert sources(one_recording(time, angle, rounded)) == {(1, "cannot tell")}
 
 
 def test_a_controller_that_feeds_back_noise_is_told_from_a_sensor():
@@ -123,8 +117,8 @@ def test_a_controller_that_feeds_back_noise_is_told_from_a_sensor():
     own = np.cos(3 * time) + np.std(np.diff(fed_back, 2)) / 6**0.5 * rng.standard_normal(3000)
     assert unexplained_noise(time, fed_back, angle[:, None]) < 0.05
     assert unexplained_noise(time, own, angle[:, None]) > 0.9
-    assert sources(one_joint(time, angle, fed_back)) == {(1, "commanded")}
-    assert sources(one_joint(time, angle, own)) <= {(1, "measured"), (1, "cannot tell")}
+    assert sources(one_recording(time, angle, fed_back)) == {(1, "commanded")}
+    assert sources(one_recording(time, angle, own)) <= {(1, "measured"), (1, "cannot tell")}
 
 
 def test_deviations_of_white_noise_have_its_standard_deviation_on_any_clock():

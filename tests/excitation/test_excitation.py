@@ -25,7 +25,6 @@ from frictionid.excitation import (
     monte_carlo,
     predict_motions,
     prior_friction_of,
-    standard_errors,
 )
 from frictionid.excitation.design import e_criterion, exchange, simulated
 from frictionid.excitation.information import (
@@ -139,6 +138,12 @@ def scatter(experiment, torque, start):
         fitted = LeastSquares(CoulombViscous()).fit(part, np.ones((1, len(part.r))), 0)
         alone.append(fitted.theta.ravel())
     return np.std(alone, axis=0, ddof=1), np.std(free, axis=0, ddof=1)
+
+
+def standard_errors(each, part=slice(None)):
+    """Standard errors (P,) by all recordings of `each` (1, R, P, P) together."""
+    total = Information(*(x[0].sum(0) for x in each))
+    return np.sqrt(np.diagonal(covariances(total, part)))
 
 
 # --- Predictions against measurements ---------------------------------------------------------

@@ -27,9 +27,7 @@ KINDS = ("evil:read", "runpy:run_path", "joblib:load", "subprocess:Popen", "os:s
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    "words", [["check", "."], ["fit", ".", "--identifier", "none", "--out", "m"]]
-)
+@pytest.mark.parametrize("words", COMMANDS)
 def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
     (tmp_path / "evil.py").write_text(EVIL)
     with pytest.raises(InputError, match="is code, which runs with your rights"):
