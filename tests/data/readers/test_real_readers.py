@@ -93,6 +93,52 @@ def test_data_sets_have_their_recordings_and_joints_which_move_plausibly(dataset
         assert 0.005 < np.quantile(np.abs(w), 0.95) < FAST.get(name, 40.0), recording.name
 
 
+# --- The double pendulum, by its authors' words ---------------------------------------------------
+
+of_the_arm = pytest.mark.parametrize("name", ["dfki_c1", "dfki_c1_swingup"])
+
+
+@of_the_arm
+def test_time_is_in_seconds(dataset, name):
+    """The controller ran at 500 Hz, with jitter to 9 ms."""
+    for recording in dataset(name).recordings:
+        steps = np.diff(recording.angle.time)
+        assert 1.5e-3 < np.median(steps) < 2.5e-3
+        assert steps.max() < 9e-3
+
+
+@of_the_arm
+def test_angles_are_in_radians_from_hanging_at_rest(dataset, name):
+    """Every run starts hanging; the encoders resolve 3.8e-4 rad, whole turns do not occur."""
+    for recording in dataset(name).recordings:
+        angle = recording.angle.value
+        assert np.abs(angle[0]).max() < 0.05
+        assert np.abs(angle).max() < np.pi
+        assert np.diff(np.unique(angle[:, 0])).min() == pytest.approx(3.815e-4, rel=0.01)
+
+
+@of_the_arm
+def test_torques_are_in_newton_metres(dataset, name):
+    """The drives peak below 4 N m and resolve 5.9e-3 N m; no joint reports none at all."""
+    for recording in dataset(name).recordings:
+        torque = recording.torque.value
+        assert recording.torque.hold == "linear"
+        assert np.abs(torque).max() < 4.0
+        assert np.all(np.ptp(torque, axis=0) > 0)
+        assert np.diff(np.unique(torque[:, 0])).min() == pytest.approx(5.86e-3, rel=0.01)
+
+
+@of_the_arm
+def test_swing_ups_are_cut_to_their_motion_and_the_others_are_whole(dataset, name):
+    angles = [recording.angle for recording in dataset(name).recordings]
+    spans = [angle.time[-1] - angle.time[0] for angle in angles]
+    if name == "dfki_c1_swingup":
+        assert all(3.98 < span <= 4.0 for span in spans)
+        assert all(angle.value[-1, 0] > 2.3 for angle in angles)
+    else:
+        np.testing.assert_allclose(spans, [10.0] * 6 + [6.0], atol=0.01)
+
+
 # --- Signs ---------------------------------------------------------------------------------------
 
 
