@@ -119,12 +119,7 @@ def test_another_friction_or_another_motor_does_not(logs, usual):
     (data, states), (q, trajectory) = logs, usual
     good = np.nanmean(np.abs(q - trajectory.measured))
     heavy = Friction(CoulombViscous(), np.array([[0.0, 2 * VISCOUS]]))
-    weak = replace(
-        data,
-        recordings=tuple(
-            replace(r, servo=r.servo.with_motor(KT, 1.1 * R)) for r in data.recordings
-        ),
-    )
+    weak = servoed(data, lambda servo: servo.with_motor(KT, 1.1 * R))
     for other, friction in ((data, heavy), (weak, TRUTH)):
         q, trajectory = run_of(other, states, friction)
         assert np.nanmean(np.abs(q - trajectory.measured)) > 20 * good

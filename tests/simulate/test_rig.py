@@ -283,11 +283,8 @@ def edit(*path):
 TORQUE = ("recordings", 0, "torques", 0)
 MISTAKES = [
     (("nane", 1), "unknown key 'nane'; did you mean 'name'?"),
-    (("camera", None), "the key 'camera' is missing; add it"),
-    (("camera", "samples", 5.5), "camera.samples: it should be a valid integer, not 5.5"),
     (("camera", "samples", 1), "camera.samples: it should be greater than or equal to 2, not 1"),
     (("camera", "rate", float("inf")), "rate: it should be less than"),
-    (("camera", 3), "camera: it should be a table, not 3"),
     (("mechanism", "kind", "acrobat"), "did you mean 'acrobot'?"),
     (("true_parameters", {"rotr": 1e-6}), "has no parameter 'rotr'; did you mean 'rotor'?"),
     (("friction", "kind", "strib"), "friction: unknown kind 'strib'; did you mean 'stribeck'?"),
