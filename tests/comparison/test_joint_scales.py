@@ -61,21 +61,16 @@ def carriage():
     return simulate(rig)
 
 
-def in_common_units(theta, travel, times):
-    """Coulomb, peak, Stribeck velocity and viscous friction of the first carriage."""
-    speed = travel / times
-    return np.ravel(theta) * [1.0, 1.0, 1.0 / speed, speed]
-
-
 SCALES = [(1e-3, 1.0), (1e3, 1.0), (1.0, 4.0), (1e-2, 0.1)]
 
 
 @cache
 def fitted(method, travel, times):
-    """Friction of a slide, its windows as much longer as its times."""
+    """Friction of a slide in units of the first, its windows as much longer as its times."""
     windows = {"windows": np.array([5, 10, 20]) / 60 * times} if method == "shooting" else {}
     fit = fid.fit(slide(travel, times), "stribeck", method=method, **windows)
-    return in_common_units(fit.friction.theta, travel, times)
+    speed = travel / times  # coulomb, peak, Stribeck velocity and viscous friction
+    return np.ravel(fit.friction.theta) * [1.0, 1.0, 1.0 / speed, speed]
 
 
 # the weights of rows of a one-step fit are those of a coarse fit

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
+from fixtures.exact_problems import everything
 from fixtures.paths import DATA
+from fixtures.true_curves import curve_errors
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
-from frictionid.evaluation import curve_error, curves, steady_state, velocity_grid
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, Recipe, training_problem
 from frictionid.friction.laws import Stribeck
@@ -17,14 +17,9 @@ from frictionid.simulate import load_rig, noise_free, simulate
 
 def errors(dataset, recipe):
     """Curve error of each joint, fitted to all recordings."""
-    assert dataset.truth is not None
     problem = training_problem(dataset, plant_of(dataset), recipe)
-    fitted = LeastSquares(Stribeck(symmetric=False)).fit(problem, np.ones((1, len(problem.r))), 0)[
-        0
-    ]
-    speeds = [r.truth.velocity.value for r in dataset.recordings if r.truth is not None]
-    grid = velocity_grid(np.concatenate(speeds))
-    return curve_error(curves(fitted, grid), curves(steady_state(dataset.truth), grid), grid)
+    law = LeastSquares(Stribeck(symmetric=False))
+    return curve_errors(law.fit(problem, everything(problem), 0)[0], dataset)
 
 
 @cache

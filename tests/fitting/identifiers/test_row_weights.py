@@ -23,9 +23,7 @@ def fit(law, problem, weights, **settings):
 
 def test_rows_that_count_twice_are_rows_that_stand_there_twice():
     problem = explained_by(Stribeck(), STRIBECK, 1e-3, 1)
-    rows = np.concatenate([np.arange(120), np.arange(40)])
-    fields = ("r", "G", "stencil", "recording", "time", "dt")
-    doubled = replace(problem, **{name: getattr(problem, name)[rows] for name in fields})
+    doubled = problem.of_rows(np.concatenate([np.arange(120), np.arange(40)]))
     weights = np.where(np.arange(120) < 40, 2.0, 1.0)[None]
     one, two = (
         fit(Stribeck(), *pair) for pair in ((problem, weights), (doubled, np.ones((1, 160))))

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fitting.shooting.test_networks import SHORT, errors, swings
+from fitting.shooting.test_networks import SHORT, swings
+from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
 
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
@@ -92,4 +93,4 @@ def test_a_network_has_the_curve_that_was_fitted(hidden):
     w = np.linspace(-8.0, 8.0, 50)
     size = np.abs(found.friction.curve(w)).max()
     assert_allclose(curve.curve(w), found.friction.curve(w), atol=1e-3 * size)
-    assert errors(found.friction, swings()).max() < 0.1
+    assert curve_errors(found.friction, swings()).max() < 0.1

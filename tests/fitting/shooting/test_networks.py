@@ -8,11 +8,12 @@ import pytest
 import torch
 from fixtures.learned_laws import Recurrent, Static
 from fixtures.memory_laws import Sampled
+from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.dynamics.tangent.law_derivatives import TensorLaw
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
-from frictionid.evaluation.curves import curve_error, curves, steady_state, velocity_grid
+from frictionid.evaluation.curves import curves, steady_state
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, Shooting, refine, refine_folds
 from frictionid.fitting.shooting.networks import CombinationLaw
@@ -45,12 +46,6 @@ def swings(friction=None, runs=RUNS, seed=1):
     camera = Camera(150, angle_noise=0.001)
     friction = friction or Stribeck(CURVE)
     return simulate(Rig("p", PENDULUM, friction, camera, motions, seed=seed, substeps=4))
-
-
-def errors(friction, dataset):
-    grid = velocity_grid(np.concatenate([r.truth.velocity.value for r in dataset.recordings]))
-    found = np.asarray(curves(friction, grid))
-    return curve_error(found, curves(steady_state(dataset.truth), grid), grid)
 
 
 def inputs_of(rng, count=5, n=2):
@@ -123,7 +118,7 @@ def refined(kind, settings=SHORT):
 
 def test_a_network_finds_the_curve_from_a_rough_start():
     first, found = refined("numpy")
-    before, after = (errors(f, swings()).max() for f in (first, found.friction))
+    before, after = (curve_errors(f, swings()).max() for f in (first, found.friction))
     assert before > 0.3 and after < 0.2 * before
     assert found.friction.law == first.law
 
@@ -206,4 +201,4 @@ def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     together = whole.folds
     assert together.theta.shape == theta.shape
     assert_array_equal(together.theta[-1], whole.friction.theta)
-    assert errors(together[0], dataset).max() < 0.1
+    assert curve_errors(together[0], dataset).max() < 0.1

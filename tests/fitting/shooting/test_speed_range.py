@@ -4,12 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
 
 from frictionid.data.plants import plant_of
 from frictionid.errors import InputError
-from frictionid.evaluation import curves, velocity_grid
-from frictionid.evaluation.curves import curve_error, steady_state
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.shooting import refine
@@ -64,10 +63,7 @@ def test_slow_stribeck_friction_comes_out_within_its_intervals(kind, axis):
     assert found.diagnostics.settled
     interval = found.covariance.interval(0.99)[: len(truth)]
     assert ((interval[:, 0] <= truth) & (truth <= interval[:, 1])).all()
-    w = np.concatenate([r.truth.velocity.value for r in data.recordings])
-    grid = velocity_grid(w)
-    off = curve_error(curves(found.friction, grid), curves(steady_state(data.truth), grid), grid)
-    assert (off < 0.02).all()
+    assert (curve_errors(found.friction, data) < 0.02).all()
 
 
 def test_a_narrow_peak_is_fitted_even_where_the_fit_begins_without_it():
