@@ -119,6 +119,19 @@ def test_what_a_user_made_survives_and_the_file_stays(tmp_path):
     assert number(stage, "hip", "physxJoint:jointFriction") == 0.0
 
 
+def test_friction_is_as_hard_as_the_step_allows_where_the_user_says_nothing(tmp_path):
+    """For the MuJoCo solver of Newton, whose friction takes 20 ms to turn round by default."""
+    path = robot(tmp_path / "arm.usda")
+    own = Usd.Stage.Open(str(path))
+    kind = Sdf.ValueTypeNames.DoubleArray
+    rail = own.GetPrimAtPath("/arm/rail").CreateAttribute("mjc:solreffriction", kind)
+    rail.Set([0.01, 1.0])
+    own.Save()
+    stage = composed(written(path)[1], path)
+    assert list(number(stage, "hip", "mjc:solreffriction")) == [1e-4, 1.0]
+    assert list(number(stage, "rail", "mjc:solreffriction")) == [0.01, 1.0]
+
+
 def test_a_rotor_is_armature_in_the_stage_s_units(tmp_path):
     path = robot(tmp_path / "arm.usda", meters=0.01)
     model = Friction(CoulombViscous(), LEVELS[:1], {"rotor": 0.002})

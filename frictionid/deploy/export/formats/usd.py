@@ -1,7 +1,8 @@
 """Friction in USD: a layer over a stage, whose joints have what Newton and PhysX read.
 
 `NewtonJointAPI` has a level and damping [Newton2026]; `PhysxJointAxisAPI`, of joints in
-articulations, a break-away level as well [PhysX2025]. Position control is a drive; with a delay or
+articulations, a break-away level as well [PhysX2025]; `MjcJointAPI` makes friction as hard as the
+time step allows where Newton solves by MuJoCo. Position control is a drive; with a delay or
 a torque-speed envelope it is a `NewtonActuator` and the drive has no gains: Newton adds up both.
 
 Numbers are in the stage's units of mass and length. At revolute joints damping and gains of drives
@@ -32,6 +33,7 @@ with needs("usd"):
 
 _JOINTS = {"rad": ("PhysicsRevoluteJoint", "angular"), "m": ("PhysicsPrismaticJoint", "linear")}
 _RATES = ("newton:timeStepsPerSecond", "physxScene:timeStepsPerSecond")
+_HARD = (1e-4, 1.0)  # [s]: softer friction of MuJoCo lets a joint creep for 20 ms
 _OF_ONE_LAYER = ("subLayers", "subLayerOffsets", "layerRelocates")
 held = nearest
 
@@ -130,6 +132,10 @@ def _friction(model: ExportedFriction, friction: Friction, j: int, joint: Joint)
         of_joint["armature"] = of_axis["armature"] = joint.gain * model.rotor
     if prim.GetAttribute("physxJoint:jointFriction"):  # acts beside the axis'
         yield from _author(prim, "PhysxJointAPI", "physxJoint", {"jointFriction": 0.0})
+    prim.AddAppliedSchema("MjcJointAPI")
+    hardness = prim.CreateAttribute("mjc:solreffriction", Sdf.ValueTypeNames.DoubleArray, False)
+    if not hardness.HasAuthoredValue():
+        hardness.Set(list(_HARD))
     yield from _author(prim, "NewtonJointAPI", "newton", of_joint)
     yield from _author(prim, f"PhysxJointAxisAPI:{joint.axis}", axis, of_axis)
 
