@@ -1,7 +1,5 @@
 """Round trip through Newton: its importer reads the stage, its MuJoCo solver moves as we do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,8 @@ from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, pendulum
 
-newton = pytest.importorskip("newton", reason="`pip install newton[importers,sim]` installs it")
+pytest.importorskip("newton", reason="`pip install newton[importers,sim]` installs it")
+import newton
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -52,7 +51,7 @@ def model(tmp_path):
     friction = Friction(fid.CoulombViscous(), LEVELS, {"rotor": ROTOR})
     settings = ExportSettings(into=path, folder=tmp_path)
     made = writer_of("usd")(exported(friction, ("hip",), (5.0,)), settings)
-    out = Path(tmp_path / "out.usda")
+    out = tmp_path / "out.usda"
     out.write_bytes(made.files[".usda"])
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
