@@ -48,6 +48,7 @@ _CIRCLE = 8  # steps that may lead to and fro
 _DAMPED = 1e-2  # Levenberg damping that makes steps small by itself
 _NEAR = 0.5  # [standard errors]: steps with which those end
 _STRAY = 1.0  # [standard errors]: so far steps to and fro may go
+_ONWARD = 0.25  # [standard errors]: so far their mean may get on
 _COARSE = 3.0  # times as long are their substeps near rest
 _TRACE = 1e-12  # of the information on the best known parameter
 
@@ -235,7 +236,7 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
     Where the cost has a kink (a joint that just stops in some window, a window that just counts),
     steps from either side of it point to the other one and never become small. The solution is the
     kink: from the first half of the last steps to the second none of the parameters got on, on
-    average, by more than twice the tolerance, nor did it stray by more than a standard error.
+    average, by more than a quarter of its standard error, nor did it stray by more than one.
     """
     tolerance = problem.settings.tolerance
     if last.converged(tolerance):
@@ -249,7 +250,7 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
         if np.ptp(steps, axis=0).max(initial=0.0) > _STRAY:
             return False
         onward = np.abs(steps[-half:].mean(axis=0) - steps[:half].mean(axis=0)).max(initial=0.0)
-        if onward <= 2.0 * tolerance:
+        if onward <= max(2.0 * tolerance, _ONWARD):
             return True
     return False
 
