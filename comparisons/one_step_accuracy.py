@@ -77,8 +77,8 @@ TRUTHS = {
     ),
 }
 TERMS = {
-    "Coulomb-viscous": [["sign", "viscous"], ["sign", "viscous"]],
-    "Stribeck": [["sign", "viscous"], ["sign", "viscous", "peak_2.3"]],  # 2 is no candidate
+    "Coulomb-viscous": [["coulomb", "viscous"], ["coulomb", "viscous"]],
+    "Stribeck": [["coulomb", "viscous"], ["coulomb", "viscous", "peak_2.3"]],  # 2 is no candidate
 }
 
 

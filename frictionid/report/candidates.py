@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -181,26 +181,41 @@ def complexity_of(data: SummaryData, model: Model) -> float:
     return next((count for count in counts if np.isfinite(count)), float("inf"))
 
 
-def judged(candidates: Sequence[Candidate]) -> tuple[Choice, tuple[Candidate, ...]]:
-    """What the rule chooses of candidates from the same starts, and these with how they stand."""
-    names = [frozenset(key for joint in _joints(c) for key in joint) for c in candidates]
+def judged(
+    candidates: Sequence[Candidate], others: Sequence[Candidate] = ()
+) -> tuple[Choice, tuple[Candidate, ...]]:
+    """What the rule chooses of candidates from the same starts, and these with how they stand.
+
+    others : by other recipes, whose parameters have intervals
+    """
+    names = [_parameters(c.model) for c in candidates]
     choice = choose(
         [c.errors for c in candidates],
         nested_complexity([c.complexity for c in candidates], names),
         np.array([c.unfit for c in candidates], dtype=bool),
         np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
-    refined = [c.model.refined for c in candidates]
-    choice = preferring(choice, names, [r.shown if r else frozenset() for r in refined])
+    fits = [c.model for c in (*candidates, *others) if c.model.refined]
+    choice = preferring(choice, names, [_shown(c.model, fits) for c in candidates])
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
 
 
-def _joints(candidate: Candidate) -> Sequence[Mapping[str, Any]]:
-    """Parameters of each joint by their names, of fits whose parameters those are."""
-    is_fit = candidate.model.role == "fitted"
-    joints: Sequence[Mapping[str, Any]] = candidate.model.document.get("joints") or ()
-    return joints if is_fit else ()
+def _parameters(model: Model) -> frozenset[str]:
+    """Names of a fit's friction parameters; a sparse sum has those of its terms."""
+    joints = model.document.get("joints") if model.role == "fitted" else ()
+    return frozenset(
+        name
+        for joint in joints or ()
+        for name, entry in joint.items()
+        if entry["value"] or not model.provenance.equation
+    )
+
+
+def _shown(model: Model, fits: Sequence[Model]) -> frozenset[str]:
+    """Friction's parameters that data tell from zero, by any recipe."""
+    twins = (fit.refined for fit in fits if fit.label == model.label)
+    return frozenset().union(*(refined.shown for refined in twins if refined))
 
 
 def recipe_to_judge(candidates: Sequence[Candidate]) -> str:

@@ -151,8 +151,9 @@ def measure_of(data: SummaryData) -> Measure:
 def _judged(candidates: Sequence[Candidate], recipe: str) -> tuple[Choice, list[Candidate]]:
     """The choice among those of a recipe, which come first, with how they stand."""
     of_recipe = [c for c in candidates if c.model.recipe in (ANY, recipe) and len(c.errors.group)]
-    choice, compared = judged(of_recipe)
-    return choice, [*compared, *(c for c in candidates if c not in of_recipe)]
+    others = [c for c in candidates if c not in of_recipe]
+    choice, compared = judged(of_recipe, others)
+    return choice, [*compared, *others]
 
 
 def _decided(

@@ -51,6 +51,31 @@ def test_data_that_cannot_tell_say_so_and_how_much_to_record(tmp_path):
     assert "recordings in place of 5" in found.record_next
 
 
+@pytest.mark.parametrize(
+    ("term", "error", "recommended"),
+    [("coulomb", 0.01, "rich (shooting)"), ("coulomb", 0.1, "terms"), ("sign_1", 0.01, "terms")],
+)
+def test_a_law_with_the_terms_of_a_sum_and_an_identified_parameter_is_taken(
+    tmp_path, term, error, recommended
+):
+    """Where errors cannot tell: the interval may be that of the law's fit by another recipe."""
+    noise = [0.02, -0.02, 0.01, -0.01]
+    rich, plain = model("rich", 0.43, size=9, noise=noise), model("terms", 0.4)
+    refined = made.shot([made.parameter("friction", "loss", 0.1, error, joint=0)])
+    shot = made.task("rich", {"made": made.rows(0.3, 0.43)}, fit="shooting", refined=refined)
+    for joint in rich["model"]["joints"]:
+        joint["loss"] = {"value": 0.1, "unit": "1"}
+    for joint in plain["model"]["joints"]:
+        joint[term] = joint.pop("coulomb")
+        joint["viscous"]["value"] = 0.0
+    plain["model"]["provenance"] = {"equation": ["Tf1 = 0.1 N m s(w)"]}
+    for task in (rich, plain):
+        task["method"] = {"corrects": ["inertia"]}
+    found = verdict(tmp_path, [rich, plain, shot])
+    assert found.candidate("rich (integral)").standing == "undecided"
+    assert found.recommended.startswith(recommended)
+
+
 def test_the_truth_is_never_recommended(tmp_path):
     found = verdict(tmp_path, [model("ours", 0.2), model("truth", 0.1, size=0, role="truth")])
     assert found.recommended == "ours" and len(found.candidates) == 1

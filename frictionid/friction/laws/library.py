@@ -93,7 +93,7 @@ class Library(Law):
     --------
     >>> law = Library(powers=(1, 3), velocities=(2.0,), widths=())
     >>> law.names
-    ('sign', 'viscous', 'cubic', 'peak_2')
+    ('coulomb', 'viscous', 'cubic', 'peak_2')
     >>> print("; ".join(law.equation(np.array([[0.1, 0.02, 0.0, 0.03]]))))
     Tf1 = 0.1 N m s(w) + 0.02 N m s/rad w + 0.03 N m exp(-(w/2)^2) s(w)
     """
@@ -199,7 +199,7 @@ def _free(name: str, unit: str) -> LawParameter:
 def _signs(law: Library) -> list[Candidate]:
     def sign(width: float, name: str, formula: str) -> Candidate:
         # only the sharpest is a level at rest, the others pass through zero
-        level = _unity if name == "sign" else None
+        level = _unity if name == "coulomb" else None
 
         def value(x: Inputs) -> Array:
             return smooth_sign(x.w, width, law.shape)
@@ -207,7 +207,7 @@ def _signs(law: Library) -> list[Candidate]:
         return Candidate(LawParameter(name, "N m"), "sign", formula, value, level)
 
     wider = [sign(w, f"sign_{w:g}", f"s(w; {w:g})") for w in law.widths]
-    return [sign(law.width, "sign", "s(w)"), *wider]
+    return [sign(law.width, "coulomb", "s(w)"), *wider]
 
 
 def _unity(x: Inputs) -> Array:

@@ -58,13 +58,13 @@ def test_ten_seeds_give_levels_viscous_friction_the_nearest_peak_and_nothing_els
     law, theta, peaks
 ):
     found = [terms(fit(explained_by(law, theta, 1e-3, seed))[0]) for seed in range(10)]
-    assert found.count([["sign", "viscous", *peak] for peak in peaks]) >= 9
+    assert found.count([["coulomb", "viscous", *peak] for peak in peaks]) >= 9
 
 
 @pytest.mark.parametrize("optimizer", ["stlsq", "sr3"])
 def test_truth_in_truth_out(optimizer):
     truth = theta_of(
-        LAW, {"sign": 0.1, "cubic": 1e-4}, {"sign": 0.05, "drag": 1e-3, "peak_3.4": 0.03}
+        LAW, {"coulomb": 0.1, "cubic": 1e-4}, {"coulomb": 0.05, "drag": 1e-3, "peak_3.4": 0.03}
     )
     found = fit(explained_by(LAW, truth), optimizer=optimizer)
     assert_allclose(found.theta[0], truth, rtol=1e-6, atol=1e-9)
@@ -74,8 +74,8 @@ def test_candidates_on_request_are_found_where_they_are_true():
     law = Library(harmonics=(1,), direction=True, other=True, velocities=(1.0, 3.0))
     truth = theta_of(
         law,
-        {"sign": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_sign": 0.02},
-        {"sign": 0.05, "peak_3": 0.03, "other": 0.004},
+        {"coulomb": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_sign": 0.02},
+        {"coulomb": 0.05, "peak_3": 0.03, "other": 0.004},
     )
     found = fit(explained_by(law, truth, 1e-5), library=law)
     assert terms(found[0]) == terms(Friction(law, truth))
@@ -105,12 +105,12 @@ def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
     """The true peaks are at 2 rad/s, between 1.5 and 2.3."""
     problem = acrobot
     friction = fit(problem)[0]
-    assert terms(friction) == [["sign", "viscous"], ["sign", "viscous", "peak_2.3"]]
+    assert terms(friction) == [["coulomb", "viscous"], ["coulomb", "viscous", "peak_2.3"]]
     sided = fit(problem, library=Library(direction=True))[0]
-    expected = ["sign", "viscous", "peak_2.3", "offset_sign", "offset_peak_2.3"]
-    assert terms(sided) == [["sign", "viscous"], expected]
+    expected = ["coulomb", "viscous", "peak_2.3", "offset_sign", "offset_peak_2.3"]
+    assert terms(sided) == [["coulomb", "viscous"], expected]
     half = half_widths(friction, problem, everything(problem)[0])
-    coulomb = LAW.names.index("sign")
+    coulomb = LAW.names.index("coulomb")
     assert friction.theta[0, coulomb] == pytest.approx(0.165, rel=0.03)
     assert (half[friction.theta != 0] < 0.2 * friction.theta[friction.theta != 0]).all()
     assert np.isnan(half[friction.theta == 0]).all()
@@ -142,8 +142,8 @@ def test_ensembles_say_how_often_a_term_is_there():
     sindy = SINDy(Library(velocities=(1.0, 3.0), widths=()), ensemble=12)
     given = problem, everything(problem), 0
     share, found = sindy.inclusion(*given, draws=12)[0], sindy.fit(*given)
-    assert (share[:, [sindy.library.names.index(n) for n in ("sign", "viscous")]] > 0.9).all()
-    assert terms(found[0]) == [["sign", "viscous"]] * 2
+    assert (share[:, [sindy.library.names.index(n) for n in ("coulomb", "viscous")]] > 0.9).all()
+    assert terms(found[0]) == [["coulomb", "viscous"]] * 2
     for line, own in zip(found.provenance.inclusion, share, strict=True):
         assert line.count("%") == (own > 0).sum() and f" {100 * own.max():.0f} %" in line
     assert_array_equal(share.clip(0, 1), sindy.inclusion(*given, draws=12)[0])
@@ -164,7 +164,7 @@ def test_the_law_keeps_to_the_contract_with_all_candidates():
 def test_each_fold_is_refined_on_the_terms_that_it_has():
     dataset = driven_pendulum(80, 4)
     law = Library(velocities=(1.0,), widths=(), powers=(1, 2))
-    own = ({"sign": 0.03, "viscous": 0.001}, {"sign": 0.03, "drag": 1e-4}, {"sign": 0.03})
+    own = ({"coulomb": 0.03, "viscous": 0.001}, {"coulomb": 0.03, "drag": 1e-4}, {"coulomb": 0.03})
     start = Friction(law, np.stack([theta_of(law, one) for one in own]))
     intervals = intervals_of(dataset)
     training = np.ones((3, len(intervals.dt)))
@@ -237,7 +237,7 @@ def test_a_soft_sign_and_a_level_at_rest_exclude_each_other():
     names, conflicts = LAW.names, LAW.conflicts
     pair = {(names[i], names[j]) for i, j in np.argwhere(conflicts)}
     assert ("sign_1", "peak_1") in pair and ("peak_1", "peak_1.5") in pair
-    assert ("sign", "peak_1") not in pair and ("sign_1", "viscous") not in pair
+    assert ("coulomb", "peak_1") not in pair and ("sign_1", "viscous") not in pair
     assert (conflicts == conflicts.T).all() and conflicts.diagonal().all()
 
 

@@ -184,7 +184,7 @@ def test_sindy_finds_the_terms_once_the_clock_is_right(results):
     found = run(benchmark, SINDy(), CORRECTED, 0, shared)
     late = run(benchmark, SINDy(), INTEGRAL, 0, shared)
     has = [name for name, x in zip(SINDy().library.names, found.overall.theta[0], strict=True) if x]
-    assert has[:2] == ["sign", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
+    assert has[:2] == ["coulomb", "viscous"] and [name[:5] for name in has[2:]] == ["peak_"]
     score = ("rollout_angle", "median", 0.3)
     assert found.value(*score) < 0.7 * late.value(*score)
 
