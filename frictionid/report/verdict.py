@@ -181,6 +181,7 @@ def _decided(
         "worse": sum(c.standing in ("worse", "diverged") for c in compared),
         "unfit": [c.name for c in good if c.implausible],
         "lacking": [compared[i].name for i in choice.lacking],
+        "preferred": choice.preferred is not None,
         "contradicted": [c.name for c in compared if c.loss and c.loss.contradicted],
     }
     sentence = render("sentence.j2", context, markup=False).strip()

@@ -74,6 +74,8 @@ def test_a_law_with_the_terms_of_a_sum_and_an_identified_parameter_is_taken(
     found = verdict(tmp_path, [rich, plain, shot])
     assert found.candidate("rich (integral)").standing == "undecided"
     assert found.recommended.startswith(recommended)
+    adds = "it adds a parameter that these data identify" in found.sentence
+    assert adds == (recommended == "rich (shooting)")
 
 
 def test_the_truth_is_never_recommended(tmp_path):
