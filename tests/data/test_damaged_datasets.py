@@ -1,11 +1,13 @@
 """Every mistake in a data set is one clear line: found ones by name, and whatever chance brings."""
 
 import gzip
+import hashlib
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from fixtures.dataset_files import COLUMNS, csv_bytes, described, load, motion, parquet_bytes, write
 from hypothesis import given
 from hypothesis import strategies as st
@@ -254,3 +256,81 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     columns = {name: column for name, column in motion().items() if name not in deleted}
     needed = {"time", "q1", "q2", "u2"}
     assert try_to_load(a_csv=csv_bytes(columns)) == needed.issubset(columns)
+
+
+@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
+@given(data=st.data())
+def test_damaged_bytes_are_refused_or_harmless(ending, data):
+    text = csv_bytes(motion())
+    make = {"csv": bytes, "csv_gz": lambda text: gzip.compress(text, mtime=0)}
+    content = make[ending](text) if ending in make else parquet_bytes(motion())
+    content = damaged(data, content)
+    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content}))
+
+
+@given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
+def test_junk_is_refused(content, ending):
+    assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@given(st.data())
+def test_damaged_toml_is_refused_or_harmless(data):
+    assert is_harmless(outcome(damaged(data, tomli_w.dumps(full_description()).encode())))
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**400), 10**400)
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from(["q1", "time", "*.csv", "**", "*/", "a.csv", "deg", "\x00", "../a.csv"]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+@given(st.data())
+def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
+    document = full_description()
+    at = document
+    while True:
+        key = data.draw(st.sampled_from(sorted(at)))
+        if not isinstance(at[key], dict) or data.draw(st.integers(0, 3)) == 0:
+            break
+        at = at[key]
+    at[key] = data.draw(VALUES.filter(lambda value: value is not None))
+    try:
+        text = tomli_w.dumps(document).encode()
+    except (TypeError, UnicodeEncodeError):
+        return
+    assert is_harmless(outcome(text))
+
+
+def full_description():
+    """A description with every table in it."""
+    return described(
+        columns__velocity=["w1", "w2"],
+        columns__truth={"angle": ["q1", "q2"], "velocity": ["w1", "w2"]},
+        columns__covariates={"temperature": "temp"},
+        units={"time": "s", "angle": "deg", "velocity": "deg/s", "torque": "mN m"},
+        hold={"torque": "linear"},
+        sigma={"angle": 0.1, "torque": [0.1, 0.2]},
+        recordings__start=0.0,
+        recordings__stop=1.0,
+        recordings__parameters={"a.csv": {"m4": 0.0}},
+        sha256={"a.csv": hashlib.sha256(csv_bytes(motion())).hexdigest()},
+        truth={"law": "none"},
+    )
+
+
+def damaged(data, content):
+    """Content with a few bytes replaced, deleted or inserted."""
+    content = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        length = data.draw(st.integers(0, 3))
+        content[at : at + length] = data.draw(st.binary(max_size=3))
+    return bytes(content)

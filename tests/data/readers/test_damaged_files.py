@@ -1,4 +1,4 @@
-"""Every mistake in the files of readers is one clear line; whatever chance brings: test_damage."""
+"""Every mistake in the files of readers is one clear line, and so is whatever chance brings."""
 
 import json
 
@@ -15,9 +15,13 @@ from fixtures.reader_files import (
     marker_csv,
     mat_bytes,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
+from frictionid.data.readers.table import read_headerless
+from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 
@@ -193,3 +197,68 @@ def test_unreadable_files_are_named(tmp_path):
         with pytest.raises(InputError, match="cannot be read"):
             read(tmp_path / "nowhere.csv", given_settings)
     assert_refused(read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file")
+
+
+# --- Whatever chance brings ----------------------------------------------------------------------
+
+
+def damaged(content):
+    """The content with a part cut out, overwritten or repeated."""
+    size = len(content)
+    cuts = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
+    return cuts.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
+
+
+def survives(read, path, content, given_settings):
+    """Whether the file is read, or refused in one line: nothing else happens."""
+    path.write_bytes(content)
+    try:
+        recording = read(path, given_settings)
+    except InputError as error:
+        return "\n" not in str(error)
+    return isinstance(recording, Recording) and bool(np.isfinite(recording.angle.value).all())
+
+
+@given(damaged(bam_bytes(samples=12, passive=4)))
+def test_damaged_logs_end_in_one_line(tmp_path, content):
+    assert survives(read_bam, tmp_path / "a.json", content, MOTOR)
+
+
+@given(
+    damaged(mat_bytes(emps_variables(samples=12)))
+    | damaged(mat_bytes(emps_variables(samples=12), do_compression=True))
+)
+def test_damaged_mat_files_end_in_one_line(tmp_path, content):
+    assert survives(read_carriage, tmp_path / "a.mat", content, {})
+
+
+@given(damaged(marker_csv(12)[0]))
+def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
+    assert survives(read_markers, tmp_path / "a.csv", content, MARKERS)
+
+
+@given(
+    st.binary(max_size=200) | st.text(alphabet="0123456789.,-e\n ", max_size=120).map(str.encode)
+)
+def test_junk_without_a_header_ends_in_one_line(content):
+    try:
+        table = read_headerless(content, "a.csv", ["1"])
+    except InputError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(table.rows) == len(table.columns["1"])
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
+def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
+    log = {**bam_log(samples=8, passive=2), key: value}
+    assert survives(read_bam, tmp_path / "a.json", json.dumps(log).encode(), MOTOR)

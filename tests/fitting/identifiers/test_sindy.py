@@ -74,7 +74,7 @@ def test_candidates_on_request_are_found_where_they_are_true():
     law = Library(harmonics=(1,), direction=True, other=True, velocities=(1.0, 3.0))
     truth = theta_of(
         law,
-        {"coulomb": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_sign": 0.02},
+        {"coulomb": 0.1, "viscous": 0.02, "sin_1": -0.03, "offset_coulomb": 0.02},
         {"coulomb": 0.05, "peak_3": 0.03, "other": 0.004},
     )
     found = fit(explained_by(law, truth, 1e-5), library=law)
@@ -107,7 +107,7 @@ def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):
     friction = fit(problem)[0]
     assert terms(friction) == [["coulomb", "viscous"], ["coulomb", "viscous", "peak_2.3"]]
     sided = fit(problem, library=Library(direction=True))[0]
-    expected = ["coulomb", "viscous", "peak_2.3", "offset_sign", "offset_peak_2.3"]
+    expected = ["coulomb", "viscous", "peak_2.3", "offset_coulomb", "offset_peak_2.3"]
     assert terms(sided) == [["coulomb", "viscous"], expected]
     half = half_widths(friction, problem, everything(problem)[0])
     coulomb = LAW.names.index("coulomb")
@@ -174,7 +174,7 @@ def test_each_fold_is_refined_on_the_terms_that_it_has():
     friction = whole.folds
     assert_array_equal(friction.theta != 0, start.theta != 0)
     names = [p.name for p in whole.covariance.parameters if p.block == "friction"]
-    assert names == ["sign of joint 1"]
+    assert names == ["coulomb of joint 1"]
     assert_allclose(friction.theta[0, 0, :2], [0.02, 0.002], rtol=0.15)
     shot = with_notes(whole).provenance
     (line,) = shot.equation
