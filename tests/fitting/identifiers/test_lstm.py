@@ -56,6 +56,24 @@ def test_it_may_drive_a_joint_where_it_need_not_dissipate():
     assert (along(Friction(law, theta), nodes) * nodes.inputs.w < 0).any()
 
 
+def test_it_remembers_and_forgets():
+    law = LSTM(4, hidden=(4,))
+    theta, x = drawn(law), at_rest(np.full(2, 2.0))
+    fast = x.each(lambda v: 3.0 * v)
+    dt = np.full((1,), law.sample_time)
+    memory = [law.start(theta, x)]
+    for first in (x, fast):
+        state = memory[0]
+        for _ in range(10):
+            state = law.advance(theta, first, state, dt)
+        memory.append(state)
+    slow, other = (law.torque(theta, x, m) for m in memory[1:])
+    assert (np.abs(slow - other) > 1e-5).any()
+    for _ in range(400):
+        memory = [law.advance(theta, x, m, dt) for m in memory]
+    assert_allclose(law.torque(theta, x, memory[1]), law.torque(theta, x, memory[2]))
+
+
 def test_numpy_and_torch_agree():
     law = LSTM(3, hidden=(4,), odd=True)
     theta, w = drawn(law), np.random.default_rng(1).normal(0.0, 3.0, (5, 2))
