@@ -10,8 +10,8 @@ from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
-TOKENS, FILES, CLASSES, NAMES = 565_152, 400, 594, 73
-TEST_TOKENS, WORDS = 436_370, 27_960
+TOKENS, FILES, CLASSES, NAMES = 565_246, 400, 594, 73
+TEST_TOKENS, WORDS = 438_109, 27_960
 
 
 def tokens(path):
