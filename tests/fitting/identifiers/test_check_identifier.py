@@ -274,7 +274,7 @@ VIOLATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("identifier", "rule"), VIOLATIONS, ids=repr)
+@pytest.mark.parametrize(("identifier", "rule"), VIOLATIONS, ids=[rule for _, rule in VIOLATIONS])
 def test_the_check_names_the_broken_rule(identifier, rule):
     with pytest.raises(AssertionError, match=rule) as raised:
         check_identifier(identifier, joints=(1,))
