@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 565_246, 400, 594, 73
-TEST_TOKENS, WORDS = 438_166, 27_952
+TEST_TOKENS, WORDS = 438_174, 27_952
 
 
 def tokens(path):
