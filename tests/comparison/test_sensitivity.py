@@ -31,7 +31,7 @@ NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", 
 
 @cache
 def decays():
-    """Free swings of a pendulum whose friction is not told."""
+    """Free swings of a pendulum whose friction is unknown."""
     friction = Stribeck(Curve((0.004,), (0.004,), (0.002,)))
     runs = tuple(Run(f"{i}", (0.6 + 0.2 * i,)) for i in range(6))
     rig = Rig("decays", PENDULUM, friction, Camera(121), runs, substeps=4)

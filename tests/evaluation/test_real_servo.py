@@ -77,23 +77,23 @@ def mean(q, trajectory, fold):
 @pytest.mark.parametrize("name", MODELS)
 def test_the_models_have_the_published_numbers(name, models, real_data, logs):
     file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
-    told, friction = json.loads(file.read_text()), models[name]
-    np.testing.assert_array_equal(friction.theta[0], [told[key] for key in PUBLISHED[name]])
+    published, friction = json.loads(file.read_text()), models[name]
+    np.testing.assert_array_equal(friction.theta[0], [published[key] for key in PUBLISHED[name]])
     own = {key: friction.parameters[key] for key in ("kt", "R", "rotor")}
-    assert own == {"kt": told["kt"], "R": told["R"], "rotor": told["armature"]}
+    assert own == {"kt": published["kt"], "R": published["R"], "rotor": published["armature"]}
     if name == "m6":  # what loads the gear is what the mechanism says
         gravity = plant_of(logs, friction.parameters).p[:, 1]
         np.testing.assert_allclose(friction.law.moment, gravity, rtol=1e-9)
 
 
-def as_published(told, log):
+def as_published(published, log):
     """Mean error of a log by the published scheme, in steps ten times finer than a sample.
 
     tau_stop brings the joint to rest within the step; friction is that much, or its limit.
     """
     mass, length, servo = log.parameters["mass"], log.parameters["length"], log.servo
     time, q = log.angle.time, log.angle.value[:, 0]
-    inertia, kt, R = mass * length**2 + told["armature"], told["kt"], told["R"]
+    inertia, kt, R = mass * length**2 + published["armature"], published["kt"], published["R"]
     x, w, out = q[0], 0.0, [q[0]]
     goals = servo.goal.value[:, 0]
     enabled = servo.enabled.value[:, 0]
@@ -106,7 +106,7 @@ def as_published(told, log):
             te = -mass * 9.80665 * length * np.sin(x)
             total = inertia / h * w + u + te
             w = (
-                (total - np.sign(total) * min(abs(total), bam_friction(told, u, te, w)))
+                (total - np.sign(total) * min(abs(total), bam_friction(published, u, te, w)))
                 * h
                 / inertia
             )
@@ -119,9 +119,9 @@ def as_published(told, log):
 def test_free_runs_err_as_by_the_published_scheme(name, runs, real_data, logs):
     """Two simulators, one answer: ours holds joints at rest, theirs clips the stopping torque."""
     file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
-    told = json.loads(file.read_text())
+    published = json.loads(file.read_text())
     own = errors(*runs[name])
-    theirs = np.array([as_published(told, r) for r in logs.recordings])
+    theirs = np.array([as_published(published, r) for r in logs.recordings])
     np.testing.assert_allclose(own, theirs, rtol=0.1, atol=2e-3)
     assert own.mean() == pytest.approx(theirs.mean(), rel=0.03)
 

@@ -26,7 +26,7 @@ def drawn(law):
     return theta + 0.2 * np.array(level)
 
 
-@pytest.mark.parametrize("law", LAWS_, ids=["spline", "hats", "sided", "table"])
+@pytest.mark.parametrize("law", LAWS_, ids=["spline", "hat basis", "asymmetric", "table"])
 def test_it_is_least_squares_by_another_route(law):
     problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, 1)
     weights = synthetic_weights(problem)
