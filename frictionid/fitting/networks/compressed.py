@@ -163,15 +163,15 @@ class CompressedNetwork(Identifier):
     def _fitted(self, problem: Problem, weights: Array, scales: Array, seed: int) -> list[Array]:
         """Parameters (n, P) of each member of one fold with weights (K,), on speeds of its own."""
         law: Any = self.law
-        speeds = node_speeds(problem, weights, self.nodes)
-        whole = compressed(problem, weights, speeds, law.width, law.shape)
+        form, speeds = problem.fitted_form(law), node_speeds(problem, weights, self.nodes)
+        whole = compressed(problem, weights, speeds, form.width, form.shape)
         thetas = []
         for start in member_seeds(seed, self.members):
             initial = law.initial_parameters(scales, np.random.default_rng(start))[0]
             deviation = self.prior_deviations[0]
             if len(self.prior_deviations) > 1:
                 held = weights * held_out(problem, weights[None], self.share, start)[0]
-                left_out = compressed(problem, held, speeds, law.width, law.shape)
+                left_out = compressed(problem, held, speeds, form.width, form.shape)
                 deviation = self._best_deviation(whole.without(left_out), left_out, initial)
             thetas.append(self._posterior_mode(whole, initial, deviation))
         return thetas

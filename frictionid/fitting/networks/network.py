@@ -140,7 +140,8 @@ class Network(Identifier):
         initial = np.concatenate([law.initial_parameters(scales, rng) for rng in draws])
         held = np.concatenate([held_out(problem, weights, self.share, start) for start in seeds])
         weights = np.tile(weights, (self.members, 1))
-        stack = FoldStack(law, [*problems] * self.members, initial, self.device)
+        form: Any = problem.fitted_form(law)
+        stack = FoldStack(form, [*problems] * self.members, initial, self.device)
         by_fold = [start for start in seeds for _ in range(len(scales))]
         theta, costs = self._descended(stack, weights * ~held, weights * held, by_fold)
         friction = together(law, np.split(theta, self.members))

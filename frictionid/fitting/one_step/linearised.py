@@ -49,15 +49,9 @@ class Linearised(NamedTuple):
 
     @staticmethod
     def within(law: Law, problem: Problem, weights: Array, settings: Given) -> Linearised:
-        """A law on a problem, bounded by what the rows of each fold resolve, weights (F, K).
-
-        Where the rows of joints at rest are projected out, all others slide: there numerical
-        smoothing of sgn(w) would only blur slow ones.
-        """
+        """A law on a problem, bounded by what the rows of each fold resolve, weights (F, K)."""
         constraints = constraints_of(law, data_range(problem, weights), *settings)
-        return Linearised(
-            law.sharpened() if problem.masked else law, problem, constraints, constraints.tie
-        )
+        return Linearised(problem.fitted_form(law), problem, constraints, constraints.tie)
 
     def decided(self, absent: Array) -> Linearised:
         """The same with optional terms decided: absent ones (F, n, P) are zero, others free."""

@@ -45,8 +45,7 @@ def covariance_of_fit(friction: Friction, problem: Problem, weights: Array) -> t
     >>> fit.theta.round(4)  # truth: 0.10, 0.04, 1.5, 0.02
     array([[0.0989, 0.0415, 1.5209, 0.0202]])
     """
-    # as it was fitted, see `Linearised.within`
-    law, limits = friction.law.sharpened() if problem.masked else friction.law, friction.constraints
+    law, limits = problem.fitted_form(friction.law), friction.constraints
     linear = Linearised(law, problem, tie=None if limits is None else limits.tie)
     theta = linear.once(np.asarray(friction.theta)[None])
     share, label = normalised(np.reshape(weights, (1, -1)), problem)[0], clusters(problem)

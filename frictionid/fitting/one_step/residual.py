@@ -24,7 +24,7 @@ from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
-from frictionid.friction import DataRange, Inputs, Nodes, joined
+from frictionid.friction import DataRange, Inputs, Law, Nodes, joined
 from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import (
@@ -71,6 +71,13 @@ class Problem:
     history: int = 0
     slowest: Array | float = 0.0
     masked: bool = False
+
+    def fitted_form(self, law: Law) -> Law:
+        """The law as it is fitted: without smoothing where rows of joints at rest are projected out.
+
+        There all others slide, and numerical smoothing of sgn(w) would only blur slow ones.
+        """
+        return law.sharpened() if self.masked else law
 
     def mean(self, values: Array) -> Array:
         """Stencil average of node values (..., S, n) over each row, (..., K, n)."""
