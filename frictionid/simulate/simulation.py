@@ -7,6 +7,7 @@ import numpy as np
 
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Array, Signal, sample
+from frictionid.errors import InputError
 from frictionid.mechanics import Plant
 
 from .integrate import integrate_motion
@@ -28,6 +29,11 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
         In place of the rig's own. Each recording draws from the seed and its name, independently of
         the others.
 
+    Raises
+    ------
+    InputError
+        Where friction is too stiff for the steps.
+
     Examples
     --------
     >>> from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck
@@ -39,7 +45,14 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     """
     seed = rig.seed if seed is None else seed
     time = np.arange(rig.camera.samples) / rig.camera.rate
-    commands, states = _tracked(rig, seed, time) if rig.controller else _driven(rig, seed, time)
+    with np.errstate(over="ignore", invalid="ignore"):
+        commands, states = _tracked(rig, seed, time) if rig.controller else _driven(rig, seed, time)
+    for run, ended in zip(rig.recordings, np.isfinite(states).all(axis=(0, 1, 3)), strict=True):
+        if not ended:
+            raise InputError(
+                f"recording {run.name!r}: the simulated motion diverges, friction is too stiff for "
+                f"its steps: raise substeps = {rig.substeps}"
+            )
     recordings = [
         _recorded(rig, run, seed, command, time, states[:, :, r])
         for r, (run, command) in enumerate(zip(rig.recordings, commands, strict=True))

@@ -19,6 +19,7 @@ from frictionid.simulate import (
     Chirp,
     Curve,
     Drive,
+    LuGre,
     Multisine,
     Noise,
     Rig,
@@ -328,3 +329,10 @@ def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, run):
     assert noisy.recordings[0].truth and exact.recordings[0].truth
     assert np.array_equal(exact.recordings[0].angle.value, exact.recordings[0].truth.angle.value)
     assert not np.allclose(noisy.recordings[0].angle.value, exact.recordings[0].angle.value)
+
+
+def test_a_motion_that_diverges_is_refused_with_the_way_out():
+    bristles = LuGre(Curve((0.01,), (0.01,), (0.0,)), (1e4,), (0.0,), (1.0,))
+    stiff = replace(WHEEL, friction=bristles, substeps=2, recordings=(Run("fast", (0.0,), (5.0,)),))
+    with pytest.raises(InputError, match="'fast': .* diverges, .* raise substeps = 2"):
+        simulate(stiff)
