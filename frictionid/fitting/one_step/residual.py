@@ -73,7 +73,7 @@ class Problem:
     masked: bool = False
 
     def fitted_form(self, law: Law) -> Law:
-        """The law as it is fitted: without smoothing where rows of joints at rest are projected out.
+        """The law as it is fitted: not smoothed where rows of joints at rest are projected out.
 
         There all others slide, and numerical smoothing of sgn(w) would only blur slow ones.
         """
