@@ -41,7 +41,13 @@ from frictionid.files import plain
 
 HERE = Path(__file__).parent
 DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
-LAWS = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
+LAWS: tuple[dict[str, Any], ...] = (
+    {"kind": "coulomb_viscous"},
+    {"kind": "stribeck"},
+    {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False},
+    {"kind": "load_dependent"},
+    {"kind": "motor_load"},
+)
 NETWORKS = ("mlp", "lstm")
 APART, FEW, BLOCKS = 0.01, 5, 6
 JUDGED = 0.5  # [s]
@@ -88,10 +94,9 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
     dense = min(float(np.median(np.diff(r.angle.time))) for r in recordings) < APART
     # what follows the motors' torque explains anything beside an arm's free inertias
     laws = LAWS if driven and not machine.held else LAWS[:-1]
-    of_both = laws if machine.held else (*laws, "sindy")
-    of_one = ("none", *NETWORKS) if not machine.held else ("none", "sindy", *NETWORKS)
-    identifiers: list[dict[str, Any]] = [{"kind": kind} for kind in of_both]
-    identifiers += [{"kind": kind, "recipes": [one_step]} for kind in of_one]
+    sparse = {"kind": "sindy", **({"recipes": [one_step]} if machine.held else {})}
+    of_one = ("none", *NETWORKS)
+    identifiers = [*laws, sparse, *({"kind": kind, "recipes": [one_step]} for kind in of_one)]
     for model in machine.published:
         file = f"../data/{name}/{model}.json"
         identifiers.append({"kind": "published", "name": model, "file": file})

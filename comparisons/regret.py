@@ -53,19 +53,14 @@ DEFAULT = "default"
 LAWS = {
     "coulomb_viscous": fid.CoulombViscous(),
     "stribeck": fid.Stribeck(),
+    "stribeck by direction": fid.Stribeck(symmetric=False),
     "load_dependent": fid.LoadDependent(),
     "motor_load": fid.MotorLoad(),
     "load_dependent, stribeck": fid.LoadDependent(stribeck=True),
     "quadratic": fid.Quadratic(),
     "ripple": fid.Ripple(harmonics=(2,)),  # of a linkage
-    # of a carriage that is never faster than 0.13 m/s
-    "slow coulomb_viscous": fid.CoulombViscous(width=0.001),
-    "slow by direction": fid.CoulombViscous(width=0.001, symmetric=False),
-    "slow stribeck": fid.Stribeck(width=0.001),
-    "slow quadratic": fid.Quadratic(width=0.001),
-    "slow motor_load": fid.MotorLoad(width=0.001),
 }
-USUAL = ("coulomb_viscous", "stribeck", "load_dependent", "motor_load")
+USUAL = ("coulomb_viscous", "stribeck", "stribeck by direction", "load_dependent", "motor_load")
 # without motor_load: beside free inertias the motors' own torque explains anything
 OF_ARMS = ("coulomb_viscous", "stribeck", "load_dependent", "load_dependent, stribeck")
 Array = NDArray[np.float64]
@@ -132,16 +127,14 @@ def xl330(fitted: str, tested: str) -> Machine:
 
 def emps() -> Machine:
     """Carriage on a rail, tested on the last 30 %."""
-    laws = tuple(name for name in LAWS if name.startswith("slow "))
-    return Machine(
-        part("emps", 0, 0.7), {"last 30 %": part("emps", 0.7, 1)}, laws, "shooting", 0.01
-    )
+    tests = {"last 30 %": part("emps", 0.7, 1)}
+    return Machine(part("emps", 0, 0.7), tests, sample_time=0.01)
 
 
 def ibm() -> Machine:
     """Filmed double pendulum, tested on two other films."""
     tests = {f"film {name}": only("ibm", name) for name in "45"}
-    laws = ("coulomb_viscous", "stribeck", "load_dependent", "quadratic")
+    laws = (*USUAL[:-1], "quadratic")
     return Machine(only("ibm", *"0123"), tests, laws, "shooting", 0.01)
 
 

@@ -1,8 +1,10 @@
 """How complex a fitted friction is: effective parameters, and what each of them has to save."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import combinations
 
 import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.fitting.gauss_newton import Conditions
@@ -10,6 +12,8 @@ from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.one_step_fit import spread_of
 from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, present
+from frictionid.friction.laws.levels import SIDES
+from frictionid.friction.provenance import Estimate, Estimates
 
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
 
@@ -76,11 +80,60 @@ def trace_of_hat(hessian: Array, precision: Array) -> float:
     return float(np.trace(inner @ H))
 
 
+def nested_names(names: Iterable[str]) -> frozenset[str]:
+    """Names of parameters, of laws that differ by direction together with those of other laws.
+
+    >>> sorted(nested_names(["coulomb_positive", "coulomb_negative", "viscous"]))
+    ['coulomb', 'coulomb by direction', 'viscous']
+    """
+    names = frozenset(names)
+    stems = {_stem(name) for name in names}
+    return frozenset(stems) | {_differs(stem) for stem in stems - names}
+
+
+def shown_names(estimates: Estimates | None) -> frozenset[str]:
+    """Of these names those of friction that data tell from zero, at any joint (99 %).
+
+    Without velocities, which say nothing of how much there is. A torque differs by direction where
+    the interval of the difference does not hold zero.
+    """
+    if estimates is None:
+        return frozenset()
+    reach = float(stdtrit(estimates.freedom, 0.995))
+    used = [
+        (k, e)
+        for k, e in enumerate(estimates.parameters)
+        if e.block == "friction" and e.unit != "rad/s" and not e.at_bound
+    ]
+    names = {_stem(e.parameter) for _, e in used if abs(e.value) > reach * e.error}
+    covariance = estimates.square(estimates.covariance)
+    for (i, a), (j, b) in combinations(used, 2):
+        if _are_sides(a, b):
+            variance = covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j]
+            if abs(a.value - b.value) > reach * np.sqrt(variance):
+                names.add(_differs(_stem(a.parameter)))
+    return frozenset(names)
+
+
+def _are_sides(a: Estimate, b: Estimate) -> bool:
+    """Whether two parameters are those of the two directions of a joint."""
+    same = a.joint == b.joint and _stem(a.parameter) == _stem(b.parameter)
+    return same and a.parameter != b.parameter
+
+
+def _differs(stem: str) -> str:
+    return f"{stem} by direction"
+
+
+def _stem(name: str) -> str:
+    return name.removesuffix(SIDES[0]).removesuffix(SIDES[1])
+
+
 def nested_complexity(counts: Sequence[float], names: Sequence[frozenset[str]]) -> Array:
     """Complexities (M,) of models: their effective parameters, more than those of nested models.
 
     Which parameters a fit determines is chance where some make no difference; a law that has all
-    parameters of another one, by their names, and further ones is never the simpler one.
+    parameters of another one, by their `nested_names`, and further ones is never the simpler one.
 
     >>> levels, peak = frozenset({"coulomb", "viscous"}), frozenset({"coulomb", "viscous", "peak"})
     >>> nested_complexity([4.0, 3.0, 9.0], [levels, peak, frozenset()])

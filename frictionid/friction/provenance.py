@@ -9,7 +9,6 @@ from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 from frictionid.config import mistake
@@ -194,16 +193,6 @@ class Estimates(Diagnostics):
     def beside_friction(self) -> int:
         """How many parameters are not friction's."""
         return sum(e.block != "friction" for e in self.parameters)
-
-    @property
-    def shown(self) -> frozenset[str]:
-        """Friction's parameters, of any joint, whose 99 % interval does not hold zero.
-
-        Without velocities, which say nothing of how much there is.
-        """
-        reach = float(stdtrit(self.freedom, 0.995))
-        far = (e for e in self.parameters if not e.at_bound and abs(e.value) > reach * e.error)
-        return frozenset(e.parameter for e in far if e.block == "friction" and e.unit != "rad/s")
 
     def square(self, values: Array) -> Array:
         """The correlation or covariance, (D, D) also where there is no parameter."""

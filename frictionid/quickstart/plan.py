@@ -41,13 +41,20 @@ class Plan(NamedTuple):
         return ("check", *(law.label for law in self.laws))
 
 
+_BY_DIRECTION = {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False}
+
+
 def _laws(*kinds: str) -> tuple[IdentifierEntry, ...]:
     return tuple(IdentifierEntry(kind=kind) for kind in kinds)
 
 
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
-    _laws("none", "coulomb_viscous", "motor_load", "stribeck", "spline"),
+    (
+        *_laws("none", "coulomb_viscous", "motor_load", "stribeck"),
+        IdentifierEntry.model_validate(_BY_DIRECTION),
+        *_laws("spline"),
+    ),
     horizons=(0.5, 0.25, 0.1),
     folds=10,
     samples=6_000,

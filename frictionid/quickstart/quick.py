@@ -28,7 +28,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.dynamics.step_size import TooSteepError
 from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
-from frictionid.evaluation.complexity import nested_complexity
+from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import StartErrors, choose, preferring
 from frictionid.evaluation.score_frame import score_tables
@@ -159,10 +159,10 @@ def candidates_of(
     frictionless = np.array([result.overall.theta.size == 0 for result in results.values()])
     errors = [_starts(result, horizon, moving) for result in results.values()]
     counts = [_complexity(result) for result in results.values()]
-    names = [frozenset(result.overall.law.names) for result in results.values()]
+    names = [nested_names(result.overall.law.names) for result in results.values()]
     choice = choose(errors, nested_complexity(counts, names), frictionless=frictionless)
     refined = [_estimates(result, dataset) for result in results.values()]
-    choice = preferring(choice, names, [e.shown if e else frozenset() for e in refined])
+    choice = preferring(choice, names, [shown_names(e) for e in refined])
     candidates = tuple(
         Candidate(
             name=name,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.complexity import nested_complexity
+from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
 from frictionid.evaluation.reference_model import (
     Choice,
     Factor,
@@ -202,9 +202,9 @@ def judged(
 
 
 def _parameters(model: Model) -> frozenset[str]:
-    """Names of a fit's friction parameters; a sparse sum has those of its terms."""
+    """`nested_names` of a fit's friction parameters; a sparse sum has those of its terms."""
     joints = model.document.get("joints") if model.role == "fitted" else ()
-    return frozenset(
+    return nested_names(
         name
         for joint in joints or ()
         for name, entry in joint.items()
@@ -214,8 +214,7 @@ def _parameters(model: Model) -> frozenset[str]:
 
 def _shown(model: Model, fits: Sequence[Model]) -> frozenset[str]:
     """Friction's parameters that data tell from zero, by any recipe."""
-    twins = (fit.refined for fit in fits if fit.label == model.label)
-    return frozenset().union(*(refined.shown for refined in twins if refined))
+    return frozenset().union(*(shown_names(f.refined) for f in fits if f.label == model.label))
 
 
 def recipe_to_judge(candidates: Sequence[Candidate]) -> str:

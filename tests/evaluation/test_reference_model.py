@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
 from frictionid.evaluation.reference_model import StartErrors, choose, loss, preferring
+from frictionid.friction.laws import CoulombViscous, Stribeck
+from frictionid.friction.provenance import Estimate, Estimates
 
 GROUP = np.repeat(np.arange(20), 50)
 NOISE = 0.05 * np.random.default_rng(1).standard_normal((1000, 2))
@@ -167,3 +170,35 @@ def test_a_law_that_errors_show_to_be_adequate_stays_so_beside_an_identified_par
     levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
     choice = choose([BEST, apart(0.005)], np.array([8.0, 4.0]))
     assert preferring(choice, [peak, levels], [peak, levels]) == choice
+
+
+def levels(forward, backward, error, correlation=0.0, at_bound=False):
+    """Estimates of the two Coulomb levels of a joint."""
+    pair = [
+        Estimate("friction", f"coulomb_{side} of hip", "N m", 0, value, error, at_bound=at_bound)
+        for side, value in (("positive", forward), ("negative", backward))
+    ]
+    covariance = error**2 * np.array([[1.0, correlation], [correlation, 1.0]])
+    return Estimates(parameters=tuple(pair), covariance=covariance, freedom=20)
+
+
+def test_friction_differs_by_direction_where_the_difference_is_shown():
+    """Not where both levels are: each may well be known better than their difference."""
+    both = frozenset({"coulomb"})
+    assert shown_names(levels(1.0, 1.1, 0.1)) == both
+    assert shown_names(levels(1.0, 1.5, 0.1)) == both | {"coulomb by direction"}
+    assert shown_names(levels(1.0, 1.2, 0.1, 0.9)) == both | {"coulomb by direction"}
+    assert shown_names(levels(1.0, 1.5, 0.1, -0.9)) == both
+    assert shown_names(levels(1.0, 0.1, 0.1)) == both | {"coulomb by direction"}
+    assert shown_names(levels(0.1, 0.1, 0.1)) == shown_names(levels(9.0, 1.0, 0.1, at_bound=True))
+
+
+def test_a_law_by_direction_is_never_the_simpler_one():
+    laws = [
+        CoulombViscous(),
+        CoulombViscous(symmetric=False),
+        Stribeck(),
+        Stribeck(symmetric=False),
+    ]
+    counts = nested_complexity([4.0, 3.0, 4.0, 3.0], [nested_names(law.names) for law in laws])
+    assert counts[0] < counts[1] < counts[3] and counts[0] < counts[2] < counts[3]
