@@ -106,7 +106,9 @@ def shown_names(estimates: Estimates | None) -> frozenset[str]:
         if e.block == "friction" and e.unit != "rad/s" and not e.at_bound
     ]
     names = {_stem(e.parameter) for _, e in used if abs(e.value) > reach * e.error}
-    covariance = estimates.square(estimates.covariance)
+    known = np.size(estimates.covariance)
+    errors = np.array([e.error for e in estimates.parameters])
+    covariance = estimates.square(estimates.covariance) if known else np.diag(errors**2)
     for (i, a), (j, b) in combinations(used, 2):
         if _are_sides(a, b):
             variance = covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j]

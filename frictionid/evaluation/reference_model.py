@@ -264,6 +264,30 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
     return Choice(best, losses, standings, order)
 
 
+def unsupported(
+    errors: Sequence[StartErrors], names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
+) -> Array:
+    """Models (M,) that add nothing to a simpler one: no parameter that the data identify.
+
+    What chance makes of their further parameters moves predictions, and would count as a loss of
+    the simpler one. Not where measured errors show it to be practically worse.
+
+    names, shown : as for `preferring`; none are shown of a model whose fit has no intervals
+    """
+
+    def adds_nothing(model: int, simpler: int) -> bool:
+        nested = names[simpler] and names[simpler] < names[model]
+        if not nested or not shown[model] or shown[model] - names[simpler]:
+            return False
+        pair = errors[simpler], errors[model]
+        if any(e.diverged for e in pair) or len(np.unique(pair[0].group)) < FEWEST:
+            return False
+        return loss(*pair).measured.worse < CERTAIN
+
+    each = range(len(errors))
+    return np.array([any(adds_nothing(model, simpler) for simpler in each) for model in each])
+
+
 def preferring(
     choice: Choice, names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
 ) -> Choice:

@@ -30,7 +30,12 @@ from frictionid.errors import InputError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
 from frictionid.evaluation.prepared import usual_interval
-from frictionid.evaluation.reference_model import StartErrors, choose, preferring
+from frictionid.evaluation.reference_model import (
+    StartErrors,
+    choose,
+    preferring,
+    unsupported,
+)
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.friction.provenance import Estimates
@@ -160,9 +165,11 @@ def candidates_of(
     errors = [_starts(result, horizon, moving) for result in results.values()]
     counts = [_complexity(result) for result in results.values()]
     names = [nested_names(result.overall.law.names) for result in results.values()]
-    choice = choose(errors, nested_complexity(counts, names), frictionless=frictionless)
     refined = [_estimates(result, dataset) for result in results.values()]
-    choice = preferring(choice, names, [shown_names(e) for e in refined])
+    shown = [shown_names(e) for e in refined]
+    last = unsupported(errors, names, shown)
+    choice = choose(errors, nested_complexity(counts, names), last, frictionless)
+    choice = preferring(choice, names, shown)
     candidates = tuple(
         Candidate(
             name=name,

@@ -18,6 +18,7 @@ from frictionid.evaluation.reference_model import (
     choose,
     loss,
     preferring,
+    unsupported,
 )
 from frictionid.evaluation.statistics import FEWEST
 
@@ -189,14 +190,16 @@ def judged(
     others : by other recipes, whose parameters have intervals
     """
     names = [_parameters(c.model) for c in candidates]
+    errors = [c.errors for c in candidates]
+    fits = [c.model for c in (*candidates, *others) if c.model.refined]
+    shown = [_shown(c.model, fits) for c in candidates]
     choice = choose(
-        [c.errors for c in candidates],
+        errors,
         nested_complexity([c.complexity for c in candidates], names),
-        np.array([c.unfit for c in candidates], dtype=bool),
+        unsupported(errors, names, shown) | np.array([c.unfit for c in candidates], dtype=bool),
         np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
-    fits = [c.model for c in (*candidates, *others) if c.model.refined]
-    choice = preferring(choice, names, [_shown(c.model, fits) for c in candidates])
+    choice = preferring(choice, names, shown)
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
 

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
-from frictionid.evaluation.reference_model import StartErrors, choose, loss, preferring
+from frictionid.evaluation.reference_model import (
+    StartErrors,
+    choose,
+    loss,
+    preferring,
+    unsupported,
+)
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.provenance import Estimate, Estimates
 
@@ -170,6 +176,17 @@ def test_a_law_that_errors_show_to_be_adequate_stays_so_beside_an_identified_par
     levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
     choice = choose([BEST, apart(0.005)], np.array([8.0, 4.0]))
     assert preferring(choice, [peak, levels], [peak, levels]) == choice
+
+
+def test_a_law_that_adds_nothing_that_data_identify_is_no_reference():
+    """Unless measured errors show that the simpler one is practically worse."""
+    simple, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
+    near, far = [BEST, apart(0.02)], [BEST, apart(0.06)]
+    assert unsupported(near, [peak, simple], [simple, simple]).tolist() == [True, False]
+    assert not unsupported(far, [peak, simple], [simple, simple]).any()
+    assert not unsupported(near, [peak, simple], [peak, simple]).any()
+    assert not unsupported(near, [peak, simple], [frozenset(), simple]).any()  # without intervals
+    assert not unsupported(near, [peak, frozenset({"knots"})], [simple, simple]).any()
 
 
 def levels(forward, backward, error, correlation=0.0, at_bound=False):
