@@ -12,9 +12,10 @@ from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.fitting.one_step.one_step_fit import spread_of
 from frictionid.fitting.one_step.residual import Problem, normalised
 from frictionid.friction import Friction, present
-from frictionid.friction.laws.levels import SIDES
-from frictionid.friction.provenance import Estimate, Estimates
+from frictionid.friction.laws.levels import stem
+from frictionid.friction.provenance import Estimates
 
+_BY_DIRECTION = " by direction"
 _RANK = 1e-10  # of the largest eigenvalue: smaller ones are rounding
 
 
@@ -87,8 +88,8 @@ def nested_names(names: Iterable[str]) -> frozenset[str]:
     ['coulomb', 'coulomb by direction', 'viscous']
     """
     names = frozenset(names)
-    stems = {_stem(name) for name in names}
-    return frozenset(stems) | {_differs(stem) for stem in stems - names}
+    stems = frozenset(map(stem, names))
+    return stems | {f"{name}{_BY_DIRECTION}" for name in stems - names}
 
 
 def shown_names(estimates: Estimates | None) -> frozenset[str]:
@@ -105,30 +106,13 @@ def shown_names(estimates: Estimates | None) -> frozenset[str]:
         for k, e in enumerate(estimates.parameters)
         if e.block == "friction" and e.unit != "rad/s" and not e.at_bound
     ]
-    names = {_stem(e.parameter) for _, e in used if abs(e.value) > reach * e.error}
-    known = np.size(estimates.covariance)
-    errors = np.array([e.error for e in estimates.parameters])
-    covariance = estimates.square(estimates.covariance) if known else np.diag(errors**2)
+    names = {stem(e.parameter) for _, e in used if abs(e.value) > reach * e.error}
     for (i, a), (j, b) in combinations(used, 2):
-        if _are_sides(a, b):
-            variance = covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j]
-            if abs(a.value - b.value) > reach * np.sqrt(variance):
-                names.add(_differs(_stem(a.parameter)))
+        if (a.joint, stem(a.parameter)) == (b.joint, stem(b.parameter)):
+            C = estimates.square(estimates.covariance)
+            if abs(a.value - b.value) > reach * np.sqrt(C[i, i] + C[j, j] - 2.0 * C[i, j]):
+                names.add(f"{stem(a.parameter)}{_BY_DIRECTION}")
     return frozenset(names)
-
-
-def _are_sides(a: Estimate, b: Estimate) -> bool:
-    """Whether two parameters are those of the two directions of a joint."""
-    same = a.joint == b.joint and _stem(a.parameter) == _stem(b.parameter)
-    return same and a.parameter != b.parameter
-
-
-def _differs(stem: str) -> str:
-    return f"{stem} by direction"
-
-
-def _stem(name: str) -> str:
-    return name.removesuffix(SIDES[0]).removesuffix(SIDES[1])
 
 
 def nested_complexity(counts: Sequence[float], names: Sequence[frozenset[str]]) -> Array:

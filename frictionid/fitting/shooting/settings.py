@@ -40,9 +40,6 @@ class Settings:
         sensor has a larger p-value is left out, and the fit repeated without it; 1 keeps all. By
         default a deviation stays that is larger than 2^(1/2)
         standard errors: there a model with it is expected to predict better [Akaike1974]
-    start_velocity : [rad/s], how far a start velocity may be from its smoothed one where the
-        angles do not tell it (a joint at rest); a standard deviation. None: ten times what is slow
-        for the joint, see `joint_scales`
     """
 
     windows: tuple[float, ...] = WINDOWS
@@ -50,7 +47,6 @@ class Settings:
     tolerance: float = 0.05
     huber: float = 2.5
     fine: float = 0.0007
-    start_velocity: float | None = None
     significance: float = 0.157
 
     def __post_init__(self) -> None:
@@ -58,9 +54,9 @@ class Settings:
             raise InputError(f"windows = {list(self.windows)} must be positive lengths in seconds")
         if list(self.windows) != sorted(self.windows):
             raise InputError(f"windows = {list(self.windows)} must grow: short ones converge first")
-        for name in ("iterations", "tolerance", "huber", "fine", "start_velocity", "significance"):
+        for name in ("iterations", "tolerance", "huber", "fine", "significance"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
+            if not value > 0:
                 raise InputError(f"{name} = {value} must be positive")
 
     def at(self, sample_time: float) -> Settings:

@@ -64,7 +64,7 @@ def linearised_at(
         nodes[first, 2 * n :] = np.concatenate(memory, axis=-1)[first]
     prediction = _predicted(problem, windows, estimate, nodes)
     weak = 1e-6 / np.maximum(1.0, np.abs(nodes[first, :n])) ** 2
-    velocity = problem.settings.start_velocity or START_VELOCITY * intervals.dataset.scales.slow
+    velocity = START_VELOCITY * intervals.dataset.scales.slow
     prior = initial_state_prior(intervals, nodes, first, weak, velocity)
     gap = (np.abs(prediction.moved[..., :n]) / sigma).max(axis=(1, 2))
     none = np.zeros(len(windows))

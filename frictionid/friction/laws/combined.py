@@ -17,7 +17,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory, at_rest
 
 from .cogging import Cogging
-from .levels import NoFriction
+from .levels import NoFriction, stem
 from .load import LoadDependent, MotorLoad
 from .relaxing import Dahl, FilmLag, LuGre
 from .stribeck import CoulombViscous, Quadratic, Stribeck
@@ -280,10 +280,10 @@ class Sum(CombinedLaw):
         rows: list[LawParameter] = []
         places: list[list[int | None]] = []
         for law in self.parts:
-            stems, names = {_stem(row.name) for row in rows}, [row.name for row in rows]
+            stems, names = {stem(row.name) for row in rows}, [row.name for row in rows]
             here: list[int | None] = []
             for parameter in law.parameters:
-                if parameter.unit != _SHARED and _stem(parameter.name) in stems:
+                if parameter.unit != _SHARED and stem(parameter.name) in stems:
                     here.append(None)
                 elif parameter.name in names:
                     here.append(names.index(parameter.name))
@@ -325,12 +325,3 @@ class Sum(CombinedLaw):
         for law, places in zip(self.parts, self._layout[1], strict=True):
             columns = [zero if place is None else theta[..., place] for place in places]
             yield law, xp.stack(columns, axis=-1)
-
-
-def _stem(name: str) -> str:
-    """Name of a torque, whatever the direction.
-
-    >>> _stem("peak_negative"), _stem("viscous")
-    ('peak', 'viscous')
-    """
-    return name.removesuffix("_positive").removesuffix("_negative")

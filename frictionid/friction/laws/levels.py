@@ -45,6 +45,15 @@ def by_direction(symmetric: bool, *parameters: LawParameter) -> tuple[LawParamet
     return tuple(p._replace(name=f"{p.name}{side}") for p in parameters for side in sides)
 
 
+def stem(name: str) -> str:
+    """Name of a parameter, whatever the direction.
+
+    >>> stem("peak_negative"), stem("viscous")
+    ('peak', 'viscous')
+    """
+    return name.removesuffix(SIDES[0]).removesuffix(SIDES[1])
+
+
 class Level(NamedTuple):
     """Level coulomb + peak exp(-(s/stribeck_velocity)^2) [N m] at a speed s.
 
