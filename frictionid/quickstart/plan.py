@@ -51,7 +51,7 @@ def _laws(*kinds: str) -> tuple[IdentifierEntry, ...]:
 BY_ANGLES = Plan(
     RecipeEntry(name="shooting", by="shooting"),
     (
-        *_laws("none", "coulomb_viscous", "motor_load", "stribeck"),
+        *_laws("none", "coulomb_viscous", "load_dependent", "motor_load", "stribeck"),
         IdentifierEntry.model_validate(_BY_DIRECTION),
         *_laws("spline"),
     ),
