@@ -270,7 +270,7 @@ def unsupported(
     """Models (M,) that add nothing to a simpler one: no parameter that the data identify.
 
     What chance makes of their further parameters moves predictions, and would count as a loss of
-    the simpler one. Not where measured errors show it to be practically worse.
+    the simpler one. Not where that one is practically farther off as measured.
 
     names, shown : as for `preferring`; none are shown of a model whose fit has no intervals
     """
@@ -282,7 +282,7 @@ def unsupported(
         pair = errors[simpler], errors[model]
         if any(e.diverged for e in pair) or len(np.unique(pair[0].group)) < FEWEST:
             return False
-        return loss(*pair).measured.worse < CERTAIN
+        return loss(*pair).measured.value < 1.0 + REGION
 
     each = range(len(errors))
     return np.array([any(adds_nothing(model, simpler) for simpler in each) for model in each])

@@ -179,7 +179,7 @@ def test_a_law_that_errors_show_to_be_adequate_stays_so_beside_an_identified_par
 
 
 def test_a_law_that_adds_nothing_that_data_identify_is_no_reference():
-    """Unless measured errors show that the simpler one is practically worse."""
+    """Unless the simpler one is practically farther off as measured."""
     simple, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
     near, far = [BEST, apart(0.02)], [BEST, apart(0.06)]
     assert unsupported(near, [peak, simple], [simple, simple]).tolist() == [True, False]
