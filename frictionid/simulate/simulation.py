@@ -47,8 +47,8 @@ def simulate(rig: Rig, seed: int | None = None) -> Dataset:
     time = np.arange(rig.camera.samples) / rig.camera.rate
     with np.errstate(over="ignore", invalid="ignore"):
         commands, states = _tracked(rig, seed, time) if rig.controller else _driven(rig, seed, time)
-    for run, ended in zip(rig.recordings, np.isfinite(states).all(axis=(0, 1, 3)), strict=True):
-        if not ended:
+    for r, run in enumerate(rig.recordings):
+        if not np.isfinite(states[:, :, r]).all():
             raise InputError(
                 f"recording {run.name!r}: the simulated motion diverges, friction is too stiff for "
                 f"its steps: raise substeps = {rig.substeps}"

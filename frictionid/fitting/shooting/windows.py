@@ -145,6 +145,8 @@ class NormalEquations(NamedTuple):
 
     def weighted(self, counts: Array) -> NormalEquations:
         """What windows say of the shared parameters, each as much as it counts (W,)."""
+        if (counts == 1).all():
+            return self
         on = counts > 0  # what is left out may be infinite
         H = np.where(on[:, None, None], self.H * counts[:, None, None], 0.0)
         return self._replace(H=H, g=np.where(on[:, None], self.g * counts[:, None], 0.0))
