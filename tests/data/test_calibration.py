@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import (
@@ -16,7 +17,6 @@ from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import load_model, save_model
@@ -78,7 +78,7 @@ def test_what_a_recording_changes_adds_to_fitted_base_parameters():
 
 def test_base_parameters_of_another_mechanism_are_refused():
     data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
-    with pytest.raises(InputError, match="has 2 base parameters, this mechanism has 6"):
+    with refused("has 2 base parameters, this mechanism has 6"):
         calibrated_plant(data, Calibration.ideal(2, np.ones(2)))
 
 
@@ -130,5 +130,5 @@ def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
     table = json.loads((tmp_path / "m.json").read_text())
     table["calibration"] |= change
     (tmp_path / "m.json").write_text(json.dumps(table))
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         load_model(tmp_path / "m.json", LAWS)

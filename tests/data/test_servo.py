@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
+from fixtures.refusals import refused
 
 from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.recordings import Recording
 from frictionid.data.servo import Servo, motor_torque, servo_torque, terminal_voltage
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 
 TIME = np.linspace(0.0, 1.0, 51)
 
@@ -81,9 +81,9 @@ def test_a_servo_is_checked_like_every_signal():
     still = Signal(TIME, np.zeros((51, 1)))
     assert Recording("a", still, still, servo=servo()).servo is not None
     two = replace(servo(), goal=Signal(TIME, np.zeros((51, 2))))
-    with pytest.raises(InputError, match="goal has 2 columns and angle has 1"):
+    with refused("goal has 2 columns and angle has 1"):
         Recording("a", still, still, servo=two)
-    with pytest.raises(InputError, match="goal, sample 3"):
+    with refused("goal, sample 3"):
         Recording("a", still, still, servo=servo(goal=np.where(TIME == TIME[3], np.nan, 0.0)))
 
 

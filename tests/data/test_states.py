@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from scipy.signal import savgol_filter
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, Backward, KalmanFilter, SavitzkyGolay
-from frictionid.errors import InputError
 
 ESTIMATORS = {
     "backward": Backward(),
@@ -282,10 +282,10 @@ def test_savgol_sees_its_window_only():
 
 @pytest.mark.parametrize(("window", "order"), [(6, 3), (3, 3), (5, 7)])
 def test_a_window_that_cannot_hold_the_polynomial_is_refused(window, order):
-    with pytest.raises(InputError, match=f"window = {window} must be odd and larger than order"):
+    with refused(f"window = {window} must be odd and larger than order"):
         SavitzkyGolay(window, order)
 
 
 def test_too_short_a_recording_is_refused():
-    with pytest.raises(InputError, match="6 samples are fewer than window = 7"):
+    with refused("6 samples are fewer than window = 7"):
         SavitzkyGolay()([one(even(6), np.zeros(6))])

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
-from frictionid import InputError, load_dataset
+from frictionid import load_dataset
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, relative_noise
@@ -134,5 +135,5 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
 def test_wrong_deviations_are_reported_in_one_line(tmp_path, rows, line):
     (tmp_path / "dataset.toml").write_text(TOML)
     (tmp_path / "a.csv").write_text("\n".join(rows))
-    with pytest.raises(InputError, match=line):
+    with refused(line):
         load_dataset(tmp_path)

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import LooseAxis
+from fixtures.refusals import refused
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.errors import InputError
 from frictionid.friction import Friction, units_of
 from frictionid.friction.laws import CoulombViscous, Stribeck
 from frictionid.friction.model_files import load_model, save_model
@@ -51,7 +51,7 @@ def test_a_sliding_carriage_stops_where_friction_says():
 
 def test_options_are_checked():
     assert mechanism_of({"kind": "linear_axis", "driven": False}).B[0, 0] == 0.0
-    with pytest.raises(InputError, match="driven = 3 must be true or false"):
+    with refused("driven = 3 must be true or false"):
         mechanism_of({"kind": "linear_axis", "driven": 3})
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import logger, setup, until
 from fixtures.paths import ROOT
+from fixtures.refusals import refused
 from hypothesis import given
 from hypothesis import strategies as st
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, sample
-from frictionid.errors import InputError
 from frictionid.rig.logfile import read_log
 from frictionid.rig.playback import PlaySettings, excite, keys, load_signal
 from frictionid.rig.rig_settings import framed, read, rig_settings_of
@@ -127,7 +127,7 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     own = next(r for r in dataset.recordings if r.name == "05_sine")
     np.testing.assert_array_equal(torque.value[: len(own.torque.time), 0], own.torque.value[:, 1])
     assert torque.time[-1] == own.angle.time[-1]
-    with pytest.raises(InputError, match="no recording '05_sin'; did you mean '05_sine'"):
+    with refused("no recording '05_sin'; did you mean '05_sine'"):
         torque_of(dataset, "05_sin")
 
 
@@ -144,11 +144,11 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     ],
 )
 def test_a_drive_that_cannot_be_is_refused(given, said):
-    with pytest.raises(InputError, match=".") as complaint:
+    with refused(".") as complaint:
         Drive(**{"rig": setup(), "torque": sine(), **given})
     assert said in str(complaint.value)
     for faults in ({"damaged": 1.0}, {"unplugged": -1}):
-        with pytest.raises(InputError, match="should be"):
+        with refused("should be"):
             Faults(**faults)
 
 
@@ -253,12 +253,12 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
     )
     for text, given_rig, said in cases:
         path.write_text(text)
-        with pytest.raises(InputError, match=".") as complaint:
+        with refused(".") as complaint:
             load_signal(path, given_rig)
         assert said in str(complaint.value)
-    with pytest.raises(InputError, match="ramp: it should be greater than 0"):
+    with refused("ramp: it should be greater than 0"):
         PlaySettings(ramp=0)
-    with pytest.raises(InputError, match="rate: it should be a finite number"):
+    with refused("rate: it should be a finite number"):
         PlaySettings(rate=float("inf"))
 
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
 from fixtures.paths import ROOT
+from fixtures.refusals import refused
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.errors import InputError
 from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
 from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
 from frictionid.rig.rig_settings import parsed, written
@@ -111,7 +111,7 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
     if whole:
         assert read_log(path).columns["time"].tolist() == list(range(whole))
     if torn and "\n" not in torn and torn != header:
-        with pytest.raises(InputError, match="has other columns"):
+        with refused("has other columns"):
             Appender(path, header, append=True)
         return
     file = Appender(path, header, append=True)
@@ -135,15 +135,15 @@ def test_all_clock_runs_a_log_are_unified_that_only_goes_on():
 def test_a_log_is_never_overwritten(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("mine")
-    with pytest.raises(InputError, match="exists and is not overwritten"):
+    with refused("exists and is not overwritten"):
         Appender(path, "host,time")
-    with pytest.raises(InputError, match="has other columns"):
+    with refused("has other columns"):
         Appender(path, "host,time", append=True)
     assert path.read_text() == "mine"
 
 
 def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
-    with pytest.raises(InputError, match=r"No space left.*0 rows before are safe"):
+    with refused(r"No space left.*0 rows before are safe"):
         Appender(Path("/dev/full"), "host,time", append=True)
 
 
@@ -157,7 +157,7 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
         ("time,u2\n0,1\n", "no column 'host'"),
     ):
         path.write_text(text)
-        with pytest.raises(InputError, match=".") as complaint:
+        with refused(".") as complaint:
             read_log(path)
         assert said in str(complaint.value)
 
@@ -216,7 +216,7 @@ def test_a_restart_of_the_controller_is_counted(protocol, tmp_path):
 def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, protocol, tmp_path):
     log = logger(protocol.link, tmp_path / "log.csv", setup(**{"begin": "", **changes}))
     feed(protocol, content)
-    with pytest.raises(InputError, match=said) as complaint:
+    with refused(said) as complaint:
         until(lambda: log.pump(0.1))
     log.close()
     assert str(protocol.link) in str(complaint.value)
@@ -233,16 +233,16 @@ def test_garbage_behind_good_lines_does_not_end_the_log(protocol, tmp_path):
 
 
 def test_a_port_that_is_missing_or_busy_is_reported_in_one_line(protocol, tmp_path):
-    with pytest.raises(InputError, match="there is no port /dev/ttyNONE"):
+    with refused("there is no port /dev/ttyNONE"):
         Port("/dev/ttyNONE", 115200)
-    with pytest.raises(InputError, match="has no rate of 12345678901 baud"):
+    with refused("has no rate of 12345678901 baud"):
         Port(str(protocol.link), 12345678901)
     first = Port(str(protocol.link), 115200)
-    with pytest.raises(InputError, match="is busy: another program has it open"):
+    with refused("is busy: another program has it open"):
         Port(str(protocol.link), 115200)
     first.close()
     Port(str(protocol.link), 115200).close()
-    with pytest.raises(InputError, match="cannot be opened"):
+    with refused("cannot be opened"):
         Port(str(tmp_path), 115200)
 
 

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.ros import read as read_ros
-from frictionid.errors import InputError
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 from fixtures.bags import START, STORE, TYPE, message, write
@@ -108,14 +108,14 @@ P = 2.0
         (("position", "positions"), "positions.elbow.': write time, position.joint."),
         (("/joint_commands", "/joint_command"), "did you mean '/joint_commands'"),
     ):
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             loaded(tmp_path, text.replace(*change))
 
 
 def test_passive_joints_need_no_effort(motion, tmp_path):
     file = write(tmp_path / "bag", states(motion, effort=False))
     assert not read_ros(file, {"driven": []}).torque.value.any()
-    with pytest.raises(InputError, match=r"have no effort; without motors set driven = \[\]"):
+    with refused(r"have no effort; without motors set driven = \[\]"):
         read_ros(file, {})
 
 
@@ -147,7 +147,7 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
         (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
     )
     for path, settings, said in cases:
-        with pytest.raises(InputError, match=".") as complaint:
+        with refused(".") as complaint:
             read_ros(path, settings)
         assert said in str(complaint.value), (said, str(complaint.value))
         assert str(path) in str(complaint.value)
@@ -157,5 +157,5 @@ def test_without_the_package_its_installation_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     file = tmp_path / "a.mcap"
     file.write_bytes(b"x")
-    with pytest.raises(InputError, match=r"pip install 'frictionid\[ros\]'"):
+    with refused(r"pip install 'frictionid\[ros\]'"):
         read_ros(file, {})

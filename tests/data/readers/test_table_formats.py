@@ -24,12 +24,12 @@ from fixtures.log_formats import (
     rtde,
 )
 from fixtures.paths import ROOT
+from fixtures.refusals import refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import check_dataset_toml
-from frictionid.errors import InputError
 
 few = settings(max_examples=25)
 
@@ -47,7 +47,7 @@ def load(folder, kind, pattern="*.csv", **tables):
 
 
 def assert_refused(words, *arguments, **tables):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         load(*arguments, **tables)
 
 
