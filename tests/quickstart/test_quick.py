@@ -125,7 +125,7 @@ def test_the_picture_is_one_and_always_the_same(found):
 
 def test_the_legend_speaks_of_loads_where_a_curve_depends_on_one(found):
     result, _ = found
-    others = tuple(c for c in result.candidates if c.name != "motor_load")
+    others = tuple(c for c in result.candidates if c.name not in ("load_dependent", "motor_load"))
 
     def legend(result):
         return [text.get_text() for text in quick_figure(result).legends[0].get_texts()]

@@ -4,9 +4,10 @@ import tomllib
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
-from fixtures.driven_pendulum import TABLE, logged_pendulum
-from fixtures.refusals import refused
+from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
+from fixtures.refusals import assert_one_line, refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -77,8 +78,7 @@ def test_a_log_that_ends_early_is_used_as_far_as_it_goes(motion):
 def test_what_no_motion_can_tell_is_refused(motion):
     angle, torque = motion
     short = cut(angle, 0.0, 12.0)
-    time = torque.time
-    other = np.random.default_rng(5).uniform(-1, 1, 100)[(time / 0.4).astype(int)]
+    other = np.random.default_rng(5).uniform(-1, 1, 100)[(torque.time / 0.4).astype(int)]
     cases = (
         (short, torque._replace(value=other[:, None]), "no stretch of the log explains"),
         (short, torque._replace(value=-torque.value), "with its sign reversed"),
@@ -87,9 +87,8 @@ def test_what_no_motion_can_tell_is_refused(motion):
         (short._replace(value=0 * short.value + 0.1), torque, "hardly move"),
     )
     for a, u, said in cases:
-        with refused(".") as complaint:
+        with refused(said):
             align(TABLE, a, u)
-        assert said in str(complaint.value)
 
 
 def test_a_motion_that_repeats_itself_needs_a_marker(motion):
@@ -117,10 +116,6 @@ def test_clocks_go_both_ways(offset, drift, at, delay):
     middle = clock.to_angles(np.array(at))
     wanted = angles + delay + 1e-4 * (angles - middle)
     np.testing.assert_allclose(later.to_angles(time), wanted, atol=1e-6)
-
-
-def led(time, switches, start=0.0):
-    return start + (np.searchsorted(switches, time) % 2).astype(float)
 
 
 # --- Command against measured torque -------------------------------------------------------------
@@ -158,20 +153,10 @@ gear = 20.0
 """
 
 
-def write_log(path, torque, host=1e9):
-    rows = [
-        f"{host + t:.6f},{t:.6f},{u / 0.97:.6f},{2 * u:.6f},{u:.6f}"
-        for t, u in zip(torque.time, torque.value[:, 0], strict=True)
-    ]
-    path.write_text("\n".join(["host,time,command,current,torque", *rows]) + "\n")
-
-
-def write_angles(path, angle, lost=()):
-    rows = [
-        f"{t:.6f},{'' if k in lost else f'{q:.7f}'}"
-        for k, (t, q) in enumerate(zip(angle.time, angle.value[:, 0], strict=True))
-    ]
-    path.write_text("\n".join(["time,q1", *rows]) + "\n")
+def write_angles(path, angle, lost=slice(0), **columns):
+    table = pd.DataFrame({"time": angle.time, "q1": angle.value[:, 0], **columns})
+    table.loc[table.index[lost], "q1"] = np.nan
+    table.to_csv(path, index=False)
 
 
 @pytest.fixture
@@ -183,9 +168,11 @@ def call(tmp_path, run):
 
 def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     angle, torque = motion
-    write_angles(tmp_path / "day.csv", cut(angle, 0.0, 15.0), lost=(7, 8))
-    write_log(tmp_path / "log.csv", logged(cut(torque, 0.0, 15.0)))
-    code, out, err = call("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
+    write_angles(tmp_path / "day.csv", cut(angle, 0.0, 15.0), lost=slice(7, 9))
+    log = logged(cut(torque, 0.0, 15.0))
+    write_log(tmp_path / "log.csv", log, command=log.value[:, 0] / 0.97)
+    words = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
+    code, out, err = call(*words)
     assert (code, err) == (0, "")
     for said in ("offset   0.1", "drift", "viscous  of joint 1: 1 ms", "measured = 0.9700"):
         assert said in out
@@ -211,8 +198,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
         same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8
     )
     # a second recording joins; the same name only when it may replace
-    again = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
-    assert "has a recording 'day'" in call(*again)[2]
+    assert_one_line(call(*words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
     check_place(tmp_path / "data", "night", head, False)
     add_recording(tmp_path / "data", "night", head, recording.angle, recording.torque)
@@ -228,7 +214,7 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
     write_angles(tmp_path / "a.csv", short)
     write_log(tmp_path / "log.csv", log)
     write_angles(tmp_path / "epoch.csv", short._replace(time=short.time + 1.7e9))
-    write_angles(tmp_path / "lost.csv", short, lost=range(200))
+    write_angles(tmp_path / "lost.csv", short, lost=slice(200))
     (tmp_path / "bare.toml").write_text(RIG.partition("[motor]")[0])
     (tmp_path / "none.toml").write_text("[motor]\nkt = 1.0\n")
     (tmp_path / "two.toml").write_text(
@@ -255,10 +241,7 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
     )
     for arguments, said in cases:
         extra = () if "--out" in arguments else ("--out", "data")
-        code, out, err = call("align", *arguments, *extra)
-        assert (code, out) == (2, ""), arguments
-        assert said in err, (arguments, err)
-        assert len(err.splitlines()) == 1
+        assert_one_line(call("align", *arguments, *extra), said)
     assert not (tmp_path / "data").exists()
     assert (tmp_path / "taken" / "dataset.toml").read_text() == 'name = "precious"\n'
 
@@ -277,21 +260,13 @@ def test_angles_may_be_named_and_in_degrees(tmp_path):
 
 def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_path):
     angle, torque = motion
-    lit = led(angle.time, [1.013, 1.71, 4.006, 8.52])
-    rows = [
-        f"{t:.6f},{q:.7f},{led:g}"
-        for t, q, led in zip(angle.time[:600], angle.value[:600, 0], lit, strict=False)
-    ]
-    (tmp_path / "a.csv").write_text("\n".join(["time,q1,led", *rows]) + "\n")
-    log = cut(torque, 0.0, 10.0)
-    on = led(log.time, [1.013, 1.71, 4.006, 8.52])
+    part, log = cut(angle, 0.0, 10.0), cut(torque, 0.0, 10.0)
+    lit, on = (np.searchsorted([1.013, 1.71, 4.006, 8.52], x.time) % 2 for x in (part, log))
+    write_angles(tmp_path / "a.csv", part, led=lit)
     # the LED's clock is that of the log, but the torque acts 12 ms after it is logged
     u = np.interp(log.time + 0.012, torque.time, torque.value[:, 0])
-    lines = [
-        f"{1e9 + t:.6f},{t - 0.4:.6f},0.5,{v / 0.5:.6f},{v:.6f},{led:g}"
-        for t, v, led in zip(log.time, u, on, strict=True)
-    ]
-    (tmp_path / "log.csv").write_text("\n".join(["host,time,command,current,torque,led", *lines]))
+    late = log._replace(value=u[:, None])
+    write_log(tmp_path / "log.csv", late, time=log.time - 0.4, command=0.5, led=on)
     (tmp_path / "rig.toml").write_text(
         RIG + '[protocol]\ncolumns = ["time", "command", "current", "led"]\n'
     )

@@ -1,6 +1,7 @@
 """The simulated drive at its pseudo-terminal, and signals played to it."""
 
 import os
+import re
 import subprocess
 import sys
 import termios
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import logger, setup, until
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_one_line, refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -144,9 +145,8 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     ],
 )
 def test_a_drive_that_cannot_be_is_refused(given, said):
-    with refused(".") as complaint:
+    with refused(re.escape(said)):
         Drive(**{"rig": setup(), "torque": sine(), **given})
-    assert said in str(complaint.value)
     for faults in ({"damaged": 1.0}, {"unplugged": -1}):
         with refused("should be"):
             Faults(**faults)
@@ -253,9 +253,8 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
     )
     for text, given_rig, said in cases:
         path.write_text(text)
-        with refused(".") as complaint:
+        with refused(re.escape(said)):
             load_signal(path, given_rig)
-        assert said in str(complaint.value)
     with refused("ramp: it should be greater than 0"):
         PlaySettings(ramp=0)
     with refused("rate: it should be a finite number"):
@@ -313,9 +312,7 @@ def test_bad_input_to_the_commands_is_one_line(place, run):
         ("excite --port /dev/ttyNO --signal gone.csv --out o.csv", "gone.csv cannot be read"),
     )
     for line, said in cases:
-        code, _, err = run(place, *line.split())
-        assert code == 2 and said in err, (line, err)
-        assert len(err.splitlines()) == 1
+        assert_one_line(run(place, *line.split()), said)
     assert (place / "file").read_text() == "precious"
     assert not (place / "o.csv").exists()
 
