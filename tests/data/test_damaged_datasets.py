@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.dataset_files import COLUMNS, csv_bytes, described, load, motion, parquet_bytes, write
+from fixtures.dataset_files import (
+    COLUMNS,
+    csv_bytes,
+    described,
+    load,
+    load_single,
+    motion,
+    parquet_bytes,
+    write,
+)
 from fixtures.refusals import refused
 from hypothesis import given
 from hypothesis import strategies as st
@@ -154,7 +163,7 @@ def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_g
     with refused("row 4: time.* 1 after 1 .4 such rows: 4, 6, 7, 9.; del"):
         load(tmp_path, a_csv=table(*rows))
     kept = [row for k, row in enumerate(rows) if k + 2 not in (4, 6, 7, 9)]
-    (recording,) = load(tmp_path, a_csv=table(*kept)).recordings
+    recording = load_single(tmp_path, a_csv=table(*kept))
     assert recording.angle.time.tolist() == [0, 1, 2, 3, 4]
     with refused(r"\(18 such rows: 3, 4, 5, 6, 7, \.\.\.\)"):
         load(tmp_path, a_csv=table(*(19 * rows[:1])))
@@ -195,15 +204,15 @@ def test_clocks_must_run_in_the_same_time(tmp_path):
     document = described(columns__time={"angle": "time", "torque": "t_drive"})
     columns = motion() | {"t_drive": motion()["time"] + 1.7e9}
     with refused("share no moment; both clocks must count"):
-        load(tmp_path, document, a_csv=csv_bytes(columns))
+        load(tmp_path, document, a_csv=columns)
     with refused("the column 't_drive' is empty"):
-        load(tmp_path, document, a_csv=csv_bytes(columns | {"t_drive": [None] * 9}))
+        load(tmp_path, document, a_csv=columns | {"t_drive": [None] * 9})
 
 
 def test_a_number_too_large_for_its_unit_is_refused(tmp_path):
     columns = motion() | {"q1": np.full(9, 1e308)}
     with refused("row 2: 'q1' is 1e.308, which no sensor reports"):
-        load(tmp_path, described(units={"angle": "rev"}), a_csv=csv_bytes(columns))
+        load(tmp_path, described(units={"angle": "rev"}), a_csv=columns)
 
 
 # --- Whatever comes: success or an InputError -----------------------------------------------------
@@ -249,14 +258,14 @@ def test_damaged_cells_are_refused_or_harmless(data):
 @given(st.permutations(range(9)))
 def test_shuffled_rows_are_refused(order):
     columns = {name: column[list(order)] for name, column in motion().items()}
-    assert try_to_load(a_csv=csv_bytes(columns)) == (list(order) == sorted(order))
+    assert try_to_load(a_csv=columns) == (list(order) == sorted(order))
 
 
 @given(st.sets(st.sampled_from(COLUMNS)))
 def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     columns = {name: column for name, column in motion().items() if name not in deleted}
     needed = {"time", "q1", "q2", "u2"}
-    assert try_to_load(a_csv=csv_bytes(columns)) == needed.issubset(columns)
+    assert try_to_load(a_csv=columns) == needed.issubset(columns)
 
 
 @pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])

@@ -3,7 +3,7 @@
 import hashlib
 
 import numpy as np
-from fixtures.dataset_files import csv_bytes, described, load, motion, write
+from fixtures.dataset_files import described, load, motion, write
 from fixtures.refusals import refused
 
 from frictionid.data.readers.dataset import dataset_files, load_dataset
@@ -32,7 +32,7 @@ def test_joints_may_have_units_of_their_own(tmp_path):
         motor={"kt": [1.0, 0.5], "gear": [1.0, 2.0]},
         sigma={"angle": [0.5, 0.1]},
     )
-    written = write(tmp_path, document, a_csv=csv_bytes(columns))
+    written = write(tmp_path, document, a_csv=columns)
     recording = load_dataset(written, mechanism=own).recordings[0]
     np.testing.assert_allclose(recording.angle.value[0], [0.25, np.pi])
     np.testing.assert_allclose(recording.angle.sigma, [0.0005, 0.1 * np.pi / 180])
@@ -41,11 +41,11 @@ def test_joints_may_have_units_of_their_own(tmp_path):
     np.testing.assert_allclose(recording.torque.value[:, 0], columns["u1"])  # no current
     np.testing.assert_allclose(recording.torque.value[:, 1], 4.0)
     document["units"]["angle"] = ["deg", "mm"]
-    write(tmp_path, document, a_csv=csv_bytes(columns))
+    write(tmp_path, document, a_csv=columns)
     with refused(r"1 of unit slides: correct the unit, one per joint$"):
         load_dataset(tmp_path, mechanism=own)
     document["units"]["angle"] = ["mm", "deg", "deg"]
-    write(tmp_path, document, a_csv=csv_bytes(columns))
+    write(tmp_path, document, a_csv=columns)
     with refused(r"units.angle has 3 units for 2 joints"):
         load_dataset(tmp_path, mechanism=own)
 
@@ -56,7 +56,7 @@ def test_a_unit_of_one_joint_that_turns_is_refused(tmp_path):
         columns={"time": "time", "angle": "q1", "torque": "u1"},
         units={"angle": "mm"},
     )
-    write(tmp_path, document, a_csv=csv_bytes(motion()))
+    write(tmp_path, document, a_csv=motion())
     with refused(r"'?joint.* turns: correct the unit$"):
         load_dataset(tmp_path)
 

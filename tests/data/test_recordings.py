@@ -7,7 +7,15 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.dataset_files import csv_bytes, described, load, motion, parquet_bytes, write
+from fixtures.dataset_files import (
+    csv_bytes,
+    described,
+    load,
+    load_single,
+    motion,
+    parquet_bytes,
+    write,
+)
 from fixtures.paths import ROOT
 from fixtures.refusals import refused
 
@@ -72,9 +80,7 @@ def test_csv_gzip_and_parquet_hold_the_same_numbers(tmp_path):
 
 def test_integers_of_a_parquet_file_are_numbers(tmp_path):
     columns = {"time": [0, 1, 2], "q1": [1, 2, 3], "q2": [0, 0, 1], "u2": [5, 6, 7]}
-    dataset = load(
-        tmp_path, described(recordings__patterns=["*.parquet"]), a_parquet=parquet_bytes(columns)
-    )
+    dataset = load(tmp_path, described(recordings__patterns=["*.parquet"]), a_parquet=columns)
     np.testing.assert_array_equal(dataset.recordings[0].torque.value[:, 1], [5.0, 6.0, 7.0])
 
 
@@ -86,12 +92,12 @@ def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     names = {"time": ["time"], "angle": ["q1", "q2"], "velocity": ["w1", "w2"], "torque": ["u2"]}
     in_unit = columns | {name: columns[name] / scale for name in names[quantity]}
     document = described(columns__velocity=["w1", "w2"], mechanism__parameters={})
-    reference = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    reference = load_single(tmp_path, document, a_csv=columns)
     document["units"] = {quantity: unit}
     if unit in CURRENTS:
         document["motor"] = {"kt": 1.0}
     slides = unit_inertia(("m", "m")) if unit in ("m", "mm", "m/s", "mm/s", "N") else None
-    written = write(tmp_path, document, a_csv=csv_bytes(in_unit))
+    written = write(tmp_path, document, a_csv=in_unit)
     recording = load_dataset(written, mechanism=slides).recordings[0]
     assert_same(recording, reference)
     np.testing.assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
@@ -101,7 +107,7 @@ def test_units_are_what_they_are_called(tmp_path):
     columns = motion() | {"q1": np.full(9, 180.0), "u2": np.full(9, 250.0), "w1": np.full(9, 60.0)}
     units = {"angle": "deg", "torque": "mN m", "velocity": "rpm"}
     document = described(units=units, columns__velocity=["w1", "w2"])
-    recording = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    recording = load_single(tmp_path, document, a_csv=columns)
     np.testing.assert_allclose(recording.angle.value[:, 0], np.pi)
     np.testing.assert_allclose(recording.torque.value[:, 1], 0.25)
     np.testing.assert_allclose(recording.velocity.value[:, 0], 2 * np.pi)
@@ -109,13 +115,13 @@ def test_units_are_what_they_are_called(tmp_path):
 
 def test_sigma_is_in_the_unit_of_the_table_and_per_joint(tmp_path):
     document = described(units={"angle": "deg"}, sigma={"angle": 0.1, "torque": [0.01, 0.02]})
-    recording = load(tmp_path, document).recordings[0]
+    recording = load_single(tmp_path, document)
     np.testing.assert_allclose(recording.angle.sigma, np.deg2rad([0.1, 0.1]))
     np.testing.assert_allclose(recording.torque.sigma, [0.01, 0.02])
 
 
 def test_a_joint_without_motor_has_zero_torque(tmp_path):
-    recording = load(tmp_path).recordings[0]
+    recording = load_single(tmp_path)
     np.testing.assert_array_equal(recording.torque.value[:, 0], 0.0)
 
 
@@ -123,7 +129,7 @@ def test_without_any_motor_the_torque_is_zero_on_the_clock_of_the_angles(tmp_pat
     document = described(
         columns__torque=["", ""], columns__time={"angle": "time", "torque": "there_is_none"}
     )
-    recording = load(tmp_path, document).recordings[0]
+    recording = load_single(tmp_path, document)
     np.testing.assert_array_equal(recording.torque.time, recording.angle.time)
     np.testing.assert_array_equal(recording.torque.value, 0.0)
 
@@ -140,7 +146,7 @@ def test_two_clocks_stand_in_one_table(tmp_path, ending):
         columns__time={"angle": "t_camera", "torque": "t_drive"},
         recordings__patterns=[f"*.{ending}"],
     )
-    recording = load(tmp_path, document, **{f"a_{ending}": content}).recordings[0]
+    recording = load_single(tmp_path, document, **{f"a_{ending}": content})
     np.testing.assert_array_equal(recording.angle.time, camera["time"])
     np.testing.assert_array_equal(recording.angle.value[:, 1], camera["q2"])
     np.testing.assert_array_equal(recording.torque.time, drive["time"])
@@ -155,7 +161,7 @@ def test_velocity_truth_and_covariates_are_read_where_they_are_named(tmp_path):
         columns__covariates={"temperature": "temp"},
         sigma={"angle": 0.1},
     )
-    recording = load(tmp_path, document).recordings[0]
+    recording = load_single(tmp_path, document)
     np.testing.assert_array_equal(recording.velocity.value[:, 0], columns["w1"])
     np.testing.assert_array_equal(recording.truth.angle.value[:, 0], columns["q2"])
     np.testing.assert_array_equal(recording.truth.velocity.value[:, 1], columns["w1"])
@@ -165,13 +171,13 @@ def test_velocity_truth_and_covariates_are_read_where_they_are_named(tmp_path):
 
 def test_parameters_of_one_recording_stay_with_it(tmp_path):
     document = described(recordings__parameters={"b.csv": {"m4": 0}})
-    dataset = load(tmp_path, document, a_csv=csv_bytes(motion()), b_csv=csv_bytes(motion()))
+    dataset = load(tmp_path, document, a_csv=motion(), b_csv=motion())
     assert [dict(recording.parameters) for recording in dataset.recordings] == [{}, {"m4": 0.0}]
 
 
 def test_a_file_is_read_once_however_many_patterns_match_it(tmp_path):
     document = described(recordings__patterns=["b*.csv", "*.csv"])
-    dataset = load(tmp_path, document, b_csv=csv_bytes(motion()), a_csv=csv_bytes(motion(5)))
+    dataset = load(tmp_path, document, b_csv=motion(), a_csv=motion(5))
     assert [recording.name for recording in dataset.recordings] == ["a", "b"]
 
 
@@ -186,9 +192,7 @@ def test_tables_in_folders_keep_the_folder_in_their_name(tmp_path):
 def test_blanks_in_header_and_cells_and_blank_lines_do_no_harm(tmp_path):
     plain = b"time,q1,q2,u2\n0.0,1,2,3\n0.1,4,5,6\n"
     blanks = b"\xef\xbb\xbftime, q1 ,q2,u2\r\n\r\n0.0, 1,2 ,3\r\n0.1,4,5, 6\r\n\r\n"
-    assert_same(
-        load(tmp_path, a_csv=plain).recordings[0], load(tmp_path, a_csv=blanks).recordings[0]
-    )
+    assert_same(load_single(tmp_path, a_csv=plain), load_single(tmp_path, a_csv=blanks))
 
 
 # --- Spans ---------------------------------------------------------------------------------------
@@ -197,9 +201,9 @@ def test_blanks_in_header_and_cells_and_blank_lines_do_no_harm(tmp_path):
 def test_start_and_stop_count_from_the_first_sample(tmp_path):
     columns = motion(40)
     begin = columns["time"][0]
-    recording = load(
-        tmp_path, described(recordings__start=0.1, recordings__stop=0.3), a_csv=csv_bytes(columns)
-    ).recordings[0]
+    recording = load_single(
+        tmp_path, described(recordings__start=0.1, recordings__stop=0.3), a_csv=columns
+    )
     inside = (columns["time"] >= begin + 0.1) & (columns["time"] <= begin + 0.3)
     assert 2 < inside.sum() < 40
     for signal in (recording.angle, recording.torque):
@@ -213,9 +217,9 @@ def test_a_span_does_not_change_the_torque_inside_it(tmp_path, hold):
     columns = {"t": time, "q1": np.sin(time), "q2": np.cos(time)}
     columns |= {"t_drive": np.linspace(0.0, 2.0, 41), "u2": time**2}
     document = described(columns__time={"angle": "t", "torque": "t_drive"}, hold={"torque": hold})
-    whole = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    whole = load_single(tmp_path, document, a_csv=columns)
     document["recordings"] |= {"start": 0.33, "stop": 0.71}
-    part = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    part = load_single(tmp_path, document, a_csv=columns)
     assert len(part.torque.time) < len(whole.torque.time)
     inside = np.linspace(part.angle.time[0], part.angle.time[-1], 100)
     np.testing.assert_allclose(sample(part.torque, inside), sample(whole.torque, inside))
@@ -228,7 +232,7 @@ def test_a_span_cuts_velocity_truth_and_covariates_alike(tmp_path):
         columns__covariates={"temperature": "temp"},
         recordings__stop=0.05,
     )
-    recording = load(tmp_path, document).recordings[0]
+    recording = load_single(tmp_path, document)
     truth, others = recording.truth, (recording.velocity, recording.covariates["temperature"])
     for signal in (*others, truth.angle, truth.velocity):
         np.testing.assert_array_equal(signal.time, recording.angle.time)

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from fixtures.dataset_files import described, load
+from fixtures.dataset_files import described, load, load_single
 from fixtures.own_reader import read_by
 from fixtures.reader_files import (
     MARKERS,
@@ -135,7 +135,7 @@ CARRIAGE = described(
 
 def read_carriage(path, _):
     """The recording of a MAT table at `path`."""
-    (recording,) = load(path.parent, CARRIAGE, a_mat=path.read_bytes()).recordings
+    recording = load_single(path.parent, CARRIAGE, a_mat=path.read_bytes())
     return recording
 
 

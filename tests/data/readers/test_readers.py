@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 import scipy.io
-from fixtures.dataset_files import described, load, motion
+from fixtures.dataset_files import described, load_single, motion
 from fixtures.own_reader import read_by
 from fixtures.reader_files import MARKERS, MOTOR, bam_bytes, bam_log, column, marker_csv, mat_bytes
 
@@ -34,7 +34,7 @@ def test_mat_tables_hold_the_same_numbers_as_csv(tmp_path):
     )
     table = np.stack([columns["q1"], columns["q2"]], axis=1)
     content = mat_bytes({"log": {"t": columns["time"], "q": table}, "u2": columns["u2"]})
-    (recording,) = load(tmp_path, document, a_mat=content).recordings
+    recording = load_single(tmp_path, document, a_mat=content)
     assert recording.name == "a"
     np.testing.assert_array_equal(recording.angle.time, columns["time"])
     np.testing.assert_array_equal(recording.angle.value, table)
@@ -139,7 +139,7 @@ def test_texts_without_a_header_have_numbered_columns(tmp_path):
         (tmp_path / name).mkdir()
         content = {name: rows.replace(b" ", separator)}
         document["recordings"]["patterns"] = [name.replace("_", ".")]
-        (recording,) = load(tmp_path / name, document, **content).recordings
+        recording = load_single(tmp_path / name, document, **content)
         assert recording.angle.value.T.tolist() == [[0.7, 0.6, 0.5], [3.0, 3.0, 3.0]]
         assert recording.angle.time.tolist() == [0.0, 0.05, 0.1] and recording.name == "a"
     numbers = {**MARKERS, "x": ["3", "5", "7"], "y": ["2", "4", "6"], "time": "1", "header": False}

@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.dataset_files import csv_bytes, described, load, motion
+from fixtures.dataset_files import described, load, load_single, motion
 from fixtures.refusals import refused
 
 import frictionid as fid
@@ -40,7 +40,7 @@ def test_amperes_become_torques_at_the_joint_by_constant_and_gear(tmp_path):
         motor={"kt": 0.05, "gear": -6.0},
         sigma={"torque": 0.1},
     )
-    (recording,) = load(tmp_path, document, a_csv=text()).recordings
+    recording = load_single(tmp_path, document, a_csv=text())
     np.testing.assert_allclose(recording.angle.value[:, 0], np.radians(ANGLE))
     np.testing.assert_allclose(recording.torque.value[:, 0], 0.05 * -6.0 * CURRENT)
     np.testing.assert_allclose(recording.torque.sigma, [0.1 * 0.05 * 6.0])
@@ -53,7 +53,7 @@ def test_motors_of_two_joints_have_constants_of_their_own(tmp_path):
         motor={"kt": [0.05, 0.02], "gear": 10.0},
     )
     content = b"time,q,p,i,j\n0,0,0,100,200\n0.1,0,0,-100,300\n"
-    (recording,) = load(tmp_path, document, a_csv=content).recordings
+    recording = load_single(tmp_path, document, a_csv=content)
     np.testing.assert_allclose(recording.torque.value, [[0.05, 0.04], [-0.05, 0.06]])
 
 
@@ -61,9 +61,9 @@ def test_columns_that_count_the_other_way_round_are_turned(tmp_path):
     columns = motion()
     document = described(columns__velocity=["w1", "w2"], sigma__angle=0.1, sigma__torque=0.2)
     (tmp_path / "as_given").mkdir()
-    given = load(tmp_path / "as_given", document, a_csv=csv_bytes(columns)).recordings[0]
+    given = load_single(tmp_path / "as_given", document, a_csv=columns)
     document["signs"] = {"angle": [1, -1], "torque": -1}
-    turned = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings[0]
+    turned = load_single(tmp_path, document, a_csv=columns)
     np.testing.assert_array_equal(turned.angle.value, given.angle.value * [1, -1])
     np.testing.assert_array_equal(turned.velocity.value, given.velocity.value * [1, -1])
     np.testing.assert_array_equal(turned.torque.value, -given.torque.value)
@@ -74,7 +74,7 @@ def test_columns_that_count_the_other_way_round_are_turned(tmp_path):
 def test_deviations_of_turned_angles_stay_positive(tmp_path):
     columns = {**motion(), "s1": np.full(9, 0.1), "s2": np.full(9, 0.2)}
     document = described(columns__sigma=["s1", "s2"], signs={"angle": [1, -1]})
-    (recording,) = load(tmp_path, document, a_csv=csv_bytes(columns)).recordings
+    recording = load_single(tmp_path, document, a_csv=columns)
     np.testing.assert_allclose(recording.angle.sigma, np.tile([0.1, 0.2], (9, 1)))
 
 
@@ -83,8 +83,8 @@ def test_other_separators_and_decimal_commas_hold_the_same_numbers(tmp_path, sep
     (tmp_path / "plain").mkdir()
     (tmp_path / "other").mkdir()
     document = one_joint()
-    plain = load(tmp_path / "plain", document, a_csv=text()).recordings[0]
-    other = load(tmp_path / "other", document, a_csv=text(separator, comma)).recordings[0]
+    plain = load_single(tmp_path / "plain", document, a_csv=text())
+    other = load_single(tmp_path / "other", document, a_csv=text(separator, comma))
     for a, b in ((plain.angle, other.angle), (plain.torque, other.torque)):
         np.testing.assert_array_equal(a.time, b.time)
         np.testing.assert_array_equal(a.value, b.value)
@@ -92,7 +92,7 @@ def test_other_separators_and_decimal_commas_hold_the_same_numbers(tmp_path, sep
 
 def test_a_semicolon_in_a_name_does_not_separate(tmp_path):
     document = one_joint(columns={"time": "time", "angle": "q;raw", "torque": "i"})
-    (recording,) = load(tmp_path, document, a_csv=text(header="time,q;raw,i")).recordings
+    recording = load_single(tmp_path, document, a_csv=text(header="time,q;raw,i"))
     np.testing.assert_array_equal(recording.angle.value[:, 0], ANGLE)
 
 
