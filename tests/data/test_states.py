@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import refused
+from fixtures.white_jerk import NOISE, driven_by_white_jerk, transition, wave
 from scipy.signal import savgol_filter
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
@@ -32,24 +33,8 @@ def clock(name):
     return even() if name == "even" else uneven(np.random.default_rng(1))
 
 
-def wave(time, rng, noise=1.6e-3):
-    return np.sin(5 * time) + 0.3 * np.cos(11 * time + 1) + noise * rng.normal(size=len(time))
-
-
 def one(time, value):
     return Signal(time, np.asarray(value)[:, None])
-
-
-def transition(dt):
-    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    Q = np.array(
-        [
-            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
-            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
-            [dt**3 / 6, dt**2 / 2, dt],
-        ]
-    )
-    return F, Q
 
 
 def most_probable(time, value, rho):
@@ -137,14 +122,9 @@ def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likelies
 @pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
 def test_the_likeliest_ratio_is_that_of_the_model_which_drew_the_data(exponent):
     rng = np.random.default_rng(6)
-    S, T = 48, 240
-    F, Q = transition(1 / 60)
-    shocks = rng.multivariate_normal(np.zeros(3), Q * 10.0**exponent, (T, S), method="cholesky")
-    x = np.zeros((T, S, 3))
-    for k in range(1, T):
-        x[k] = x[k - 1] @ F.T + shocks[k]
-    sigma = 1.6e-3  # the ratio is all that matters, not the size of the noise
-    angle = Signal(even(T), sigma * (x[..., 0] + rng.normal(size=(T, S))))
+    # the ratio is all that matters, not the size of the noise
+    value = NOISE * driven_by_white_jerk(rng, 10.0**exponent, 240, 48, 60.0)
+    angle = Signal(even(240), value)
     found = np.log10(likeliest_jerk_ratio(padded_series([angle])))
     assert abs(np.median(found) - exponent) < 0.15
     assert np.abs(found - exponent).max() < 1.5
