@@ -36,28 +36,6 @@ def test_power_is_conserved_what_goes_in_is_heat_and_work():
     np.testing.assert_allclose(volts * current, R * current**2 + kt * current * w)
 
 
-def test_a_motor_at_its_own_voltage_runs_free():
-    w = np.linspace(-9.0, 9.0, 7)
-    np.testing.assert_allclose(motor_torque(0.4 * w, w, 0.4, 3.0), 0.0, atol=1e-15)
-
-
-def test_the_controller_pulls_towards_its_goal_within_its_limit():
-    s = servo()
-    q = np.random.default_rng(1).normal(size=(51, 1))
-    volts = s.voltage(TIME, q)
-    assert np.all(volts * (s.goal.value - q) >= 0.0)
-    assert np.abs(volts).max() == pytest.approx(0.8 * 7.4)
-    np.testing.assert_array_equal(s.voltage(TIME, s.goal.value), 0.0)
-
-
-def test_turning_goal_and_angle_together_changes_nothing():
-    q = 0.3 * np.cos(3 * TIME)
-    one, other = servo(), servo(goal=np.sin(4 * TIME) + 0.2)
-    np.testing.assert_allclose(
-        one.voltage(TIME, q[:, None]), other.voltage(TIME, q[:, None] + 0.2), atol=1e-12
-    )
-
-
 def test_a_disconnected_motor_gives_no_torque_and_keeps_its_state_until_reconnected():
     enabled = (TIME < 0.5).astype(float)
     s = servo(enabled=enabled)
