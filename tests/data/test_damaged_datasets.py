@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
+from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import (
     COLUMNS,
+    OTHERS,
     csv_bytes,
     described,
     load,
@@ -177,22 +179,10 @@ def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_g
         ("a_parquet", b"PAR1 and so on", r"a\.parquet is no whole Parquet file"),
         ("a_parquet", parquet_bytes(motion()).replace(b"temp", b"te\x80p"), "no whole.*utf-8"),
         ("a_parquet", parquet_bytes(motion())[:-20], "no whole Parquet file"),
-        ("a_parquet", parquet_bytes({"time": [0.0, 1.0]}), "has no column 'q1'; it has 'time'"),
-        (
-            "a_parquet",
-            parquet_bytes({"time": [0.0], "q1": ["x"], "q2": [1.0], "u2": [1.0]}),
-            "column 'q1' holds no numbers",
-        ),
-        (
-            "a_parquet",
-            parquet_bytes({"time": [0.0], "q1": [[1.0]], "q2": [1.0], "u2": [1.0]}),
-            "column 'q1' holds no numbers",
-        ),
-        (
-            "a_parquet",
-            parquet_bytes({"time": [0, 1, 1], "q1": [1] * 3, "q2": [2] * 3, "u2": [3] * 3}),
-            "row 4: time must increase",
-        ),
+        ("a_parquet", {"time": [0.0, 1.0]}, "has no column 'q1'; it has 'time'"),
+        ("a_parquet", motion(1) | {"q1": ["x"]}, "column 'q1' holds no numbers"),
+        ("a_parquet", motion(1) | {"q1": [[1.0]]}, "column 'q1' holds no numbers"),
+        ("a_parquet", motion(3) | {"time": [0, 1, 1]}, "row 4: time must increase"),
     ],
 )
 def test_a_damaged_gzip_or_parquet_file_is_one_clear_line(tmp_path, name, content, words):
@@ -272,10 +262,10 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
 @given(data=st.data())
 def test_damaged_bytes_are_refused_or_harmless(ending, data):
     text = csv_bytes(motion())
-    make = {"csv": bytes, "csv_gz": lambda text: gzip.compress(text, mtime=0)}
-    content = make[ending](text) if ending in make else parquet_bytes(motion())
-    content = damaged(data, content)
-    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content}))
+    packed = {"csv": text, "csv_gz": gzip.compress(text, mtime=0)}
+    content = packed.get(ending) or parquet_bytes(motion())
+    tables = {f"a_{ending}": data.draw(damaged(content))}
+    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **tables))
 
 
 @given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
@@ -285,7 +275,8 @@ def test_junk_is_refused(content, ending):
 
 @given(st.data())
 def test_damaged_toml_is_refused_or_harmless(data):
-    assert is_harmless(outcome(damaged(data, tomli_w.dumps(full_description()).encode())))
+    content = tomli_w.dumps(full_description()).encode()
+    assert is_harmless(outcome(data.draw(damaged(content))))
 
 
 VALUES = st.recursive(
@@ -322,9 +313,7 @@ def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
 def full_description():
     """A description with every table in it."""
     return described(
-        columns__velocity=["w1", "w2"],
-        columns__truth={"angle": ["q1", "q2"], "velocity": ["w1", "w2"]},
-        columns__covariates={"temperature": "temp"},
+        **OTHERS,
         units={"time": "s", "angle": "deg", "velocity": "deg/s", "torque": "mN m"},
         hold={"torque": "linear"},
         sigma={"angle": 0.1, "torque": [0.1, 0.2]},
@@ -334,13 +323,3 @@ def full_description():
         sha256={"a.csv": hashlib.sha256(csv_bytes(motion())).hexdigest()},
         truth={"law": "none"},
     )
-
-
-def damaged(data, content):
-    """Content with a few bytes replaced, deleted or inserted."""
-    content = bytearray(content)
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(content) - 1))
-        length = data.draw(st.integers(0, 3))
-        content[at : at + length] = data.draw(st.binary(max_size=3))
-    return bytes(content)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import described, load, load_single
 from fixtures.own_reader import read_by
 from fixtures.reader_files import (
@@ -201,13 +202,6 @@ def test_unreadable_files_are_named(tmp_path):
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------
-
-
-def damaged(content):
-    """The content with a part cut out, overwritten or repeated."""
-    size = len(content)
-    cuts = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
-    return cuts.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
 
 
 def survives(read, path, content, given_settings):
