@@ -37,12 +37,6 @@ def test_h_is_dl_dq_without_the_change_of_the_mass_matrix(mechanism):
     assert_close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
 
 
-def test_which_joints_are_driven():
-    assert acrobot().driven == (False, True)
-    assert double_pendulum((True, False)).driven == (True, False)
-    assert pendulum(driven=False).driven == (False,)
-
-
 # ---------------------------------------------------------------- energy
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from fixtures.cart_poles import cart_pole
-from fixtures.random_machines import MECHANISMS, physical
+from fixtures.random_machines import MECHANISMS, physical, wrapped
 from fixtures.random_robots import random_robot, urdf_text
 from fixtures.refusals import refused
 from fixtures.wrist import wrist
@@ -20,9 +20,9 @@ from frictionid.friction.laws import NoFriction
 from frictionid.mechanics import (
     Body,
     Joint,
-    Mechanism,
     Parameter,
     Plant,
+    acrobot,
     double_pendulum,
     from_bodies,
     linear_axis,
@@ -165,38 +165,11 @@ def test_what_mjcf_cannot_hold_is_refused_in_one_line():
         (absolute(), {}, "no hinge and no slide"),
         (hardening(), {}, "no sum of springs"),
         (double_pendulum(), thin, "link 1: mass 0.5 kg .* those of no body"),
-        (Named(), {}, "only mechanisms of bodies"),
+        (wrapped(acrobot()), {}, "only mechanisms of bodies"),
     ]
     for mechanism, parameters, reason in cases:
         with refused(reason):
             mjcf_of(mechanism, parameters)
-
-
-class Named(Mechanism):
-    """A mechanism that is neither symbolic nor a tree of bodies."""
-
-    def __init__(self):
-        inner = pendulum(mass=1.0, length=1.0)
-        object.__setattr__(self, "inner", inner)
-        vars(self).update({key: getattr(inner, key) for key in vars(inner)})
-
-    def base(self, parameters):
-        return self.inner.base(parameters)
-
-    def dynamics(self, p, q, w):
-        return self.inner.dynamics(p, q, w)
-
-    def inertia(self, p, q):
-        return self.inner.inertia(p, q)
-
-    def terms(self, p, q, w):
-        return self.inner.terms(p, q, w)
-
-    def partials(self, p, q, w, a):
-        return self.inner.partials(p, q, w, a)
-
-    def load(self, parameters, q, w, u):
-        return self.inner.load(parameters, q, w, u)
 
 
 def test_a_name_with_quotes_is_a_name_in_the_file():

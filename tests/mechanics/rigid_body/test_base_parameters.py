@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fixtures.random_robots import motions, random_robot, urdf_text
+from fixtures.random_robots import mechanism as robot
+from fixtures.random_robots import motions
 
 from frictionid.arrays import times
 from frictionid.data.readers.dataset import load_dataset
@@ -12,26 +13,19 @@ from frictionid.mechanics.rigid_body.base_parameters import regressor
 SEEDS = range(2)
 
 
-def robot(tmp_path, seed, n=5, serial=False):
-    path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(random_robot(np.random.default_rng(seed), n, serial)))
-    return urdf(path)
-
-
 @pytest.mark.parametrize("seed", SEEDS)
-def test_there_are_as_many_as_the_regressor_has_rank(tmp_path, seed):
-    tree = robot(tmp_path, seed).tree
-    q, w, a = motions(np.random.default_rng(7), (200, tree.n))
-    Y = regressor(tree, q, w, a).reshape(-1, 11 * tree.n)
+def test_there_are_as_many_as_the_regressor_has_rank(seed):
+    mechanism = robot(seed, 5)
+    q, w, a = motions(np.random.default_rng(7), (200, 5))
+    Y = regressor(mechanism.tree, q, w, a).reshape(-1, 11 * 5)
     singular = np.linalg.svd(Y, compute_uv=False)
-    mechanism = robot(tmp_path, seed)
     assert len(mechanism.base_names) == int((singular > 1e-9 * singular[0]).sum())
     assert len(set(mechanism.base_names)) == len(mechanism.base_names)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(tmp_path, seed):
-    rng, mechanism = np.random.default_rng(seed), robot(tmp_path, seed)
+def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(seed):
+    rng, mechanism = np.random.default_rng(seed), robot(seed, 5)
     q, w, a = motions(rng, (50, mechanism.n))
     pi = rng.normal(size=(3, 11 * mechanism.n))
     Y = regressor(mechanism.tree, q, w, a)
@@ -40,8 +34,8 @@ def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(tmp_p
     np.testing.assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
 
 
-def test_the_regressor_is_the_slope_of_the_torques(tmp_path):
-    rng, mechanism = np.random.default_rng(3), robot(tmp_path, 3)
+def test_the_regressor_is_the_slope_of_the_torques():
+    rng, mechanism = np.random.default_rng(3), robot(3, 5)
     q, w, a = motions(rng, (20, mechanism.n))
     p = mechanism.base({})
     units = np.eye(len(p))[:, None]
