@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_one_line, refused
 from fixtures.tiny_pendulums import dataset, recordings, write_dataset
 
 from frictionid.data.recordings import Recording
@@ -17,9 +17,9 @@ from frictionid.simulate.torques import Multisine, Noise
 def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, run):
     write_dataset(tmp_path / "odd")
     os.rename(tmp_path / "odd" / "00.csv", os.fsencode(tmp_path / "odd") + b"/\xff\x1b[31m.csv")
-    code, out, err = run(tmp_path, "check", "odd")
-    assert (code, out) == (2, "") and "\\udcff\\x1b[31m" in err and "rename it" in err
-    assert "\x1b" not in err and err.count("\n") == 1
+    outcome = run(tmp_path, "check", "odd")
+    assert_one_line(outcome, "\\udcff\\x1b[31m", "rename it")
+    assert "\x1b" not in outcome[2]
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\nb", "\u202eevil", "\x00"])
@@ -33,8 +33,7 @@ def test_names_that_steer_a_terminal_are_refused(name):
 )
 def test_numbers_that_no_sensor_reports_are_refused(quantity, value):
     r = recordings()[0]
-    time, angle = r.angle.time.copy(), r.angle.value.copy()
-    torque = r.torque.value.copy()
+    time, angle, torque = (x.copy() for x in (r.angle.time, r.angle.value, r.torque.value))
     {"angle": angle, "torque": torque, "time": time}[quantity][-1] = value
     with refused("which no sensor reports"):
         Recording("x", Signal(time, angle), Signal(r.torque.time, torque))

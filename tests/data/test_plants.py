@@ -56,11 +56,6 @@ def test_an_index_picks_rows_of_everything():
     assert plant[1].p.shape == (6,)
 
 
-def test_plant_refuses_an_unknown_parameter():
-    with refused("pendulum has no parameter 'masse'"):
-        Plant.from_parameters(pendulum(), {"masse": 1.0})
-
-
 def test_gradients_pass_through_a_plant_of_tensors():
     mass = torch.tensor([0.5, 1.0], dtype=torch.float64, requires_grad=True)
     plant = Plant.from_parameters(pendulum(), {"mass": mass, "length": 2.0})

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_one_line, refused
 
 from frictionid.data.readers import public_collections
 from frictionid.data.readers.dataset import load_dataset
@@ -156,9 +156,8 @@ def test_a_collection_without_an_address_says_so(monkeypatch, tmp_path):
 
 
 def test_unknown_collections_are_named_with_the_nearest(tmp_path, run):
-    status, _, err = run(tmp_path, "data", "get", "emsp")
-    assert status == 2
-    assert "collection 'emsp' is unknown; did you mean 'emps'?" in err
+    outcome = run(tmp_path, "data", "get", "emsp")
+    assert_one_line(outcome, "collection 'emsp' is unknown; did you mean 'emps'?")
 
 
 def test_the_list_shows_licences_and_what_is_here(toy, run):

@@ -1,5 +1,6 @@
 """Joint states of ROS 2 bags: what was written comes back, and mistakes are one line."""
 
+import re
 import sys
 
 import numpy as np
@@ -147,9 +148,8 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
         (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
     )
     for path, settings, said in cases:
-        with refused(".") as complaint:
+        with refused(re.escape(said)) as complaint:
             read_ros(path, settings)
-        assert said in str(complaint.value), (said, str(complaint.value))
         assert str(path) in str(complaint.value)
 
 

@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
-from fixtures.refusals import refused
+from fixtures.refusals import assert_one_line, refused
 
 from frictionid.data.readers import reader_names
 from frictionid.data.readers.dataset import load_dataset
@@ -33,8 +33,7 @@ def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
     with refused("is code, which runs with your rights"):
         read_by(tmp_path, {"kind": kind}, trust=False)
     before = {path.name for path in tmp_path.iterdir()}
-    code, out, err = run(tmp_path, *words)
-    assert (code, out) == (2, "") and f"{kind!r} is code" in err and "give --trust" in err
+    assert_one_line(run(tmp_path, *words), f"{kind!r} is code", "give --trust")
     assert {path.name for path in tmp_path.iterdir()} == before
     assert "evil" not in sys.modules
 
