@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import (
@@ -44,21 +45,21 @@ def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
     felt = calibrated_dataset(dataset(torque), calibration).recordings[0].torque
     edges = np.linspace(0.1, 0.8, 40)
     expected = 1.1 * averages(torque, edges - 0.013)[:, 1] + 0.02
-    np.testing.assert_allclose(averages(felt, edges)[:, 1], expected, atol=1e-12)
-    np.testing.assert_array_equal(felt.value[:, 0], 0.0)  # joint 1 has no motor
+    assert_allclose(averages(felt, edges)[:, 1], expected, atol=1e-12)
+    assert_array_equal(felt.value[:, 0], 0.0)  # joint 1 has no motor
 
 
 def test_an_ideal_calibration_corrects_nothing():
     data = dataset(Signal(np.arange(60) / 60, np.ones((60, 2)) * [0.0, 0.3]))
     same = calibrated_dataset(data, Calibration.ideal(2)).recordings[0]
-    np.testing.assert_array_equal(same.torque.value, data.recordings[0].torque.value)
-    np.testing.assert_array_equal(same.angle.value, data.recordings[0].angle.value)
+    assert_array_equal(same.torque.value, data.recordings[0].torque.value)
+    assert_array_equal(same.angle.value, data.recordings[0].angle.value)
 
 
 def test_corrected_angles_have_lost_the_offset():
     data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
     calibration = replace(Calibration.ideal(2), offset=np.array([0.1, -0.2]))
-    np.testing.assert_allclose(
+    assert_allclose(
         calibrated_dataset(data, calibration).recordings[0].angle.value, [[0.9, 1.2]] * 50
     )
 
@@ -70,10 +71,8 @@ def test_what_a_recording_changes_adds_to_fitted_base_parameters():
     base = 1.1 * plant_of(usual).p[0]
     found = calibrated_plant(heavy, Calibration.ideal(2, base)).p[0]
     added = mechanism.base({"m4": 0.184}) - mechanism.base({"m4": 0.084})
-    np.testing.assert_allclose(found, base + added, rtol=1e-12)
-    np.testing.assert_array_equal(
-        calibrated_plant(heavy, Calibration.ideal(2)).p, plant_of(heavy).p
-    )
+    assert_allclose(found, base + added, rtol=1e-12)
+    assert_array_equal(calibrated_plant(heavy, Calibration.ideal(2)).p, plant_of(heavy).p)
 
 
 def test_base_parameters_of_another_mechanism_are_refused():
@@ -92,8 +91,8 @@ def test_an_index_into_friction_picks_its_calibration_too():
     )
     assert friction[2].calibration is not None
     assert float(friction[2].calibration.delay) == 2.0
-    np.testing.assert_array_equal(friction[1].calibration.base, [1.0, 1.0])
-    np.testing.assert_array_equal(friction[1].calibration.motor, [1.0, 4.0])
+    assert_array_equal(friction[1].calibration.base, [1.0, 1.0])
+    assert_array_equal(friction[1].calibration.motor, [1.0, 4.0])
     assert friction[1].calibration.envelope is None
     assert friction[[0, 2]].calibration.gain.shape == (2, 1)
 
@@ -107,11 +106,11 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
     save_model(friction, tmp_path / "m.json", LAWS)
     again = load_model(tmp_path / "m.json", LAWS).calibration
     for name in ("gain", "delay", "bias", "offset", "motor", "envelope"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
+        assert_array_equal(getattr(again, name), getattr(calibration, name))
     if base is None:
         assert again.base is None
     else:
-        np.testing.assert_array_equal(again.base, base)
+        assert_array_equal(again.base, base)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
@@ -77,10 +78,10 @@ def assert_same(one, other):
             if x is None or y is None:
                 assert x is y
                 continue
-            np.testing.assert_array_equal(x.time, y.time)
-            np.testing.assert_array_equal(x.value, y.value)
+            assert_array_equal(x.time, y.time)
+            assert_array_equal(x.value, y.value)
             assert x.hold == y.hold
-            np.testing.assert_array_equal(x.sigma, y.sigma)
+            assert_array_equal(x.sigma, y.sigma)
 
 
 def test_frames_are_read_as_the_tables_of_a_dataset_toml(tmp_path):
@@ -96,8 +97,8 @@ def test_joints_may_have_units_of_their_own():
         FRAME, RIG, time="t", angle=["q1", "q2"], units=["deg", "rad"], sigma=[0.1, np.radians(0.1)]
     )
     (a,), (b,) = alike.recordings, own.recordings
-    np.testing.assert_allclose(a.angle.value, b.angle.value, rtol=1e-14)
-    np.testing.assert_allclose(a.angle.sigma, b.angle.sigma, rtol=1e-14)
+    assert_allclose(a.angle.value, b.angle.value, rtol=1e-14)
+    assert_allclose(a.angle.sigma, b.angle.sigma, rtol=1e-14)
 
 
 def test_a_unit_of_the_angles_is_that_of_the_velocities_per_second():
@@ -122,15 +123,15 @@ def test_a_torque_may_have_a_clock_of_its_own():
     q = FRAME[["q1", "q2"]].to_numpy()
     arrays = {"time": TIME, "angle": q, "torque_time": clock, "torque": u}
     (a,) = Dataset.from_arrays({"run1": arrays}, RIG).recordings
-    np.testing.assert_array_equal(a.torque.time, clock)
-    np.testing.assert_array_equal(a.torque.value, u)
-    np.testing.assert_array_equal(a.angle.time, TIME)
+    assert_array_equal(a.torque.time, clock)
+    assert_array_equal(a.torque.value, u)
+    assert_array_equal(a.angle.time, TIME)
 
 
 def test_the_index_may_be_the_time():
     indexed = FRAME.set_index(pd.to_datetime(FRAME.t, unit="ms"))
     (a,) = Dataset.from_frames(indexed, RIG, angle=["q1", "q2"]).recordings
-    np.testing.assert_allclose(a.angle.time, TIME - TIME[0], atol=1e-9)
+    assert_allclose(a.angle.time, TIME - TIME[0], atol=1e-9)
 
 
 def test_further_frames_are_read_alike():

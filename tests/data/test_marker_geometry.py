@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
 
@@ -29,7 +30,7 @@ def test_angles_come_back_from_their_markers(seed, joints):
     found = link_angles(seen(angles, rng.uniform(20.0, 600.0, joints)))
     assert (np.abs(found[0]) <= np.pi).all()
     turns = (found - angles) / (2 * np.pi)
-    np.testing.assert_allclose(turns, np.round(turns[:1]) * np.ones_like(turns), atol=1e-9)
+    assert_allclose(turns, np.round(turns[:1]) * np.ones_like(turns), atol=1e-9)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -38,15 +39,15 @@ def test_angles_depend_on_no_scale_place_or_shaking_camera_and_a_mirror_flips_th
     markers = seen(swinging(rng, 2), [600.0, 460.0])
     shaken = markers + rng.normal(scale=3.0, size=(len(markers), 1, 2))
     found = link_angles(markers)
-    np.testing.assert_allclose(link_angles(0.2 * shaken), found, atol=1e-9)
-    np.testing.assert_allclose(link_angles(mirror(markers)), -found, atol=1e-9)
+    assert_allclose(link_angles(0.2 * shaken), found, atol=1e-9)
+    assert_allclose(link_angles(mirror(markers)), -found, atol=1e-9)
 
 
 def test_down_is_zero_and_right_in_the_picture_is_positive():
     right = np.array([[[0.0, 0.0], [1.0, 1.0]]])
-    np.testing.assert_allclose(link_angles(right), np.pi / 4)
-    np.testing.assert_allclose(link_angles(mirror(right)), -np.pi / 4)
-    np.testing.assert_allclose(link_angles(turn_up(right)), 3 * np.pi / 4)
+    assert_allclose(link_angles(right), np.pi / 4)
+    assert_allclose(link_angles(mirror(right)), -np.pi / 4)
+    assert_allclose(link_angles(turn_up(right)), 3 * np.pi / 4)
 
 
 def test_a_held_pivot_moves_no_more_and_leaves_the_others_alone():
@@ -55,9 +56,9 @@ def test_a_held_pivot_moves_no_more_and_leaves_the_others_alone():
     markers[:, 0] += rng.normal(scale=2.0, size=(len(markers), 2))
     held = hold_pivot(markers)
     assert np.all(held[:, 0] == np.median(markers[:, 0], axis=0))
-    np.testing.assert_array_equal(held[:, 1:], markers[:, 1:])
+    assert_array_equal(held[:, 1:], markers[:, 1:])
 
 
 def test_lengths_are_those_of_the_links():
     markers = seen(swinging(np.random.default_rng(8), 2), [600.0, 460.0])
-    np.testing.assert_allclose(link_lengths(markers), np.broadcast_to([600.0, 460.0], (300, 2)))
+    assert_allclose(link_lengths(markers), np.broadcast_to([600.0, 460.0], (300, 2)))

@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 from fixtures.dataset_files import described, load, motion, write
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose
 
 from frictionid.data.readers.dataset import dataset_files, load_dataset
 from frictionid.data.recordings import Dataset
@@ -34,12 +35,12 @@ def test_joints_may_have_units_of_their_own(tmp_path):
     )
     written = write(tmp_path, document, a_csv=columns)
     recording = load_dataset(written, mechanism=own).recordings[0]
-    np.testing.assert_allclose(recording.angle.value[0], [0.25, np.pi])
-    np.testing.assert_allclose(recording.angle.sigma, [0.0005, 0.1 * np.pi / 180])
-    np.testing.assert_allclose(recording.velocity.value[:, 0], columns["w1"] / 1000)
-    np.testing.assert_allclose(recording.velocity.value[:, 1], columns["w2"] * np.pi / 30)
-    np.testing.assert_allclose(recording.torque.value[:, 0], columns["u1"])  # no current
-    np.testing.assert_allclose(recording.torque.value[:, 1], 4.0)
+    assert_allclose(recording.angle.value[0], [0.25, np.pi])
+    assert_allclose(recording.angle.sigma, [0.0005, 0.1 * np.pi / 180])
+    assert_allclose(recording.velocity.value[:, 0], columns["w1"] / 1000)
+    assert_allclose(recording.velocity.value[:, 1], columns["w2"] * np.pi / 30)
+    assert_allclose(recording.torque.value[:, 0], columns["u1"])  # no current
+    assert_allclose(recording.torque.value[:, 1], 4.0)
     document["units"]["angle"] = ["deg", "mm"]
     write(tmp_path, document, a_csv=columns)
     with refused(r"1 of unit slides: correct the unit, one per joint$"):
@@ -86,7 +87,7 @@ def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatc
     for one, other in zip(
         data.mechanism.dynamics(p, *at), alike.dynamics(alike.base({}), *at), strict=True
     ):
-        np.testing.assert_allclose(one, other)
+        assert_allclose(one, other)
     digest = hashlib.sha256(TILTING.encode()).hexdigest()
     assert data.hashes["arm/tilting.urdf"] == digest
     assert tmp_path / "arm" / "tilting.urdf" in dataset_files(tmp_path)

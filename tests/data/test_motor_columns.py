@@ -2,6 +2,7 @@
 
 import numpy as np
 from fixtures.dataset_files import described, load_single, motion
+from numpy.testing import assert_allclose
 
 COUPLING = np.array([[30.0, 0.0], [20.0, -20.0]])
 OFFSET = np.array([0.3, -0.1])
@@ -18,10 +19,10 @@ def test_columns_of_coupled_motors_become_those_of_the_joints(tmp_path):
     document = described(columns__angle=["p1", "p2"], columns__torque=["i1", "i2"], motor=motor)
     document["sigma"] = {"angle": 0.1}
     recording = load_single(tmp_path, document, a_csv=columns | driven)
-    np.testing.assert_allclose(recording.angle.value, q, atol=1e-12)
-    np.testing.assert_allclose(recording.torque.value, u, atol=1e-12)
+    assert_allclose(recording.angle.value, q, atol=1e-12)
+    assert_allclose(recording.torque.value, u, atol=1e-12)
     back = np.linalg.inv(COUPLING)
-    np.testing.assert_allclose(recording.angle.sigma, 0.1 * np.linalg.norm(back, axis=1))
+    assert_allclose(recording.angle.sigma, 0.1 * np.linalg.norm(back, axis=1))
 
 
 def test_a_negative_gear_turns_angle_and_torque(tmp_path):
@@ -31,5 +32,5 @@ def test_a_negative_gear_turns_angle_and_torque(tmp_path):
     document = described(columns__angle=["p1", "p2"], columns__torque=["", "i2"], motor=motor)
     recording = load_single(tmp_path, document, a_csv=columns | driven)
     plain = load_single(tmp_path, described(), a_csv=columns)
-    np.testing.assert_allclose(recording.angle.value, plain.angle.value, atol=1e-12)
-    np.testing.assert_allclose(recording.torque.value, plain.torque.value, atol=1e-12)
+    assert_allclose(recording.angle.value, plain.angle.value, atol=1e-12)
+    assert_allclose(recording.torque.value, plain.torque.value, atol=1e-12)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.white_jerk import NOISE, driven_by_white_jerk, wave
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import kalman_filter, padded_series
 from frictionid.data.outliers import _roughness, prediction_residuals
@@ -33,7 +34,7 @@ def test_roughness_is_the_upper_quartile_of_the_samples_around():
     sizes = 2.0 + np.random.default_rng(0).random((50, 3))
     around = np.stack([np.delete(sizes[20:31], 5, axis=0), np.delete(sizes[30:41], 5, axis=0)])
     expected = np.quantile(around, 0.75, axis=1, method="inverted_cdf")
-    np.testing.assert_array_equal(_roughness(sizes)[[25, 35]], expected)
+    assert_array_equal(_roughness(sizes)[[25, 35]], expected)
 
 
 # ---------------------------------------------------------------- deletion residuals
@@ -51,7 +52,7 @@ def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
         one = none.copy()
         one[k] = True
         fit = kalman_filter(series.without(one), rho)
-        np.testing.assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
+        assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
 
 
 def test_deletion_residuals_of_noise_have_its_size():
@@ -221,6 +222,6 @@ def test_a_slower_clock_changes_no_angle_and_no_outlier(slower):
     value[[40, 200]] += 1.0
     fast, slow = (RTS()([Signal(t, value)])[0] for t in (time, slower * time))
     assert np.flatnonzero(fast.left_out).tolist() == [40, 200]
-    np.testing.assert_array_equal(slow.left_out, fast.left_out)
-    np.testing.assert_allclose(slow.q, fast.q, atol=1e-3)  # a fiftieth of the noise
-    np.testing.assert_allclose(slower * slow.w[20:-20], fast.w[20:-20], atol=1e-3)
+    assert_array_equal(slow.left_out, fast.left_out)
+    assert_allclose(slow.q, fast.q, atol=1e-3)  # a fiftieth of the noise
+    assert_allclose(slower * slow.w[20:-20], fast.w[20:-20], atol=1e-3)

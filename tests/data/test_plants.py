@@ -5,6 +5,7 @@ import pytest
 import torch
 from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.arrays import plain
 from frictionid.data.plants import plant_of
@@ -62,7 +63,7 @@ def test_gradients_pass_through_a_plant_of_tensors():
     hanging = torch.zeros((2, 1), dtype=torch.float64)
     total = plant.p[:, 0].sum() + plant.load(hanging, hanging, hanging).sum()
     (slope,) = torch.autograd.grad(total, mass)
-    np.testing.assert_allclose(plain(slope), 2.0**2 + 9.81)
+    assert_allclose(plain(slope), 2.0**2 + 9.81)
 
 
 def test_recordings_keep_their_own_parameters_before_replacements_and_the_table():
@@ -71,11 +72,11 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
     plant = plant_of(data)
     assert plant.mechanism == acrobot(link2_rate="relative", m4=0.084, m3=0.2)
     assert plant.p.shape == (2, len(names))
-    np.testing.assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
-    np.testing.assert_array_equal(plant.parameters["m3"], [0.2, 0.2])
+    assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
+    assert_array_equal(plant.parameters["m3"], [0.2, 0.2])
     replaced = plant_of(data, {"m4": 0.5, "m3": 0.3})
-    np.testing.assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
-    np.testing.assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
+    assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
+    assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
     assert data.mechanism.values == {"m4": 0.084, "m3": 0.2}
 
 
@@ -88,7 +89,7 @@ def test_plain_is_a_numpy_array_without_gradient():
     tensor = torch.ones(3, dtype=torch.float64, requires_grad=True)
     for array in (tensor, 2.0 * tensor - 1.0, np.ones(3), [1.0, 1.0, 1.0]):
         assert type(plain(array)) is np.ndarray
-        np.testing.assert_array_equal(plain(array), np.ones(3))
+        assert_array_equal(plain(array), np.ones(3))
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from fixtures.dataset_files import (
 )
 from fixtures.paths import ROOT
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.column_toml import CURRENTS, UNITS
 from frictionid.data.readers.dataset import load_dataset
@@ -31,8 +32,8 @@ from frictionid.mechanics import unit_inertia
 def assert_same(left, right):
     """Two recordings hold the same numbers to rounding."""
     for one, other in ((left.angle, right.angle), (left.torque, right.torque)):
-        np.testing.assert_allclose(one.time, other.time, rtol=1e-12)
-        np.testing.assert_allclose(one.value, other.value, rtol=1e-12, atol=1e-15)
+        assert_allclose(one.time, other.time, rtol=1e-12)
+        assert_allclose(one.value, other.value, rtol=1e-12, atol=1e-15)
 
 
 # --- What is read is what was measured -----------------------------------------------------------
@@ -43,10 +44,10 @@ def test_values_arrive_unchanged_in_si(tmp_path):
     dataset = load(tmp_path)
     (recording,) = dataset.recordings
     assert (dataset.name, recording.name) == ("rig", "a")
-    np.testing.assert_array_equal(recording.angle.time, columns["time"])
-    np.testing.assert_array_equal(recording.angle.value.T, [columns["q1"], columns["q2"]])
+    assert_array_equal(recording.angle.time, columns["time"])
+    assert_array_equal(recording.angle.value.T, [columns["q1"], columns["q2"]])
     # the first joint has no motor
-    np.testing.assert_array_equal(recording.torque.value.T, [np.zeros(9), columns["u2"]])
+    assert_array_equal(recording.torque.value.T, [np.zeros(9), columns["u2"]])
     assert (recording.angle.hold, recording.torque.hold) == ("linear", "previous")
 
 
@@ -76,15 +77,15 @@ def test_csv_gzip_and_parquet_hold_the_same_numbers(tmp_path):
     assert [recording.name for recording in dataset.recordings] == ["a", "b", "c"]
     first, *others = dataset.recordings
     for recording in others:
-        np.testing.assert_array_equal(recording.angle.value, first.angle.value)
-        np.testing.assert_array_equal(recording.torque.value, first.torque.value)
-        np.testing.assert_array_equal(recording.angle.time, first.angle.time)
+        assert_array_equal(recording.angle.value, first.angle.value)
+        assert_array_equal(recording.torque.value, first.torque.value)
+        assert_array_equal(recording.angle.time, first.angle.time)
 
 
 def test_integers_of_a_parquet_file_are_numbers(tmp_path):
     columns = {"time": [0, 1, 2], "q1": [1, 2, 3], "q2": [0, 0, 1], "u2": [5, 6, 7]}
     dataset = load(tmp_path, described(recordings__patterns=["*.parquet"]), a_parquet=columns)
-    np.testing.assert_array_equal(dataset.recordings[0].torque.value[:, 1], [5.0, 6.0, 7.0])
+    assert_array_equal(dataset.recordings[0].torque.value[:, 1], [5.0, 6.0, 7.0])
 
 
 @pytest.mark.parametrize(
@@ -103,7 +104,7 @@ def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     written = write(tmp_path, document, a_csv=in_unit)
     recording = load_dataset(written, mechanism=slides).recordings[0]
     assert_same(recording, reference)
-    np.testing.assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
+    assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
 
 
 def test_units_are_what_they_are_called(tmp_path):
@@ -111,16 +112,16 @@ def test_units_are_what_they_are_called(tmp_path):
     units = {"angle": "deg", "torque": "mN m", "velocity": "rpm"}
     document = described(units=units, columns__velocity=["w1", "w2"])
     recording = load_single(tmp_path, document, a_csv=columns)
-    np.testing.assert_allclose(recording.angle.value[:, 0], np.pi)
-    np.testing.assert_allclose(recording.torque.value[:, 1], 0.25)
-    np.testing.assert_allclose(recording.velocity.value[:, 0], 2 * np.pi)
+    assert_allclose(recording.angle.value[:, 0], np.pi)
+    assert_allclose(recording.torque.value[:, 1], 0.25)
+    assert_allclose(recording.velocity.value[:, 0], 2 * np.pi)
 
 
 def test_sigma_is_in_the_unit_of_the_table_and_per_joint(tmp_path):
     document = described(units={"angle": "deg"}, sigma={"angle": 0.1, "torque": [0.01, 0.02]})
     recording = load_single(tmp_path, document)
-    np.testing.assert_allclose(recording.angle.sigma, np.deg2rad([0.1, 0.1]))
-    np.testing.assert_allclose(recording.torque.sigma, [0.01, 0.02])
+    assert_allclose(recording.angle.sigma, np.deg2rad([0.1, 0.1]))
+    assert_allclose(recording.torque.sigma, [0.01, 0.02])
 
 
 def test_without_any_motor_the_torque_is_zero_on_the_clock_of_the_angles(tmp_path):
@@ -128,8 +129,8 @@ def test_without_any_motor_the_torque_is_zero_on_the_clock_of_the_angles(tmp_pat
         columns__torque=["", ""], columns__time={"angle": "time", "torque": "there_is_none"}
     )
     recording = load_single(tmp_path, document)
-    np.testing.assert_array_equal(recording.torque.time, recording.angle.time)
-    np.testing.assert_array_equal(recording.torque.value, 0.0)
+    assert_array_equal(recording.torque.time, recording.angle.time)
+    assert_array_equal(recording.torque.value, 0.0)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
@@ -145,20 +146,20 @@ def test_two_clocks_stand_in_one_table(tmp_path, ending):
         recordings__patterns=[f"*.{ending}"],
     )
     recording = load_single(tmp_path, document, **{f"a_{ending}": content})
-    np.testing.assert_array_equal(recording.angle.time, camera["time"])
-    np.testing.assert_array_equal(recording.angle.value[:, 1], camera["q2"])
-    np.testing.assert_array_equal(recording.torque.time, drive["time"])
-    np.testing.assert_array_equal(recording.torque.value[:, 1], drive["u2"])
+    assert_array_equal(recording.angle.time, camera["time"])
+    assert_array_equal(recording.angle.value[:, 1], camera["q2"])
+    assert_array_equal(recording.torque.time, drive["time"])
+    assert_array_equal(recording.torque.value[:, 1], drive["u2"])
 
 
 def test_velocity_truth_and_covariates_are_read_where_they_are_named(tmp_path):
     columns = motion()
     recording = load_single(tmp_path, described(**OTHERS, sigma={"angle": 0.1}))
-    np.testing.assert_array_equal(recording.velocity.value[:, 0], columns["w1"])
-    np.testing.assert_array_equal(recording.truth.angle.value[:, 0], columns["q2"])
-    np.testing.assert_array_equal(recording.truth.velocity.value[:, 1], columns["w1"])
+    assert_array_equal(recording.velocity.value[:, 0], columns["w1"])
+    assert_array_equal(recording.truth.angle.value[:, 0], columns["q2"])
+    assert_array_equal(recording.truth.velocity.value[:, 1], columns["w1"])
     assert recording.truth.angle.sigma is None
-    np.testing.assert_array_equal(recording.covariates["temperature"].value[:, 0], columns["temp"])
+    assert_array_equal(recording.covariates["temperature"].value[:, 0], columns["temp"])
 
 
 def test_parameters_of_one_recording_stay_with_it(tmp_path):
@@ -199,7 +200,7 @@ def test_start_and_stop_count_from_the_first_sample(tmp_path):
     inside = (columns["time"] >= begin + 0.1) & (columns["time"] <= begin + 0.3)
     assert 2 < inside.sum() < 40
     for signal in (recording.angle, recording.torque):
-        np.testing.assert_array_equal(signal.time, columns["time"][inside])
+        assert_array_equal(signal.time, columns["time"][inside])
 
 
 @pytest.mark.parametrize("hold", ["linear", "previous"])
@@ -214,14 +215,14 @@ def test_a_span_does_not_change_the_torque_inside_it(tmp_path, hold):
     part = load_single(tmp_path, document, a_csv=columns)
     assert len(part.torque.time) < len(whole.torque.time)
     inside = np.linspace(part.angle.time[0], part.angle.time[-1], 100)
-    np.testing.assert_allclose(sample(part.torque, inside), sample(whole.torque, inside))
+    assert_allclose(sample(part.torque, inside), sample(whole.torque, inside))
 
 
 def test_a_span_cuts_velocity_truth_and_covariates_alike(tmp_path):
     recording = load_single(tmp_path, described(**OTHERS, recordings__stop=0.05))
     truth, others = recording.truth, (recording.velocity, recording.covariates["temperature"])
     for signal in (*others, truth.angle, truth.velocity):
-        np.testing.assert_array_equal(signal.time, recording.angle.time)
+        assert_array_equal(signal.time, recording.angle.time)
 
 
 # --- Where the tables are ------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.formats.bam import XL330_GAIN
 from frictionid.data.readers.formats.bam import read as read_bam
@@ -33,7 +34,7 @@ def test_power_is_conserved_what_goes_in_is_heat_and_work():
     volts, w = rng.normal(size=(2, 100))
     kt, R = 0.4, 3.0
     current = motor_torque(volts, w, kt, R) / kt
-    np.testing.assert_allclose(volts * current, R * current**2 + kt * current * w)
+    assert_allclose(volts * current, R * current**2 + kt * current * w)
 
 
 def test_a_disconnected_motor_gives_no_torque_and_keeps_its_state_until_reconnected():
@@ -44,15 +45,15 @@ def test_a_disconnected_motor_gives_no_torque_and_keeps_its_state_until_reconnec
     assert np.all(torque.value[TIME >= 0.5] == 0.0) and np.all(volts.value[TIME >= 0.5] == 0.0)
     assert np.all(torque.value[TIME < 0.5] != 0.0)
     last = TIME[np.flatnonzero(enabled)[-1]]
-    np.testing.assert_array_equal(s.connected(np.array([last + 0.01])), [[1.0]])
+    assert_array_equal(s.connected(np.array([last + 0.01])), [[1.0]])
 
 
 def test_torque_along_a_steady_turn_is_that_of_voltage_and_velocity():
     s, angle = servo(), Signal(TIME, (0.2 + 1.7 * TIME)[:, None])
     expected = motor_torque(s.voltage(TIME, angle.value), 1.7, 0.4, 3.0)
-    np.testing.assert_allclose(servo_torque(s, angle).value, expected)
+    assert_allclose(servo_torque(s, angle).value, expected)
     weak = servo_torque(s.with_motor(0.4, 6.0), angle).value
-    np.testing.assert_allclose(weak, expected / 2)
+    assert_allclose(weak, expected / 2)
 
 
 def test_a_servo_is_checked_like_every_signal():
@@ -77,8 +78,6 @@ def test_bam_logs_tell_voltage_and_servo_and_the_torque_is_theirs(tmp_path, phas
     driven = column(log, "torque_enable") > 0
     shown = np.isin(time, r.angle.time)
     volts = r.covariates["voltage"].value[:, 0]
-    np.testing.assert_allclose(volts, (7.4 * duty * driven)[shown], atol=1e-12)
+    assert_allclose(volts, (7.4 * duty * driven)[shown], atol=1e-12)
     # all but the ends of a phase, whose velocity knows what lies beyond
-    np.testing.assert_allclose(
-        servo_torque(r.servo, r.angle).value[1:-1], r.torque.value[1:-1], atol=1e-12
-    )
+    assert_allclose(servo_torque(r.servo, r.angle).value[1:-1], r.torque.value[1:-1], atol=1e-12)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid import load_dataset
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
@@ -43,7 +44,7 @@ def test_equal_deviations_change_nothing():
     value = noisy(np.sin(5 * t)[:, None], np.random.default_rng(1), 0.002)
     plain = RTS()([Signal(t, value)])[0]
     weighted = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
-    np.testing.assert_array_equal(weighted.q, plain.q)
+    assert_array_equal(weighted.q, plain.q)
 
 
 def swings(sigma_of):
@@ -88,7 +89,7 @@ def test_a_part_of_a_signal_keeps_its_deviations():
     signal = Signal(np.arange(4.0), np.ones((4, 1)), sigma=np.array([[1.0], [2.0], [4.0], [8.0]]))
     part = cut(signal, 1.0, 2.0)
     assert part.sigma.tolist() == [[2.0], [4.0]]
-    np.testing.assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
+    assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
 
 
 TOML = """
@@ -120,8 +121,8 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(ROWS))
     angle = load_dataset(tmp_path).recordings[0].angle
     assert angle.time.tolist() == [0.0, 2.0, 3.0]
-    np.testing.assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
-    np.testing.assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
+    assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
+    assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
 
 
 @pytest.mark.parametrize(

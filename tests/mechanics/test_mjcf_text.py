@@ -11,6 +11,7 @@ from fixtures.random_machines import MECHANISMS, physical, wrapped
 from fixtures.random_robots import random_robot, urdf_text
 from fixtures.refusals import refused
 from fixtures.wrist import wrist
+from numpy.testing import assert_allclose
 
 from frictionid.arrays import solve
 from frictionid.dynamics.rollout import rollout
@@ -81,7 +82,7 @@ def assert_same_accelerations(mechanism, parameters):
     M, h = mechanism.dynamics(mechanism.base(mechanism.nominal(parameters)), q, w)
     ours = solve(M, h + mechanism.motors * u)
     theirs = accelerations(mjcf_of(mechanism, parameters), mechanism, q, w, u)
-    np.testing.assert_allclose(theirs, ours, rtol=1e-9, atol=1e-9 * np.abs(ours).max())
+    assert_allclose(theirs, ours, rtol=1e-9, atol=1e-9 * np.abs(ours).max())
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
@@ -110,7 +111,7 @@ def test_robots_of_files_accelerate_alike_and_are_read_back(n, serial, tmp_path)
     copy.write_text(mjcf_of(robot, drawn))
     again = mjcf(copy, joints=robot.joints)
     assert again.base_names == robot.base_names
-    np.testing.assert_allclose(again.base({}), robot.base(drawn), rtol=1e-8, atol=1e-10)
+    assert_allclose(again.base({}), robot.base(drawn), rtol=1e-8, atol=1e-10)
 
 
 def test_a_motor_that_turns_with_two_joints_is_a_tendon(tmp_path):
@@ -132,8 +133,8 @@ def test_a_free_motion_of_a_second_is_the_same(name):
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = start.q, start.w
     mujoco.mj_step(model, data, T)
-    np.testing.assert_allclose(data.qpos, ours.q[-1], atol=1e-6)
-    np.testing.assert_allclose(data.qvel, ours.w[-1], atol=1e-5)
+    assert_allclose(data.qpos, ours.q[-1], atol=1e-6)
+    assert_allclose(data.qvel, ours.w[-1], atol=1e-5)
 
 
 def absolute():

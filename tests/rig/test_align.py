@@ -10,6 +10,7 @@ from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
 from fixtures.refusals import assert_one_line, refused
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
@@ -109,13 +110,13 @@ def test_a_motion_that_repeats_itself_needs_a_marker(motion):
 def test_clocks_go_both_ways(offset, drift, at, delay):
     clock = Clock(offset, drift, at)
     time = np.linspace(-100.0, 1e4, 7)
-    np.testing.assert_allclose(clock.to_log(clock.to_angles(time)), time, atol=1e-6)
+    assert_allclose(clock.to_log(clock.to_angles(time)), time, atol=1e-6)
     later = clock.later(delay, 1e-4)
     # what is left is found on the angles' clock: delay + drift (t - middle)
     angles = clock.to_angles(time)
     middle = clock.to_angles(np.array(at))
     wanted = angles + delay + 1e-4 * (angles - middle)
-    np.testing.assert_allclose(later.to_angles(time), wanted, atol=1e-6)
+    assert_allclose(later.to_angles(time), wanted, atol=1e-6)
 
 
 # --- Command against measured torque -------------------------------------------------------------
@@ -194,9 +195,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
         assert len(picture) > 10_000
     same = fid.align(*(tmp_path / n for n in ("day.csv", "log.csv", "rig.toml")), hold="previous")
     assert same.document == document and str(same) in out  # the command calls this function
-    np.testing.assert_allclose(
-        same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8
-    )
+    assert_allclose(same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8)
     # a second recording joins; the same name only when it may replace
     assert_one_line(call(*words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
@@ -204,8 +203,8 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     add_recording(tmp_path / "data", "night", head, recording.angle, recording.torque)
     first, second = load_dataset(tmp_path / "data").recordings
     assert (first.name, second.name) == ("day", "night")
-    np.testing.assert_allclose(second.angle.value, first.angle.value, atol=1e-8)
-    np.testing.assert_allclose(second.torque.time, first.torque.time, atol=1e-8)
+    assert_allclose(second.angle.value, first.angle.value, atol=1e-8)
+    assert_allclose(second.torque.time, first.torque.time, atol=1e-8)
 
 
 def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motion, tmp_path):
@@ -252,7 +251,7 @@ def test_angles_may_be_named_and_in_degrees(tmp_path):
     path.write_text("\n".join(["t,theta,led", *rows]) + "\n")
     own = {"time": "t", "columns": ["theta"], "unit": "deg"}
     angle, marker = read_angles(path, own, 1, "led")
-    np.testing.assert_allclose(angle.value[:, 0], np.radians(np.arange(20.0)))
+    assert_allclose(angle.value[:, 0], np.radians(np.arange(20.0)))
     assert marker.value.sum() == 10
     with refused("must name one column for each of 1 joints"):
         read_angles(path, {**own, "columns": ["theta", "led"]}, 1)

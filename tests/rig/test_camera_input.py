@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from fixtures.refusals import assert_one_line, refused
 from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid import load_dataset
@@ -54,7 +55,7 @@ def test_videos_give_their_own_times_and_right_angles(place, name):
     if name.startswith("uneven"):
         assert len(angles.time) < len(expected) and np.ptp(np.diff(angles.time)) > 0.01
     else:
-        np.testing.assert_allclose(angles.time, expected, atol=1e-5)
+        assert_allclose(angles.time, expected, atol=1e-5)
         assert abs(source.rate - 60) < 0.5
     assert np.abs(errors(angles, MOTION)).max() < 0.5
 
@@ -65,8 +66,8 @@ def test_a_folder_of_pictures_is_a_video(place, tmp_path):
     rig = load_marker_setup(place / "rig.toml")
     video = track(open_source(str(place / "even.mov")), rig)
     pictures = track(open_source(str(tmp_path), 60.0), rig)
-    np.testing.assert_allclose(video.q, pictures.q, atol=1e-8)
-    np.testing.assert_allclose(video.time, pictures.time, atol=1e-5)
+    assert_allclose(video.q, pictures.q, atol=1e-8)
+    assert_allclose(video.time, pictures.time, atol=1e-5)
 
 
 def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, run):
@@ -193,7 +194,7 @@ def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
     film = str(place / "even.mov")
     angles = track(Live("0", "live", SMALL.size, 0.0, None, (film,)), setup)
     assert len(angles.time) == 25
-    np.testing.assert_allclose(angles.q, track(open_source(film), setup).q[:25], atol=1e-3)
+    assert_allclose(angles.q, track(open_source(film), setup).q[:25], atol=1e-3)
     with pytest.raises(KeyboardInterrupt):
         track(Live("film", "video", SMALL.size, 60.0, None, (film,)), setup)
 

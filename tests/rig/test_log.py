@@ -16,6 +16,7 @@ from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line, refused
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.rig.log import Port, ProgressLine, log_until, progress, stop_requests
 from frictionid.rig.logfile import Appender, Log, log_header, log_row, read_log
@@ -84,15 +85,13 @@ def test_every_undamaged_line_once_and_in_order_through_three_disconnections(tmp
     assert not sent.rejected
     assert 0.985 * lines < len(sent.rows) < lines
     logged = read_log(tmp_path / "log.csv").columns
-    np.testing.assert_array_equal(
+    assert_array_equal(
         np.stack([logged[name] for name in ("time", "command", "current")], axis=1),
         np.array(sent.rows, dtype=float) / [1e6, 1.0, 1.0],
     )
     assert log.counts.unplugged >= 3
     assert 0.005 * lines < log.counts.rejected < 0.02 * lines
-    np.testing.assert_allclose(
-        logged["torque"], MOTOR["kt"] * MOTOR["gear"] * logged["current"], rtol=1e-8
-    )
+    assert_allclose(logged["torque"], MOTOR["kt"] * MOTOR["gear"] * logged["current"], rtol=1e-8)
 
 
 def test_a_log_killed_at_any_moment_loads_and_lacks_at_most_a_second(tmp_path):
@@ -101,7 +100,7 @@ def test_a_log_killed_at_any_moment_loads_and_lacks_at_most_a_second(tmp_path):
     short = 0
     for one in results:
         time = read_log(Path(one["file"])).columns["time"]
-        np.testing.assert_array_equal(time, np.round(1e-3 * np.arange(len(time)), 6))
+        assert_array_equal(time, np.round(1e-3 * np.arange(len(time)), 6))
         assert 0 <= one["sent"] - len(time) <= 1000  # at 1 kHz
         short += len(time) < one["sent"]
     assert short  # some were killed before everything was read

@@ -22,6 +22,7 @@ from fixtures.simulated_films import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.recordings import Recording
@@ -137,9 +138,9 @@ def test_every_frame_has_a_brightness_whatever_the_dots_and_the_method(tmp_path)
     # linear in the share of the exposure: what is lit in part lies between
     dark, lit = bright[share == 0].mean(), bright[share == 1].mean()
     assert lit - dark > 0.3
-    np.testing.assert_allclose((bright - dark) / (lit - dark), share, atol=0.03)
+    assert_allclose((bright - dark) / (lit - dark), share, atol=0.03)
     assert ((share > 0) & (share < 1)).any()
-    np.testing.assert_array_equal(bright, angles["study"].sync_led[1])
+    assert_array_equal(bright, angles["study"].sync_led[1])
     lines = angles_csv(angles["follow"]).splitlines()
     assert lines[0].endswith(",state,sync_led") and {line.count(",") for line in lines} == {8}
     assert [float(line.rpartition(",")[2]) for line in lines[1:]] == pytest.approx(bright, abs=1e-5)
@@ -196,7 +197,7 @@ def test_frames_lit_in_part_are_more_exact_where_the_exposure_is_known():
     time = np.arange(0.0, 50.0, 1 / 60)
     bright = np.array([led.share(t - 0.004, t + 0.004) for t in time])
     known, unknown = (edges_of(time, bright, "a", exposure) for exposure in (0.008, 0.0))
-    np.testing.assert_array_equal(known.time, unknown.time)
+    assert_array_equal(known.time, unknown.time)
     part = known.half < unknown.half
     assert 2 < part.sum() < 30 and known.half[part] == pytest.approx(0.004)
 

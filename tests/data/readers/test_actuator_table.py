@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.readers.actuator_toml import Actuator
@@ -81,7 +82,7 @@ def torque(actuator):
     ids=["P", "limit", "mit", "scale", "current", "voltage", "duty", "sag", "velocity"],
 )
 def test_each_controller_makes_the_torque_of_its_equation(actuator, expected):
-    np.testing.assert_allclose(torque(actuator), np.asarray(expected), atol=1e-12)
+    assert_allclose(torque(actuator), np.asarray(expected), atol=1e-12)
 
 
 def test_held_targets_step_when_they_arrive():
@@ -94,9 +95,9 @@ def test_held_targets_step_when_they_arrive():
 def test_gains_of_recordings_are_their_own():
     data = read({**PD, "recordings": {"stiff*": {"P": 6.0}}}, {"soft": FRAME, "stiff 1": FRAME})
     soft, stiff = (r.torque.value for r in data.recordings)
-    np.testing.assert_allclose(stiff, 2.0 * soft)
+    assert_allclose(stiff, 2.0 * soft)
     again = data.with_frames({"stiff 2": FRAME})
-    np.testing.assert_array_equal(again.recordings[0].torque.value, stiff)
+    assert_array_equal(again.recordings[0].torque.value, stiff)
 
 
 def test_how_much_a_velocity_takes_off_is_the_slope_of_the_torque():
@@ -106,7 +107,7 @@ def test_how_much_a_velocity_takes_off_is_the_slope_of_the_torque():
         q, w = rng.normal(size=(2, len(TIME), 1))
         up, down = (servo.torque(TIME, q, w + s * 1e-6) for s in (1, -1))
         slope = -(up - down) / 2e-6
-        np.testing.assert_allclose(servo.at(TIME).linear(q, w).feedback[:, 1], slope, atol=1e-6)
+        assert_allclose(servo.at(TIME).linear(q, w).feedback[:, 1], slope, atol=1e-6)
 
 
 def test_play_follows_late_and_by_no_more_than_its_width():
@@ -115,8 +116,8 @@ def test_play_follows_late_and_by_no_more_than_its_width():
     seen = q.value - z
     assert np.abs(z).max() == pytest.approx(0.15) and np.ptp(seen) < np.ptp(q.value)
     # hysteresis is one of the path, not of the rate
-    np.testing.assert_array_equal(play(q._replace(time=2 * TIME), 0.3).value, z)
-    np.testing.assert_array_equal(play(q, 0.0).value, 0.0)
+    assert_array_equal(play(q._replace(time=2 * TIME), 0.3).value, z)
+    assert_array_equal(play(q, 0.0).value, 0.0)
 
 
 def test_a_dataset_toml_says_the_same_as_python(tmp_path):
@@ -151,7 +152,7 @@ patterns = ["*.csv"]
     actuator["recordings"] = {"stiff": {"P": 3.0}}
     same = read(actuator, {"soft": FRAME, "stiff": FRAME})
     for a, b in zip(found.recordings, same.recordings, strict=True):
-        np.testing.assert_allclose(a.torque.value, b.torque.value)
+        assert_allclose(a.torque.value, b.torque.value)
         assert a.servo.gain == b.servo.gain and np.any(a.torque.value)
 
 
@@ -169,10 +170,10 @@ def test_the_reader_of_bam_is_the_same_servo(tmp_path):
     own = fid.Dataset.from_frames(
         frame, RIG, time="timestamp", angle="position", actuator=actuator
     ).recordings[0]
-    np.testing.assert_allclose(own.torque.value, bam.torque.value, atol=1e-12)
+    assert_allclose(own.torque.value, bam.torque.value, atol=1e-12)
     q, w = np.random.default_rng(0).normal(size=(2, len(frame), 1))
     time = own.angle.time
-    np.testing.assert_allclose(own.servo.torque(time, q, w), bam.servo.torque(time, q, w))
+    assert_allclose(own.servo.torque(time, q, w), bam.servo.torque(time, q, w))
 
 
 @pytest.mark.parametrize(
@@ -212,8 +213,8 @@ def test_targets_with_a_clock_of_their_own_may_stand_in_rows_of_their_own():
     aims = FRAME[["t", "aim"]].rename(columns={"t": "clock"})
     mixed = pd.concat([aims, seen], ignore_index=True)
     found = read({**PD, "time": "clock"}, mixed).recordings[0]
-    np.testing.assert_array_equal(found.angle.time, TIME[::2])
-    np.testing.assert_allclose(
+    assert_array_equal(found.angle.time, TIME[::2])
+    assert_allclose(
         found.servo.torque(TIME[::2], found.angle.value, 0 * found.angle.value)[:, 0],
         3.0 * ERROR[::2],
         atol=1e-12,

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from frictionid.comparison.registry import friction_of
@@ -124,7 +125,7 @@ def test_swing_ups_are_cut_to_their_motion_and_the_others_are_whole(dataset, nam
         assert all(3.98 < span <= 4.0 for span in spans)
         assert all(angle.value[-1, 0] > 2.3 for angle in angles)
     else:
-        np.testing.assert_allclose(spans, [10.0] * 6 + [6.0], atol=0.01)
+        assert_allclose(spans, [10.0] * 6 + [6.0], atol=0.01)
 
 
 # --- Signs ---------------------------------------------------------------------------------------
@@ -176,7 +177,7 @@ def test_without_a_motor_energy_falls(dataset, name, window, rate):
 def test_films_end_around_hanging_after_many_turns(dataset):
     """The upper link swings about a whole number of turns in the end: none was lost or made up."""
     ends = [r.angle.value[-4000:, 0].mean() / (2 * np.pi) for r in dataset("ibm").recordings]
-    np.testing.assert_allclose(ends, np.round(ends), atol=0.05)
+    assert_allclose(ends, np.round(ends), atol=0.05)
     assert np.abs(ends).max() > 20
 
 
@@ -196,7 +197,7 @@ def test_the_carriages_published_numbers_come_out_of_its_file(dataset):
     # The same low-pass on both sides, then every fifth sample.
     A, b = low(terms, 80.0)[::5], low(recording.torque.value[:, 0], 80.0)[::5]
     found = np.linalg.lstsq(A, b, rcond=None)[0]
-    np.testing.assert_allclose(found, [95.1089, 203.5034, 20.3935, -3.1648], rtol=0.01)
+    assert_allclose(found, [95.1089, 203.5034, 20.3935, -3.1648], rtol=0.01)
     assert np.std(b - A @ found) == pytest.approx(2.35, abs=0.1)
 
 
@@ -229,7 +230,7 @@ def test_friction_fitted_on_driven_logs_predicts_passive_swings(dataset, request
     published = swing_errors(passive, m1)
     # What predicts the swings are the Coulomb and viscous numbers alone: there is no torque.
     alone = Friction(CoulombViscous(), fitted.theta[:, :2])
-    np.testing.assert_allclose(swing_errors(passive, alone), swing_errors(passive, fitted))
+    assert_allclose(swing_errors(passive, alone), swing_errors(passive, fitted))
     assert np.all(swing_errors(passive, alone) < published)
     assert np.all(swing_errors(passive, plain) > published)
     assert 0.2 < fitted.theta[0, 2] < 0.35  # the published M5 has .29, M6 .27

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.ros import read as read_ros
@@ -41,12 +42,12 @@ def test_joint_states_come_back_whatever_their_order(motion, tmp_path, plugin):
     file = write(tmp_path / "bag", states(motion), plugin)
     settings = {"joints": ["elbow", "shoulder"], "driven": ["elbow"]}
     found = read_ros(file, settings)
-    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(found.angle.value, q[:, ::-1])
-    np.testing.assert_array_equal(found.velocity.value, w[:, ::-1])
-    np.testing.assert_array_equal(found.torque.value, np.stack([u[:, 1], 0 * u[:, 0]], axis=1))
+    assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    assert_array_equal(found.angle.value, q[:, ::-1])
+    assert_array_equal(found.velocity.value, w[:, ::-1])
+    assert_array_equal(found.torque.value, np.stack([u[:, 1], 0 * u[:, 0]], axis=1))
     received = read_ros(file, {**settings, "clock": "received"})
-    np.testing.assert_allclose(received.angle.time, found.angle.time, atol=1e-12)
+    assert_allclose(received.angle.time, found.angle.time, atol=1e-12)
 
 
 def test_a_bag_is_a_data_set(motion, tmp_path):
@@ -57,7 +58,7 @@ def test_a_bag_is_a_data_set(motion, tmp_path):
     )
     recording = load_dataset(tmp_path).recordings[0]
     assert recording.name == f"bag/{file.stem}"
-    np.testing.assert_array_equal(recording.angle.value, motion[1])
+    assert_array_equal(recording.angle.value, motion[1])
 
 
 TABLES = """
@@ -79,10 +80,10 @@ def test_columns_of_a_bag_have_units_and_motors_as_those_of_any_table(motion, tm
     names = 'time = "time"\nangle = "position[elbow]"\nvelocity = "velocity[elbow]"\n'
     text = f'[columns]\n{names}torque = "effort[elbow]"\n[units]\ntorque = "mA"\n'
     found = loaded(tmp_path, text + "[motor]\nkt = 0.1\ngear = 20.0\n")
-    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(found.angle.value[:, 0], q[:, 1])
-    np.testing.assert_array_equal(found.velocity.value[:, 0], w[:, 1])
-    np.testing.assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
+    assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    assert_array_equal(found.angle.value[:, 0], q[:, 1])
+    assert_array_equal(found.velocity.value[:, 0], w[:, 1])
+    assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
 
 
 def test_targets_of_a_bag_come_from_a_topic_of_its_own(motion, tmp_path):
@@ -102,7 +103,7 @@ P = 2.0
 """
     found = loaded(tmp_path, text)
     torque = found.servo.torque(found.angle.time, found.angle.value, 0 * found.angle.value)
-    np.testing.assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
+    assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
     for change, words in (
         (("[elbow]", "[knee]"), "has no joint 'knee'"),
         (("/position[", "/effort["), "has one; name another topic"),

@@ -27,6 +27,7 @@ from fixtures.paths import ROOT
 from fixtures.refusals import refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_toml import check_dataset_toml
@@ -70,12 +71,12 @@ def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
     time = {"angle": place[0], "torque": place[1], "velocity": place[2]}
     own = {**DRIVE, "columns": {**DRIVE["columns"], "time": time}}
     (found,) = load(tmp_path, "drive_recorder", **own).recordings
-    np.testing.assert_allclose(found.angle.time, TIME, atol=1e-12)
-    np.testing.assert_allclose(found.torque.time, TIME[::2], atol=1e-12)
-    np.testing.assert_allclose(found.velocity.time, TIME[::5], atol=1e-12)
-    np.testing.assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
-    np.testing.assert_allclose(found.velocity.value[:, 0], SPEED[::5], atol=1e-10)
-    np.testing.assert_allclose(found.torque.value[:, 0], TORQUE[::2], atol=1e-5)
+    assert_allclose(found.angle.time, TIME, atol=1e-12)
+    assert_allclose(found.torque.time, TIME[::2], atol=1e-12)
+    assert_allclose(found.velocity.time, TIME[::5], atol=1e-12)
+    assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
+    assert_allclose(found.velocity.value[:, 0], SPEED[::5], atol=1e-10)
+    assert_allclose(found.torque.value[:, 0], TORQUE[::2], atol=1e-5)
 
 
 def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
@@ -84,7 +85,7 @@ def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
     torque = load(tmp_path, "drive_recorder", **DRIVE).recordings[0].torque.value
     own = {**DRIVE, "motor": {**motor, "rated_current": 5.0, "kt": 0.25}}
     current = load(tmp_path, "drive_recorder", **own).recordings[0].torque.value
-    np.testing.assert_allclose(current, torque * (5.0 * 0.25 / RATED))
+    assert_allclose(current, torque * (5.0 * 0.25 / RATED))
 
 
 def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
@@ -107,8 +108,8 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
         "actuator": {"time": "Time", "target": "0x607A", "output": "torque", "P": 2.0},
     }
     (found,) = load(tmp_path, "drive_recorder", **own).recordings
-    np.testing.assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
-    np.testing.assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
+    assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
+    assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
     del own["actuator"]["time"]
     assert_refused(
         r"'0x607A' stands behind the time 'Time', which differs from 'Time\[2\]'.*\[actuator\]",
@@ -170,14 +171,14 @@ def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
     own = {"joints": [1], "velocity": True}
     moments = load(tmp_path, "rtde", reader=own)
     found = moments.recordings[0]
-    np.testing.assert_array_equal(found.angle.value[:, 0], ANGLE)
-    np.testing.assert_array_equal(found.velocity.value[:, 0], SPEED)
-    np.testing.assert_array_equal(found.torque.value[:, 0], TORQUE)
+    assert_array_equal(found.angle.value[:, 0], ANGLE)
+    assert_array_equal(found.velocity.value[:, 0], SPEED)
+    assert_array_equal(found.torque.value[:, 0], TORQUE)
     assert moments.torque_at == "command"  # the controller's model, no measurement
     motor = {"kt": 0.1, "gear": 101.0}
     currents = load(tmp_path, "rtde", reader=own, units={"torque": "A"}, motor=motor)
     torque = currents.recordings[0].torque.value[:, 0]
-    np.testing.assert_allclose(torque, 10.1 * 4.0 * TORQUE)
+    assert_allclose(torque, 10.1 * 4.0 * TORQUE)
     assert currents.torque_at == "motor"
 
 
@@ -204,11 +205,11 @@ def test_episodes_of_lerobot_are_recordings_with_features_by_name(tmp_path, fixe
     assert [r.name for r in found] == [f"data/chunk-000/file-000/episode_{k}" for k in range(3)]
     for recording, part in zip(found, PARTS, strict=True):
         time = TIME[part] - TIME[part][0]
-        np.testing.assert_allclose(recording.angle.time, time, atol=1e-7)
-        np.testing.assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
-        np.testing.assert_array_equal(recording.torque.value[:, 0], TORQUE[part])
+        assert_allclose(recording.angle.time, time, atol=1e-7)
+        assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
+        assert_array_equal(recording.torque.value[:, 0], TORQUE[part])
         target = recording.covariates["target"].value[:, 0]  # in the unit of the file
-        np.testing.assert_allclose(target, np.degrees(ANGLE[part]) + 1.0, atol=1e-4)
+        assert_allclose(target, np.degrees(ANGLE[part]) + 1.0, atol=1e-4)
     one = load(
         *(tmp_path, "lerobot", "data/*/*.parquet"), **{**LEROBOT, "reader": {"episodes": [1]}}
     )
@@ -221,7 +222,7 @@ def test_normalised_angles_of_lerobot_are_angles_by_their_range(tmp_path):
     own = {**LEROBOT, "reader": {"range": {"shoulder_lift.pos": [low, high]}}}
     found = load(tmp_path, "lerobot", "data/*/*.parquet", **own).recordings
     for recording, part in zip(found, PARTS, strict=True):
-        np.testing.assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
+        assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
 
 
 def state(name):

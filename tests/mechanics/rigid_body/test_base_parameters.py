@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from fixtures.random_robots import mechanism as robot
 from fixtures.random_robots import motions
+from numpy.testing import assert_allclose
 
 from frictionid.arrays import times
 from frictionid.data.readers.dataset import load_dataset
@@ -31,7 +32,7 @@ def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(seed)
     Y = regressor(mechanism.tree, q, w, a)
     p = pi @ mechanism.reduction.regrouping.T
     tau = times(mechanism.partials(p[:, None], q, w, a).by_p, p[:, None])
-    np.testing.assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
+    assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
 
 
 def test_the_regressor_is_the_slope_of_the_torques():
@@ -41,7 +42,7 @@ def test_the_regressor_is_the_slope_of_the_torques():
     units = np.eye(len(p))[:, None]
     M, h = mechanism.dynamics(units, q, w)
     by_p = np.moveaxis(times(M, a) - h, 0, -1)
-    np.testing.assert_allclose(mechanism.partials(p, q, w, a).by_p, by_p, atol=1e-9)
+    assert_allclose(mechanism.partials(p, q, w, a).by_p, by_p, atol=1e-9)
 
 
 def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_path):
@@ -53,9 +54,9 @@ def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_pat
     pi = np.concatenate([rounded.tree.inertia.ravel(), np.zeros(3)])
     Y = regressor(rounded.tree, q, w, a)
     by_p = rounded.partials(rounded.base({}), q, w, a).by_p
-    np.testing.assert_allclose(times(by_p, rounded.base({})), Y @ pi, atol=1e-12)
+    assert_allclose(times(by_p, rounded.base({})), Y @ pi, atol=1e-12)
     M, h = rounded.dynamics(rounded.base({}), q, w)
-    np.testing.assert_allclose(times(M, a) - h, Y @ pi, atol=1e-12)
+    assert_allclose(times(M, a) - h, Y @ pi, atol=1e-12)
 
 
 def arm(tmp_path, right_angle):

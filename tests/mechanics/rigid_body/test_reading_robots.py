@@ -9,6 +9,7 @@ from fixtures.random_robots import motions, random_robot, urdf_text
 from fixtures.refusals import refused
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.errors import InputError
 from frictionid.mechanics import mechanism_of, mjcf, urdf
@@ -74,8 +75,8 @@ def test_locked_joints_stand_where_they_are_locked(read):
     q, w, _ = motions(np.random.default_rng(0), (20, 3))
     q[:, 2], w[:, 2] = 0.7, 0.0
     (M, h), (small, force) = dynamics(whole, q, w), dynamics(part, q[:, :2], w[:, :2])
-    np.testing.assert_allclose(small, M[:, :2, :2], atol=1e-12)
-    np.testing.assert_allclose(force, h[:, :2], atol=1e-12)
+    assert_allclose(small, M[:, :2, :2], atol=1e-12)
+    assert_allclose(force, h[:, :2], atol=1e-12)
     moved = dynamics(read(TEXT, joints=["shoulder", "elbow"]), q[:, :2], w[:, :2])
     assert np.abs(moved[0] - small).max() > 1e-4
 
@@ -88,7 +89,7 @@ def test_beyond_a_base_link_the_rest_is_left_out(read):
     assert part == other
     q, w, _ = motions(np.random.default_rng(0), (20, 1))
     for ours, theirs in zip(dynamics(part, q, w), dynamics(other, q, w), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-14)
+        assert_allclose(ours, theirs, atol=1e-14)
 
 
 def test_a_mechanism_is_what_its_file_says_and_how_it_is_read(read):
@@ -105,7 +106,7 @@ def test_its_table_is_the_mechanism_again(read):
     arm = arm.with_values({"rotor_elbow": 0.1, "payload_mass": 0.3})
     again = mechanism_of(arm.table)
     assert again == arm and again.values == arm.values
-    np.testing.assert_array_equal(again.base({}), arm.base({}))
+    assert_array_equal(again.base({}), arm.base({}))
 
 
 def test_a_payload_is_a_body_fixed_to_its_link(read):
@@ -122,10 +123,10 @@ def test_a_payload_is_a_body_fixed_to_its_link(read):
     q, w, _ = motions(np.random.default_rng(0), (20, 3))
     p = arm.base({f"payload_{k}": v for k, v in values.items()})
     for ours, theirs in zip(arm.dynamics(p, q, w), dynamics(whole, q, w), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+        assert_allclose(ours, theirs, atol=1e-12)
     several = arm.base({"payload_mass": np.array([0.0, 0.7])})
     assert several.shape == (2, len(arm.base_names))
-    np.testing.assert_allclose(several[0], arm.base({}), rtol=0, atol=1e-15)
+    assert_allclose(several[0], arm.base({}), rtol=0, atol=1e-15)
 
 
 MIMIC = '<axis xyz="0 0 1"/><mimic joint="shoulder"/>'
@@ -238,7 +239,7 @@ def test_shapes_and_a_free_root_do_not_matter_where_inertias_are_stated(tmp_path
         mjcf(full)
     held, legs = mjcf(full, base="trunk"), mjcf(bare)
     assert held.joints == legs.joints == ("hip",)
-    np.testing.assert_array_equal(held.tree.inertia, legs.tree.inertia)
+    assert_array_equal(held.tree.inertia, legs.tree.inertia)
     full.write_text(body.format(rule="true", assets=assets, root="", shape=shape))
     with refused(r"gone\.obj"):
         mjcf(full)
