@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from fixtures.random_machines import assert_close, physical, states
+from fixtures.random_machines import assert_close, moments_of_inertia, physical, states
 
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
@@ -65,7 +65,7 @@ def case_of(name):
 
 
 def parts_of(name, v):
-    """The machine's bodies one by one; parts on the shaft have only inertia to show."""
+    """The machine's bodies; link 1 has the inertia of what stands on its shaft, too."""
     if name.startswith("pendulum"):
         return [Part(0, v["length"], v["mass"], v["inertia"])]
     if name.startswith("double"):
@@ -73,20 +73,8 @@ def parts_of(name, v):
             Part(0, v["r1"], v["m1"], v["I1"] - v["m1"] * v["r1"] ** 2),
             Part(1, v["r2"], v["m2"], v["I2"] - v["m2"] * v["r2"] ** 2),
         ]
-    if name == "acrobot":
-        at_shaft = [Part(0, 0.0, 0.0, v[f"J_{k}"]) for k in ("shaft", "clamp", "bush")]
-        J1, J2 = v["J_link1"], v["J2"]
-    else:
-        at_shaft = [
-            Part(0, 0.0, 0.0, v["M_shaft"] * v["R_shaft"] ** 2 / 2),
-            Part(0, 0.0, 0.0, v["M_clamp"] * (v["R_clamp"] ** 2 + v["r_clamp"] ** 2) / 2),
-            Part(0, 0.0, 0.0, v["M_bush"] * (v["R_bush"] ** 2 + v["r_bush"] ** 2) / 2),
-        ]
-        J1, J2 = (
-            v[m] * (v[f"H{i}"] ** 2 + v[f"W{i}"] ** 2) / 12 for m, i in (("m1", 1), ("m3", 2))
-        )
+    J1, J2 = moments_of_inertia(v)
     return [
-        *at_shaft,
         Part(0, v["L1"], v["m1"], J1),
         Part(0, v["L2"], v["m2"]),
         Part(1, v["L3"], v["m3"], J2),

@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
+from fixtures.random_machines import (
+    MECHANISMS,
+    assert_close,
+    assert_same_terms,
+    moments_of_inertia,
+    physical,
+    states,
+)
 
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
@@ -48,18 +55,6 @@ def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
     }
     q, w = states(a, rng)
     assert_same_terms(a.terms(a.base(v), q, w), d.terms(d.base(same), q, w))
-
-
-def moments_of_inertia(v):
-    """J1 about the shaft (link 1 about its own centre) and J2, written by hand."""
-    if "J2" in v:
-        return v["J_shaft"] + v["J_clamp"] + v["J_bush"] + v["J_link1"], v["J2"]
-    shaft = 0.5 * v["M_shaft"] * v["R_shaft"] ** 2
-    rings = sum(
-        0.5 * v[f"M_{k}"] * (v[f"R_{k}"] ** 2 + v[f"r_{k}"] ** 2) for k in ("clamp", "bush")
-    )
-    plates = [v[m] * (v[f"H{i}"] ** 2 + v[f"W{i}"] ** 2) / 12 for m, i in (("m1", 1), ("m3", 2))]
-    return shaft + rings + plates[0], plates[1]
 
 
 # ---------------------------------------------------------------- published figures and formulas
