@@ -63,9 +63,18 @@ def test_without_a_largest_voltage_there_is_none():
     assert position_control(endless, 1).envelope(0) is None
 
 
+SERVOS = [
+    dict(limit=1.5, damping=0.01, output="torque", envelope=MOTOR),
+    dict(limit=np.inf, output="torque"),
+    dict(limit=0.4, damping=0.3, output="torque"),
+    dict(limit=0.9, damping=0.05, supply=7.0, kt=0.4, R=3.0, current_limit=0.3),
+]
+
+
+@pytest.mark.parametrize("numbers", SERVOS)
 @pytest.mark.parametrize("goal", [-9.0, -0.1, 0.1, 9.0])
-def test_slopes_are_those_of_the_torque(goal):
-    s = servo(goal, gain=2.0, limit=1.5, damping=0.01, output="torque", envelope=MOTOR)
+def test_slopes_are_those_of_the_torque(goal, numbers):
+    s = servo(goal, gain=2.0, **numbers)
     at, step, q = s.at(TIME), 1e-6, 0 * W
     w = W + 0.123  # off the corners
     K, B = np.moveaxis(at.linear(q, w).feedback, -2, 0)
