@@ -1,9 +1,11 @@
 """What a fit found of machine and sensors: undone in the data, added to it, kept in files."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.dataset_files import assert_same
 from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -24,11 +26,11 @@ from frictionid.friction.model_files import load_model, save_model
 from frictionid.mechanics import mechanism_of
 
 ACROBOT = {"kind": "acrobot", "parameters": {"m4": 0.084}}
+NONE = Signal(np.arange(60) / 60, np.zeros((60, 2)))  # of torque
 
 
-def dataset(torque, angle=None, **overrides):
-    time = np.arange(50) / 60
-    angle = angle or Signal(time, np.ones((50, 2)))
+def dataset(torque, **overrides):
+    angle = Signal(np.arange(50) / 60, np.ones((50, 2)))
     return Dataset("rig", ACROBOT, (Recording("a", angle, torque, parameters=overrides),))
 
 
@@ -51,13 +53,11 @@ def test_a_corrected_torque_acts_later_stronger_and_beside_its_zero(hold):
 
 def test_an_ideal_calibration_corrects_nothing():
     data = dataset(Signal(np.arange(60) / 60, np.ones((60, 2)) * [0.0, 0.3]))
-    same = calibrated_dataset(data, Calibration.ideal(2)).recordings[0]
-    assert_array_equal(same.torque.value, data.recordings[0].torque.value)
-    assert_array_equal(same.angle.value, data.recordings[0].angle.value)
+    assert_same(calibrated_dataset(data, Calibration.ideal(2)).recordings[0], data.recordings[0])
 
 
 def test_corrected_angles_have_lost_the_offset():
-    data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
+    data = dataset(NONE)
     calibration = replace(Calibration.ideal(2), offset=np.array([0.1, -0.2]))
     assert_allclose(
         calibrated_dataset(data, calibration).recordings[0].angle.value, [[0.9, 1.2]] * 50
@@ -65,8 +65,7 @@ def test_corrected_angles_have_lost_the_offset():
 
 
 def test_what_a_recording_changes_adds_to_fitted_base_parameters():
-    torque = Signal(np.arange(60) / 60, np.zeros((60, 2)))
-    usual, heavy = dataset(torque), dataset(torque, m4=0.184)
+    usual, heavy = dataset(NONE), dataset(NONE, m4=0.184)
     mechanism = mechanism_of(ACROBOT)
     base = 1.1 * plant_of(usual).p[0]
     found = calibrated_plant(heavy, Calibration.ideal(2, base)).p[0]
@@ -76,7 +75,7 @@ def test_what_a_recording_changes_adds_to_fitted_base_parameters():
 
 
 def test_base_parameters_of_another_mechanism_are_refused():
-    data = dataset(Signal(np.arange(60) / 60, np.zeros((60, 2))))
+    data = dataset(NONE)
     with refused("has 2 base parameters, this mechanism has 6"):
         calibrated_plant(data, Calibration.ideal(2, np.ones(2)))
 
@@ -122,8 +121,6 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
     ],
 )
 def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
-    import json
-
     friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
     save_model(friction, tmp_path / "m.json", LAWS)
     table = json.loads((tmp_path / "m.json").read_text())

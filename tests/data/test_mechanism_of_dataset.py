@@ -41,14 +41,13 @@ def test_joints_may_have_units_of_their_own(tmp_path):
     assert_allclose(recording.velocity.value[:, 1], columns["w2"] * np.pi / 30)
     assert_allclose(recording.torque.value[:, 0], columns["u1"])  # no current
     assert_allclose(recording.torque.value[:, 1], 4.0)
-    document["units"]["angle"] = ["deg", "mm"]
-    write(tmp_path, document, a_csv=columns)
-    with refused(r"1 of unit slides: correct the unit, one per joint$"):
-        load_dataset(tmp_path, mechanism=own)
-    document["units"]["angle"] = ["mm", "deg", "deg"]
-    write(tmp_path, document, a_csv=columns)
-    with refused(r"units.angle has 3 units for 2 joints"):
-        load_dataset(tmp_path, mechanism=own)
+    for units, words in (
+        (["deg", "mm"], "1 of unit slides: correct the unit, one per joint$"),
+        (["mm", "deg", "deg"], "units.angle has 3 units for 2 joints"),
+    ):
+        document["units"]["angle"] = units
+        with refused(words):
+            load_dataset(write(tmp_path, document, a_csv=columns), mechanism=own)
 
 
 def test_a_unit_of_one_joint_that_turns_is_refused(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 import tomli_w
 from fixtures.dataset_files import (
     OTHERS,
+    assert_same,
     csv_bytes,
     described,
     load,
@@ -27,14 +28,6 @@ from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.mechanics import unit_inertia
-
-
-def assert_same(left, right):
-    """Two recordings hold the same numbers to rounding."""
-    for one, other in ((left.angle, right.angle), (left.torque, right.torque)):
-        assert_allclose(one.time, other.time, rtol=1e-12)
-        assert_allclose(one.value, other.value, rtol=1e-12, atol=1e-15)
-
 
 # --- What is read is what was measured -----------------------------------------------------------
 
@@ -77,9 +70,7 @@ def test_csv_gzip_and_parquet_hold_the_same_numbers(tmp_path):
     assert [recording.name for recording in dataset.recordings] == ["a", "b", "c"]
     first, *others = dataset.recordings
     for recording in others:
-        assert_array_equal(recording.angle.value, first.angle.value)
-        assert_array_equal(recording.torque.value, first.torque.value)
-        assert_array_equal(recording.angle.time, first.angle.time)
+        assert_same(recording, first)
 
 
 def test_integers_of_a_parquet_file_are_numbers(tmp_path):
@@ -103,8 +94,7 @@ def test_every_unit_describes_the_same_motion(tmp_path, quantity, unit):
     slides = unit_inertia(("m", "m")) if unit in ("m", "mm", "m/s", "mm/s", "N") else None
     written = write(tmp_path, document, a_csv=in_unit)
     recording = load_dataset(written, mechanism=slides).recordings[0]
-    assert_same(recording, reference)
-    assert_allclose(recording.velocity.value, reference.velocity.value, rtol=1e-12)
+    assert_same(recording, reference, rtol=1e-12, atol=1e-15)
 
 
 def test_units_are_what_they_are_called(tmp_path):

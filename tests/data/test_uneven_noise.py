@@ -1,5 +1,7 @@
 """Samples whose noise is known one by one: smoother, shooting and reader weigh them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fixtures.refusals import refused
@@ -68,11 +70,8 @@ def swings(sigma_of):
 
 
 def unweighted(data):
-    return Dataset(
-        data.name,
-        data.mechanism,
-        tuple(Recording(r.name, r.angle._replace(sigma=None), r.torque) for r in data.recordings),
-    )
+    recordings = (replace(r, angle=r.angle._replace(sigma=None)) for r in data.recordings)
+    return replace(data, recordings=tuple(recordings))
 
 
 def test_shooting_trusts_samples_by_their_noise():

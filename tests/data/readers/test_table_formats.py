@@ -7,10 +7,8 @@ import pytest
 import tomli_w
 from fixtures.log_formats import (
     ANGLE,
-    COUNTS,
     DRIVE,
     ELEMENTS,
-    GEAR,
     LEROBOT,
     PARTS,
     PENDULUM,
@@ -19,6 +17,7 @@ from fixtures.log_formats import (
     SPEED,
     TIME,
     TORQUE,
+    UNRATED,
     lerobot,
     recorder,
     rtde,
@@ -81,9 +80,8 @@ def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
 
 def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
     (tmp_path / "a.csv").write_bytes(recorder())
-    motor = {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS}
     torque = load(tmp_path, "drive_recorder", **DRIVE).recordings[0].torque.value
-    own = {**DRIVE, "motor": {**motor, "rated_current": 5.0, "kt": 0.25}}
+    own = {**DRIVE, "motor": {**UNRATED, "rated_current": 5.0, "kt": 0.25}}
     current = load(tmp_path, "drive_recorder", **own).recordings[0].torque.value
     assert_allclose(current, torque * (5.0 * 0.25 / RATED))
 
@@ -104,7 +102,7 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
     own = {
         "columns": {"time": "Time[2]", "angle": "0x6064"},
         "units": {"time": "ms", "angle": "counts"},
-        "motor": {"angle": "motor", "gear": GEAR, "counts_per_turn": COUNTS},
+        "motor": UNRATED,
         "actuator": {"time": "Time", "target": "0x607A", "output": "torque", "P": 2.0},
     }
     (found,) = load(tmp_path, "drive_recorder", **own).recordings
@@ -140,8 +138,7 @@ DRIVE_MISTAKES = {
 @pytest.mark.parametrize(("changes", "words"), DRIVE_MISTAKES.values(), ids=DRIVE_MISTAKES)
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, changes, words):
     (tmp_path / "a.csv").write_bytes(recorder())
-    tables = {key: value for key, value in {**DRIVE, **changes}.items() if value is not None}
-    assert_refused(words, tmp_path, "drive_recorder", **tables)
+    assert_refused(words, tmp_path, "drive_recorder", **{**DRIVE, **changes})
 
 
 DRIVE_FILES = {
