@@ -264,32 +264,32 @@ def late(signal):
     return signal._replace(time=signal.time + 1e6)
 
 
-IMPOSSIBLE = {
-    "shape": (
-        {"angle": still()._replace(time=np.arange(4.0))},
-        r"shape \(T,\).*\(4,\) and \(5, 2\)",
-    ),
-    "flat": ({"torque": still()._replace(value=np.zeros(5))}, r"torque: time must have shape"),
-    "empty": ({"angle": still(0)}, "T, n > 0"),
-    "nan": ({"torque": still()._replace(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
-    "time": ({"velocity": still()._replace(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
-    "hold": ({"torque": still()._replace(hold="next")}, "torque: hold must be"),
-    "joints": ({"torque": still(joints=1)}, "torque has 1 columns and angle has 2"),
-    "truth": ({"truth": TrueMotion(still(), still(joints=3))}, "true velocity has 3 columns"),
-    "covariate": ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
-    "sigma": ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
-    "sigma shape": ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
-    "parameter": ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
-    "late": ({"torque": late(still())}, "share no moment"),
-    "early": (
-        {"angle": late(still()), "torque": still()._replace(hold="linear")},
-        "share no moment",
-    ),
-    "one": ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
-}
-
-
-@pytest.mark.parametrize(("changes", "words"), IMPOSSIBLE.values(), ids=IMPOSSIBLE.keys())
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"angle": still()._replace(time=np.arange(4.0))},
+            r"shape \(T,\).*\(4,\) and \(5, 2\)",
+        ),
+        ({"torque": still()._replace(value=np.zeros(5))}, r"torque: time must have shape"),
+        ({"angle": still(0)}, "T, n > 0"),
+        ({"torque": still()._replace(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
+        ({"velocity": still()._replace(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
+        ({"torque": still()._replace(hold="next")}, "torque: hold must be"),
+        ({"torque": still(joints=1)}, "torque has 1 columns and angle has 2"),
+        ({"truth": TrueMotion(still(), still(joints=3))}, "true velocity has 3 columns"),
+        ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
+        ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
+        ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
+        ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
+        ({"torque": late(still())}, "share no moment"),
+        (
+            {"angle": late(still()), "torque": still()._replace(hold="linear")},
+            "share no moment",
+        ),
+        ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
+    ],
+)
 def test_an_impossible_recording_cannot_be_made(changes, words):
     with refused(words) as caught:
         Recording(**({"name": "push", "angle": still(), "torque": still()} | changes))
