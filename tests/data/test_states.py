@@ -90,14 +90,6 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
         assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
 
 
-def test_the_public_estimators_use_the_likeliest_ratio():
-    time = even()
-    angle = one(time, wave(time, np.random.default_rng(5)))
-    series = padded_series([angle])
-    rho = likeliest_jerk_ratio(series)
-    assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
-
-
 def test_the_causal_estimator_sees_nothing_of_what_comes_later():
     rng = np.random.default_rng(5)
     time = even()
@@ -110,12 +102,13 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
         assert np.abs(before.w - other.w)[stop:].max() > 0.1
 
 
-def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likeliest():
+def test_the_public_estimators_use_the_likeliest_ratio():
     time = even()
     angle = one(time, wave(time, np.random.default_rng(5)))
     series = padded_series([angle])
     rho = likeliest_jerk_ratio(series)
-    # it tries whole decades, so it ends within half a decade
+    assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
+    # the causal one tries whole decades, so it ends within half a decade
     low, high = (kalman_filter(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
     assert min(low, high) <= KalmanFilter()([angle])[0].w[-1, 0] <= max(low, high)
 

@@ -18,12 +18,6 @@ from frictionid.mechanics.plant import (
 )
 
 
-def motion(samples=30, n=2):
-    rng = np.random.default_rng(0)
-    time = np.cumsum(rng.uniform(0.01, 0.03, samples))
-    return time, rng.normal(size=(samples, n)), 3 * rng.normal(size=(samples, n))
-
-
 def test_midpoints_and_means_of_cubic_motions_are_exact():
     time = np.array([0.0, 0.3, 0.5, 1.1])[:, None]
     q, w = 1 + 2 * time - time**2 + time**3, 2 - 2 * time + 3 * time**2
@@ -38,7 +32,9 @@ def test_midpoints_and_means_of_cubic_motions_are_exact():
 def test_the_balance_is_linear_in_the_base_parameters():
     machine = double_pendulum()
     p = Plant.from_parameters(machine, {}).p
-    _, q, w = with_midpoints(*motion())
+    rng = np.random.default_rng(0)
+    time, (q, w) = np.cumsum(rng.uniform(0.01, 0.03, 30)), rng.normal(size=(2, 30, 2))
+    _, q, w = with_midpoints(time, q, 3 * w)
     stencil = interval_stencil(30)
     units = np.eye(len(p))[:, None]
     whole = momentum_balance(machine.terms(p, q, w), stencil)

@@ -177,17 +177,16 @@ def _play(drive, terminal):
         return
 
 
-def short_signal(height=0.3, length=0.4):
-    return Signal(np.array([0.0, length]), np.full((2, 1), height), "previous")
+def played(log, length=60.0, ramp=0.1, asked=lambda: "", show=lambda *_: None):
+    """Why the playback of 0.3 N m ended."""
+    torque = Signal(np.array([0.0, length]), np.full((2, 1), 0.3), "previous")
+    return excite(log, torque, PlaySettings(ramp=ramp, silence=20.0), asked, show)
 
 
 def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
     log, made, _ = rig
-    reason = excite(
-        log, short_signal(), PlaySettings(ramp=0.2, silence=20.0), lambda: "", lambda *_: None
-    )
+    assert played(log, 0.4, 0.2) == ""
     until(lambda: log.pump(0.05) and float(log.counts.last[1]) == 0.0)
-    assert reason == ""
     command = read_log(tmp_path / "log.csv").columns["command"]
     assert 0 < command.max() <= 0.3 + 1e-9
     assert command[-1] == 0.0
@@ -204,11 +203,8 @@ def test_a_signal_is_played_logged_and_ramped(rig, tmp_path):
 )
 def test_a_stop_ends_everything_with_zero_torque(rig, asked, said):
     log, _, _ = rig
-    answers, how = iter([""] * 20), PlaySettings(ramp=0.1, silence=20.0)
-    reason = excite(
-        *(log, short_signal(length=60.0), how), lambda: next(answers, asked), lambda *_: None
-    )
-    assert reason == said
+    answers = iter([""] * 20)
+    assert played(log, asked=lambda: next(answers, asked)) == said
     until(lambda: log.pump(0.05) and float(log.counts.last[1]) == 0.0)
 
 
@@ -233,10 +229,7 @@ def test_a_drive_that_falls_silent_is_ramped_down(rig):
         if next(count) == 30:
             terminal.unplug()
 
-    reason = excite(
-        log, short_signal(length=60.0), PlaySettings(ramp=0.1, silence=20.0), lambda: "", show
-    )
-    assert reason == "the drive fell silent"
+    assert played(log, show=show) == "the drive fell silent"
 
 
 def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
