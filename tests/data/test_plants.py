@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 import torch
-from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
+from fixtures.random_machines import (
+    MECHANISMS,
+    assert_close,
+    assert_same_terms,
+    drawn,
+    physical,
+    states,
+)
 from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -28,11 +35,9 @@ def dataset(parameters, overrides):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_plant_passes_its_parameters_to_the_mechanism(name):
-    mechanism, rng = MECHANISMS[name], np.random.default_rng(1)
-    v = physical(mechanism, rng, (20,))
+    mechanism = MECHANISMS[name]
+    v, q, w, u = drawn(mechanism, 1)
     plant, p = Plant.from_parameters(mechanism, v), mechanism.base(v)
-    q, w = states(mechanism, rng, (20,))
-    u = rng.normal(size=q.shape)
     assert_close(plant.p, p)
     assert plant.n == mechanism.n
     assert_same_terms(plant.terms(q, w), mechanism.terms(p, q, w))

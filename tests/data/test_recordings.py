@@ -237,7 +237,7 @@ def test_a_collection_is_found_by_folder_and_by_variable(tmp_path, monkeypatch):
 
 def test_a_hash_is_compared_and_both_are_printed(tmp_path):
     content = csv_bytes(motion())
-    found, other = hashlib.sha256(content).hexdigest(), hashlib.sha256(b"").hexdigest()
+    found, other = (hashlib.sha256(text).hexdigest() for text in (content, b""))
     assert (
         load(tmp_path, described(sha256={"a.csv": found}), a_csv=content).hashes["a.csv"] == found
     )

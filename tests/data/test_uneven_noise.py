@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.dataset_files import load_single
 from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid import load_dataset
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, relative_noise
@@ -91,7 +91,7 @@ def test_a_part_of_a_signal_keeps_its_deviations():
     assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
 
 
-TOML = """
+TOML = b"""
 name = "tracked"
 [mechanism]
 kind = "pendulum"
@@ -116,9 +116,7 @@ ROWS = [
 
 
 def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
-    (tmp_path / "dataset.toml").write_text(TOML)
-    (tmp_path / "a.csv").write_text("\n".join(ROWS))
-    angle = load_dataset(tmp_path).recordings[0].angle
+    angle = load_single(tmp_path, TOML, a_csv="\n".join(ROWS).encode()).angle
     assert angle.time.tolist() == [0.0, 2.0, 3.0]
     assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
     assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
@@ -133,7 +131,5 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
     ],
 )
 def test_wrong_deviations_are_reported_in_one_line(tmp_path, rows, line):
-    (tmp_path / "dataset.toml").write_text(TOML)
-    (tmp_path / "a.csv").write_text("\n".join(rows))
     with refused(line):
-        load_dataset(tmp_path)
+        load_single(tmp_path, TOML, a_csv="\n".join(rows).encode())

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from fixtures.random_machines import assert_close, moments_of_inertia, physical, states
+from fixtures.random_machines import assert_close, drawn, moments_of_inertia
 
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
-COUNT = 200
 REASON = "a physics engine to compare with; the test extra installs it"
 MACHINES = {
     "acrobot": acrobot(),
@@ -53,14 +52,11 @@ def name(request):
 
 
 def case_of(name):
-    mechanism, rng = MACHINES[name], np.random.default_rng(1)
-    v = physical(mechanism, rng, (COUNT,))
-    q, w = states(mechanism, rng, (COUNT,))
-    t = mechanism.terms(mechanism.base(v), q, w)
-    u = rng.normal(scale=0.3, size=q.shape)
-    load = mechanism.load(v, q, w, u)
-    u = times(t.B, u)
-    rows = [{k: float(x[i]) for k, x in v.items()} for i in range(COUNT)]
+    mechanism = MACHINES[name]
+    v, q, w, u = drawn(mechanism, 1)
+    t, load = mechanism.terms(mechanism.base(v), q, w), mechanism.load(v, q, w, 0.3 * u)
+    u = times(t.B, 0.3 * u)
+    rows = [{k: float(x[i]) for k, x in v.items()} for i in range(len(q))]
     return Case(rows, q, w, u, t.h, solve(t.M, t.h + u), t.energy, load)
 
 

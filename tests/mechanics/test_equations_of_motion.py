@@ -10,6 +10,7 @@ from fixtures.random_machines import (
     STEP,
     assert_close,
     assert_same_terms,
+    drawn,
     gradient,
     physical,
     random_case,
@@ -142,10 +143,7 @@ def test_unknown_parameter_names_are_refused():
 
 
 def test_torch_gives_what_numpy_gives(mechanism):
-    rng = np.random.default_rng(23)
-    v = physical(mechanism, rng, (50,))
-    q, w = states(mechanism, rng, (50,))
-    u = rng.normal(size=q.shape)
+    v, q, w, u = drawn(mechanism, 23)
     tv = {k: torch.from_numpy(x) for k, x in v.items()}
     tq, tw, tu = (torch.from_numpy(x) for x in (q, w, u))
     out = mechanism.terms(mechanism.base(tv), tq, tw)

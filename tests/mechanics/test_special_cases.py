@@ -6,6 +6,7 @@ from fixtures.random_machines import (
     MECHANISMS,
     assert_close,
     assert_same_terms,
+    drawn,
     moments_of_inertia,
     physical,
     states,
@@ -36,9 +37,8 @@ def test_double_pendulum_without_a_second_link_is_a_pendulum():
 
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
 def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
-    rng = np.random.default_rng(19)
     a, d = acrobot(inertias), double_pendulum((False, True))
-    v = physical(a, rng)
+    v, q, w, _ = drawn(a, 19)
     m1, m2, m3, m4, L1, L2, L3, L4 = (v[k] for k in "m1 m2 m3 m4 L1 L2 L3 L4".split())
     J1, J2 = moments_of_inertia(v)
     same = {
@@ -53,7 +53,6 @@ def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
         "gr": v["gear"],
         "g": v["g"],
     }
-    q, w = states(a, rng)
     assert_same_terms(a.terms(a.base(v), q, w), d.terms(d.base(same), q, w))
 
 
@@ -62,16 +61,12 @@ def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
 
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
 def test_the_printed_energy_differs_in_the_inertia_of_link_2_alone(inertias):
-    rng = np.random.default_rng(20)
     absolute, relative = acrobot(inertias), acrobot(inertias, "relative")
-    v = physical(absolute, rng)
+    v, q, w, _ = drawn(absolute, 20)
     J2 = moments_of_inertia(v)[1]
-    q, w = states(absolute, rng)
     a = absolute.terms(absolute.base(v), q, w)
     r = relative.terms(relative.base(v), q, w)
-    assert_close(
-        a.M - r.M, np.broadcast_to(J2 * np.array([[1.0, 1.0], [1.0, 0.0]]), a.M.shape), 1e-10
-    )
+    assert_close(a.M - r.M, np.multiply.outer(J2, [[1.0, 1.0], [1.0, 0.0]]), 1e-10)
     assert_close(a.energy - r.energy, 0.5 * J2 * ((w.sum(-1)) ** 2 - w[:, 1] ** 2), 1e-10)
     assert_close(a.h, r.h)
     assert_close(a.dLdq, r.dLdq)
@@ -111,11 +106,9 @@ def test_a_small_rotor_behind_the_gear_adds_a_sixth_to_the_second_joint():
 
 def test_double_pendulum_has_the_matrices_of_its_makers():
     """M and G as the makers of the real one print them, both joints driven [Wiebe2024]."""
-    rng = np.random.default_rng(21)
     m = double_pendulum()
-    v = physical(m, rng, (200,))
+    v, q, w, _ = drawn(m, 21)
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = v.values()
-    q, w = states(m, rng)
     (q1, q2), (w1, w2) = q.T, w.T
     M11 = I1 + I2 + m2 * l1**2 + 2 * m2 * l1 * r2 * np.cos(q2) + gr**2 * Ir + Ir
     M12 = I2 + m2 * l1 * r2 * np.cos(q2) - gr * Ir
@@ -129,10 +122,8 @@ def test_double_pendulum_has_the_matrices_of_its_makers():
 
 
 def test_pendulum_has_its_textbook_equation():
-    rng = np.random.default_rng(22)
     m = pendulum()
-    v = physical(m, rng, (200,))
-    q, w = states(m, rng)
+    v, q, w, _ = drawn(m, 22)
     t = m.terms(m.base(v), q, w)
     I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
     assert_close(t.M[:, 0, 0], I)
@@ -145,8 +136,7 @@ def test_pendulum_has_its_textbook_equation():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_bearings_of_a_hanging_machine_carry_its_weight(name):
     mechanism = MECHANISMS[name]
-    rng = np.random.default_rng(28)
-    v = physical(mechanism, rng)
+    v = physical(mechanism, np.random.default_rng(28))
     zero = np.zeros(mechanism.n)
     load = mechanism.load(v, zero, zero, zero)
     beyond = {
@@ -159,11 +149,8 @@ def test_bearings_of_a_hanging_machine_carry_its_weight(name):
 
 def test_bearing_force_of_a_swinging_pendulum_by_newton():
     """Along the rod m (g cos q + l w^2), across it m (l dw/dt + g sin q)."""
-    rng = np.random.default_rng(29)
     m = pendulum()
-    v = physical(m, rng, (100,))
-    q, w = states(m, rng, (100,))
-    u = rng.normal(size=q.shape)
+    v, q, w, u = drawn(m, 29)
     t = m.terms(m.base(v), q, w)
     a = ((t.h + u) / t.M[..., 0])[:, 0]
     along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2

@@ -28,9 +28,9 @@ def states(motion, names=("shoulder", "elbow"), effort=True):
     out = []
     for k, t in enumerate(times):
         # the order of the joints may change from message to message
-        order = (0, 1) if k % 2 == 0 or k == 0 else (1, 0)
+        order = [1, 0] if k % 2 else [0, 1]
         own = [names[i] for i in order]
-        cells = [v[k, list(order)] for v in (q, w, u)]
+        cells = [v[k, order] for v in (q, w, u)]
         cells[2] = cells[2] if effort else []
         out.append((int(t) + 5_000_000, message(START + int(t), own, *cells)))
     return out
