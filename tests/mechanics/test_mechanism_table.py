@@ -145,21 +145,9 @@ def test_scalar_code_of_powers_roots_and_functions(xp):
         (x + y) * sp.cos(x + y) + sp.log(x + y),
     ]
     a, b = np.array([0.5, 2.0, 7.0]), np.array([0.1, 1.0, 3.0])
-    s = a + b
-    expected = [
-        np.sqrt(a),
-        1 / np.sqrt(a),
-        np.sqrt(2) * a,
-        a**1.5,
-        a**-2.0,
-        8 * a,
-        np.exp(-((b / a) ** 2)),
-        np.arctan(b) + np.tanh(a) * np.sin(b) ** 2,
-        s * np.cos(s) + np.log(s),
-    ]
+    expected = sp.lambdify([x, y], outputs)(a, b)
     arguments = (a, b) if xp is np else (torch.from_numpy(a), torch.from_numpy(b))
     out = scalar_code([x, y], outputs)(xp, *arguments)
-    assert len(out) == len(expected)
     for actual, wanted in zip(out, expected, strict=True):
         np.testing.assert_allclose(np.asarray(actual), wanted, rtol=1e-14)
 

@@ -103,12 +103,12 @@ LOGS = {
     "deep": (b"[" * 100000, "is no JSON"),
     "a list": (b"[]", "has no list of entries"),
     "no entries": (b'{"mass": 1}', "has no list of entries"),
-    "few entries": (json.dumps(bam_log(3, passive=1) | {"entries": [{}]}).encode(), "1 entries"),
-    "no mass": (json.dumps({**bam_log(), "mass": None}).encode(), "mass is missing"),
-    "text": (json.dumps({**bam_log(), "kp": "32"}).encode(), "kp is '32', which is no number"),
-    "negative": (json.dumps({**bam_log(), "length": -1}).encode(), "length must be positive"),
-    "huge": (json.dumps({**bam_log(), "kp": 10**400}).encode(), "kp is too large"),
-    "entry": (json.dumps({**bam_log(), "entries": [1, 2, 3]}).encode(), "entry 0 .* is no object"),
+    "few entries": (bam_bytes(entries=[{}]), "1 entries"),
+    "no mass": (bam_bytes(mass=None), "mass is missing"),
+    "text": (bam_bytes(kp="32"), "kp is '32', which is no number"),
+    "negative": (bam_bytes(length=-1), "length must be positive"),
+    "huge": (bam_bytes(kp=10**400), "kp is too large"),
+    "entry": (bam_bytes(entries=[1, 2, 3]), "entry 0 .* is no object"),
     "no position": (entry(4, position="gone"), "entry 4 .*position is missing"),
     "nan": (entry(5, position=float("nan")), "entry 5 .*'position' is empty or nan"),
     "back in time": (entry(7, timestamp=0.0), "entry 7 .*time must increase"),
@@ -256,5 +256,5 @@ JSON = st.recursive(
 
 @given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
 def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
-    log = {**bam_log(samples=8, passive=2), key: value}
-    assert survives(read_bam, tmp_path / "a.json", json.dumps(log).encode(), MOTOR)
+    content = bam_bytes(samples=8, passive=2, **{key: value})
+    assert survives(read_bam, tmp_path / "a.json", content, MOTOR)
