@@ -158,6 +158,11 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
         (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
         (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
         (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 columns"),
+        (
+            FRAME,
+            {"angle": ["q1", "q2", "w1"], "torque": None, "units": ["deg"] * 2},
+            "angle has 2 units for 3 columns",
+        ),
         (FRAME, {"units": {"angel": "deg"}}, "'angel' is unknown; did you mean 'angle'"),
         (FRAME[:0], {}, "has no rows"),
         (np.eye(3), {}, "is a ndarray, not a table"),

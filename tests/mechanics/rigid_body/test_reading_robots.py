@@ -130,59 +130,59 @@ def test_a_payload_is_a_body_fixed_to_its_link(read):
 
 
 MIMIC = '<axis xyz="0 0 1"/><mimic joint="shoulder"/>'
-WRONG = {
-    "no file": (None, {}, "cannot be read"),
-    "no XML": ("<robot", {}, "is no XML"),
-    "other XML": ("<sdf/>", {}, "is not <robot>"),
-    "entities": (f'<!DOCTYPE r [<!ENTITY a "b">]>{TEXT}', {}, "entities"),
-    "xacro": (
+CONTENTS = [
+    (None, "cannot be read"),
+    ("<robot", "is no XML"),
+    ("<sdf/>", "is not <robot>"),
+    (f'<!DOCTYPE r [<!ENTITY a "b">]>{TEXT}', "entities"),
+    (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">'
         f'<xacro:property name="mass" value="2"/>{ARM[0]}</robot>',
-        {},
         "is a xacro file; make a URDF of it first",
     ),
-    "empty": (text(), {}, "no <link>"),
-    "nothing moves": (text(link("a")), {}, "no joint moves"),
-    "twice a link": (text(*ARM, link("hand")), {}, "two links are called 'hand'"),
-    "twice a joint": (text(*ARM, joint("grip", "base", "hand")), {}, "two joints"),
-    "closed": (text(*ARM, joint("more", "base", "hand")), {}, "closed chain"),
-    "loop": (text(*ARM, joint("more", "hand", "base")), {}, "none is the root"),
-    "loop through base": (
-        text(*ARM, joint("m", "hand", "base")),
-        {"base": "base"},
-        "closes a loop",
-    ),
-    "apart": (text(*ARM, link("table")), {}, "are not connected"),
-    "parent": (text(*ARM, joint("more", "nand", "hand")), {}, "'nand'"),
-    "type": (TEXT.replace("prismatic", "screw"), {}, "type 'screw'"),
-    "floating": (TEXT.replace("prismatic", "floating"), {}, "is floating"),
-    "held by nothing": (
-        TEXT.replace("prismatic", "planar"),
-        {"joints": ["grip"]},
-        "nothing holds",
-    ),
-    "mimic": (text(*ARM[:8], joint("grip", "hand", "finger", inside=MIMIC)), {}, "mimic"),
-    "no axis": (TEXT.replace("0 1 1", "0 0 0"), {}, "has no direction"),
-    "number": (TEXT.replace('ixx="0.02"', 'ixx="nan"'), {}, "must be a number"),
-    "numbers": (TEXT.replace("0 1 1", "0 1"), {}, "must be 3 numbers"),
-    "negative": (TEXT.replace('value="2.0"', 'value="-2"'), {}, "is negative"),
-    "no mass": (TEXT.replace('<mass value="2.0"/>', ""), {}, "no <mass>"),
-    "unknown joint": (TEXT, {"joints": ["elbo"]}, "there is no joint 'elbo'.*elbow"),
-    "fixed joint": (TEXT, {"joints": ["wrist"]}, "is fixed"),
-    "twice named": (TEXT, {"joints": ["grip", "grip"]}, "named twice"),
-    "order": (TEXT, {"joints": ["elbow", "shoulder"]}, "name it first"),
-    "joints": (TEXT, {"joints": "elbow"}, "list of names"),
-    "base": (TEXT, {"base": "bass"}, "is no link.*base"),
-    "locked": (TEXT, {"locked": {"elbow": 0.1}}, "it moves"),
-    "locked at": (TEXT, {"joints": ["elbow"], "locked": {"grip": "x"}}, "must be a number"),
-    "gravity": (TEXT, {"gravity": [0.0, -9.81]}, "three numbers"),
-    "payload": (TEXT, {"payload": "hat"}, "is no link"),
-    "payload at rest": (TEXT, {"payload": "base"}, "does not move"),
-    "driven": (TEXT, {"driven": [True]}, "for each of"),
-}
+    (text(), "no <link>"),
+    (text(link("a")), "no joint moves"),
+    (text(*ARM, link("hand")), "two links are called 'hand'"),
+    (text(*ARM, joint("grip", "base", "hand")), "two joints"),
+    (text(*ARM, joint("more", "base", "hand")), "closed chain"),
+    (text(*ARM, joint("more", "hand", "base")), "none is the root"),
+    (text(*ARM, link("table")), "are not connected"),
+    (text(*ARM, joint("more", "nand", "hand")), "'nand'"),
+    (text(*ARM[:8], joint("grip", "hand", "finger", inside=MIMIC)), "mimic"),
+]
+EDITS = [
+    ("prismatic", "screw", "type 'screw'"),
+    ("prismatic", "floating", "is floating"),
+    ("0 1 1", "0 0 0", "has no direction"),
+    ('ixx="0.02"', 'ixx="nan"', "must be a number"),
+    ("0 1 1", "0 1", "must be 3 numbers"),
+    ('value="2.0"', 'value="-2"', "is negative"),
+    ('<mass value="2.0"/>', "", "no <mass>"),
+]
+OPTIONS = [
+    ({"joints": ["elbo"]}, "there is no joint 'elbo'.*elbow"),
+    ({"joints": ["wrist"]}, "is fixed"),
+    ({"joints": ["grip", "grip"]}, "named twice"),
+    ({"joints": ["elbow", "shoulder"]}, "name it first"),
+    ({"joints": "elbow"}, "list of names"),
+    ({"base": "bass"}, "is no link.*base"),
+    ({"locked": {"elbow": 0.1}}, "it moves"),
+    ({"joints": ["elbow"], "locked": {"grip": "x"}}, "must be a number"),
+    ({"gravity": [0.0, -9.81]}, "three numbers"),
+    ({"payload": "hat"}, "is no link"),
+    ({"payload": "base"}, "does not move"),
+    ({"driven": [True]}, "for each of"),
+]
+WRONG = [
+    *((content, {}, said) for content, said in CONTENTS),
+    *((TEXT.replace(old, new), {}, said) for old, new, said in EDITS),
+    *((TEXT, options, said) for options, said in OPTIONS),
+    (text(*ARM, joint("m", "hand", "base")), {"base": "base"}, "closes a loop"),
+    (TEXT.replace("prismatic", "planar"), {"joints": ["grip"]}, "nothing holds"),
+]
 
 
-@pytest.mark.parametrize(("content", "options", "expected"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize(("content", "options", "expected"), WRONG, ids=[row[-1] for row in WRONG])
 def test_what_is_wrong_is_said_in_a_line(tmp_path, content, options, expected):
     path = tmp_path / "robot.urdf"
     if content is not None:
