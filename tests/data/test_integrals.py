@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.data.integrals import averages, integrals_of, pieces_of, window_means
 from frictionid.data.signals import Signal
@@ -25,7 +26,7 @@ def test_delayed_window_means_are_the_averages_over_earlier_edges(hold):
     for d, delay in enumerate(delays):
         for k in range(3):
             one = averages(logs[recording[k]], [start[k] - delay, stop[k] - delay])[0]
-            np.testing.assert_allclose(means[d, k], one, atol=1e-12)
+            assert_allclose(means[d, k], one, atol=1e-12)
 
 
 @pytest.mark.parametrize("hold", HOLDS)
@@ -34,13 +35,13 @@ def test_pieces_have_the_averages_and_moments_of_the_signal(hold):
     log = signal(rng, hold)
     edges = np.array([5.1, 5.13, 5.3, 5.9])
     pieces = pieces_of(integrals_of([log]), np.array([0]), edges[None])
-    np.testing.assert_allclose(pieces.mean[:, 0], averages(log, edges), atol=1e-12)
+    assert_allclose(pieces.mean[:, 0], averages(log, edges), atol=1e-12)
     for k, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
         fine = np.linspace(a, b, 20001)
         value, middle = averages(log, fine), (fine[1:] + fine[:-1]) / 2
         deviation = value - pieces.mean[k, 0]
         moment = (deviation * (b - middle)[:, None]).sum(0) * (fine[1] - fine[0])
-        np.testing.assert_allclose(pieces.moment[k, 0], moment, atol=1e-8)
+        assert_allclose(pieces.moment[k, 0], moment, atol=1e-8)
 
 
 @pytest.mark.parametrize("hold", HOLDS)
@@ -50,9 +51,9 @@ def test_the_derivatives_by_the_delay_are_those_of_differences(hold):
     edges, step = np.array([[5.1, 5.13, 5.3, 5.9]]), 1e-6
     late, early = (pieces_of(log, np.array([0]), edges - s) for s in (step, -step))
     now = pieces_of(log, np.array([0]), edges)
-    np.testing.assert_allclose((late.mean - early.mean) / (2 * step), now.mean_later, atol=1e-4)
+    assert_allclose((late.mean - early.mean) / (2 * step), now.mean_later, atol=1e-4)
     change = (late.moment - early.moment) / (2 * step)
-    np.testing.assert_allclose(change, now.moment_later, atol=1e-4)
+    assert_allclose(change, now.moment_later, atol=1e-4)
 
 
 def test_a_linear_map_of_the_columns_maps_every_integral():
@@ -61,4 +62,4 @@ def test_a_linear_map_of_the_columns_maps_every_integral():
     mapped = integrals_of([log]).mapped(matrix)
     edges = (np.zeros(1, int), np.array([5.2]), np.array([5.4]))
     one = window_means(integrals_of([log]), *edges)
-    np.testing.assert_allclose(window_means(mapped, *edges), one @ matrix.T, atol=1e-12)
+    assert_allclose(window_means(mapped, *edges), one @ matrix.T, atol=1e-12)

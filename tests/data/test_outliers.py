@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from fixtures.white_jerk import NOISE, driven_by_white_jerk, wave
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import kalman_filter, padded_series
 from frictionid.data.outliers import _roughness, prediction_residuals
@@ -11,13 +13,12 @@ from frictionid.data.state_estimators import RTS, KalmanFilter, thin, without_ou
 RATE = 60.0
 
 
-def clock(samples=300, rate=RATE):
-    return np.arange(samples) / rate
+def clock(samples=300):
+    return np.arange(samples) / RATE
 
 
-def swing(time, rng, noise=1.6e-3):
-    value = np.sin(5 * time) + 0.3 * np.cos(11 * time + 1)
-    return (value + noise * rng.normal(size=len(time)))[:, None]
+def swing(time, rng, noise=NOISE):
+    return wave(time, rng, noise)[:, None]
 
 
 def deletion_residuals(series, left_out, fit):
@@ -33,7 +34,7 @@ def test_roughness_is_the_upper_quartile_of_the_samples_around():
     sizes = 2.0 + np.random.default_rng(0).random((50, 3))
     around = np.stack([np.delete(sizes[20:31], 5, axis=0), np.delete(sizes[30:41], 5, axis=0)])
     expected = np.quantile(around, 0.75, axis=1, method="inverted_cdf")
-    np.testing.assert_array_equal(_roughness(sizes)[[25, 35]], expected)
+    assert_array_equal(_roughness(sizes)[[25, 35]], expected)
 
 
 # ---------------------------------------------------------------- deletion residuals
@@ -51,22 +52,14 @@ def test_a_deletion_residual_is_what_a_smoother_without_the_sample_leaves():
         one = none.copy()
         one[k] = True
         fit = kalman_filter(series.without(one), rho)
-        np.testing.assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
+        assert_allclose(deletion_residuals(series, one, fit)[k], at_once[k], rtol=1e-6)
 
 
 def test_deletion_residuals_of_noise_have_its_size():
     """Positions driven by white jerk, with unit noise: residuals are standard normal."""
-    rng = np.random.default_rng(1)
-    samples, rho = 4000, 1e6
-    dt = 1 / RATE
-    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    powers = [[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2]]
-    Q = rho * np.array([*powers, [dt**3 / 6, dt**2 / 2, dt]])
-    shocks = rng.multivariate_normal(np.zeros(3), Q, samples, method="cholesky")
-    x = np.zeros((samples, 3))
-    for k in range(1, samples):
-        x[k] = F @ x[k - 1] + shocks[k]
-    series = padded_series([Signal(clock(samples), x[:, :1] + rng.normal(size=(samples, 1)))])
+    rho = 1e6
+    value = driven_by_white_jerk(np.random.default_rng(1), rho, 4000, 1, RATE)
+    series = padded_series([Signal(clock(4000), value)])
     fit = kalman_filter(series, np.array([rho]))
     residual = deletion_residuals(series, np.zeros(series.valid.shape, dtype=bool), fit)
     assert residual.std() == pytest.approx(1.0, abs=0.05)
@@ -190,7 +183,7 @@ def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outlie
 
 def test_a_sample_that_is_known_to_be_noisy_is_no_outlier():
     time, rng = clock(), np.random.default_rng(8)
-    sigma = np.full((len(time), 1), 1.6e-3)
+    sigma = np.full((len(time), 1), NOISE)
     value = swing(time, rng)
     value[90] += 0.05
     assert found(time, value)[90]
@@ -229,6 +222,6 @@ def test_a_slower_clock_changes_no_angle_and_no_outlier(slower):
     value[[40, 200]] += 1.0
     fast, slow = (RTS()([Signal(t, value)])[0] for t in (time, slower * time))
     assert np.flatnonzero(fast.left_out).tolist() == [40, 200]
-    np.testing.assert_array_equal(slow.left_out, fast.left_out)
-    np.testing.assert_allclose(slow.q, fast.q, atol=1e-3)  # a fiftieth of the noise
-    np.testing.assert_allclose(slower * slow.w[20:-20], fast.w[20:-20], atol=1e-3)
+    assert_array_equal(slow.left_out, fast.left_out)
+    assert_allclose(slow.q, fast.q, atol=1e-3)  # a fiftieth of the noise
+    assert_allclose(slower * slow.w[20:-20], fast.w[20:-20], atol=1e-3)

@@ -3,13 +3,21 @@
 import numpy as np
 import pytest
 import torch
-from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
+from fixtures.random_machines import (
+    MECHANISMS,
+    assert_close,
+    assert_same_terms,
+    drawn,
+    physical,
+    states,
+)
+from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.arrays import plain
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 from frictionid.mechanics import Plant, acrobot, pendulum
 
 
@@ -27,11 +35,9 @@ def dataset(parameters, overrides):
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_plant_passes_its_parameters_to_the_mechanism(name):
-    mechanism, rng = MECHANISMS[name], np.random.default_rng(1)
-    v = physical(mechanism, rng, (20,))
+    mechanism = MECHANISMS[name]
+    v, q, w, u = drawn(mechanism, 1)
     plant, p = Plant.from_parameters(mechanism, v), mechanism.base(v)
-    q, w = states(mechanism, rng, (20,))
-    u = rng.normal(size=q.shape)
     assert_close(plant.p, p)
     assert plant.n == mechanism.n
     assert_same_terms(plant.terms(q, w), mechanism.terms(p, q, w))
@@ -56,18 +62,13 @@ def test_an_index_picks_rows_of_everything():
     assert plant[1].p.shape == (6,)
 
 
-def test_plant_refuses_an_unknown_parameter():
-    with pytest.raises(InputError, match="pendulum has no parameter 'masse'"):
-        Plant.from_parameters(pendulum(), {"masse": 1.0})
-
-
 def test_gradients_pass_through_a_plant_of_tensors():
     mass = torch.tensor([0.5, 1.0], dtype=torch.float64, requires_grad=True)
     plant = Plant.from_parameters(pendulum(), {"mass": mass, "length": 2.0})
     hanging = torch.zeros((2, 1), dtype=torch.float64)
     total = plant.p[:, 0].sum() + plant.load(hanging, hanging, hanging).sum()
     (slope,) = torch.autograd.grad(total, mass)
-    np.testing.assert_allclose(plain(slope), 2.0**2 + 9.81)
+    assert_allclose(plain(slope), 2.0**2 + 9.81)
 
 
 def test_recordings_keep_their_own_parameters_before_replacements_and_the_table():
@@ -76,16 +77,16 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
     plant = plant_of(data)
     assert plant.mechanism == acrobot(link2_rate="relative", m4=0.084, m3=0.2)
     assert plant.p.shape == (2, len(names))
-    np.testing.assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
-    np.testing.assert_array_equal(plant.parameters["m3"], [0.2, 0.2])
+    assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
+    assert_array_equal(plant.parameters["m3"], [0.2, 0.2])
     replaced = plant_of(data, {"m4": 0.5, "m3": 0.3})
-    np.testing.assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
-    np.testing.assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
+    assert_array_equal(replaced.parameters["m4"], [0.5, 0.0])
+    assert_array_equal(replaced.parameters["m3"], [0.3, 0.3])
     assert data.mechanism.values == {"m4": 0.084, "m3": 0.2}
 
 
 def test_plant_of_a_data_set_refuses_a_wrong_replacement():
-    with pytest.raises(InputError, match="acrobot has no parameter 'm9'"):
+    with refused("acrobot has no parameter 'm9'"):
         plant_of(dataset({}, [{}]), {"m9": 1.0})
 
 
@@ -93,7 +94,7 @@ def test_plain_is_a_numpy_array_without_gradient():
     tensor = torch.ones(3, dtype=torch.float64, requires_grad=True)
     for array in (tensor, 2.0 * tensor - 1.0, np.ones(3), [1.0, 1.0, 1.0]):
         assert type(plain(array)) is np.ndarray
-        np.testing.assert_array_equal(plain(array), np.ones(3))
+        assert_array_equal(plain(array), np.ones(3))
 
 
 @pytest.mark.parametrize(
@@ -107,5 +108,5 @@ def test_columns_that_the_mechanism_does_not_have_are_refused(kind, angles, mess
     time = np.array([0.0, 0.1])
     angle = Signal(time, np.zeros((2, angles)))
     data = Dataset("rig", {"kind": kind}, (Recording("a", angle, angle),))
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         plant_of(data)

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
+from fixtures.white_jerk import NOISE, driven_by_white_jerk, transition, wave
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import savgol_filter
 
 from frictionid.data.kalman import kalman_filter, likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import RTS, Backward, KalmanFilter, SavitzkyGolay
-from frictionid.errors import InputError
 
 ESTIMATORS = {
     "backward": Backward(),
@@ -32,24 +34,8 @@ def clock(name):
     return even() if name == "even" else uneven(np.random.default_rng(1))
 
 
-def wave(time, rng, noise=1.6e-3):
-    return np.sin(5 * time) + 0.3 * np.cos(11 * time + 1) + noise * rng.normal(size=len(time))
-
-
 def one(time, value):
     return Signal(time, np.asarray(value)[:, None])
-
-
-def transition(dt):
-    F = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    Q = np.array(
-        [
-            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
-            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
-            [dt**3 / 6, dt**2 / 2, dt],
-        ]
-    )
-    return F, Q
 
 
 def most_probable(time, value, rho):
@@ -99,17 +85,9 @@ def test_the_filter_is_the_smoother_of_the_samples_so_far(stamps):
     mean = kalman_filter(padded_series([one(time, value)]), rho).mean[:, 0]
     for stop in (4, 10, 31, 60):
         so_far = padded_series([one(time[:stop], value[:stop])])
-        np.testing.assert_array_equal(mean[stop - 1], rts_smoother(so_far, rho)[-1, 0])
+        assert_array_equal(mean[stop - 1], rts_smoother(so_far, rho)[-1, 0])
         expected = most_probable(time[:stop], value[:stop], rho[0])[-1]
-        np.testing.assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
-
-
-def test_the_public_estimators_use_the_likeliest_ratio():
-    time = even()
-    angle = one(time, wave(time, np.random.default_rng(5)))
-    series = padded_series([angle])
-    rho = likeliest_jerk_ratio(series)
-    np.testing.assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
+        assert_allclose(mean[stop - 1, :2], expected[:2], rtol=1e-6, atol=1e-6)
 
 
 def test_the_causal_estimator_sees_nothing_of_what_comes_later():
@@ -119,17 +97,18 @@ def test_the_causal_estimator_sees_nothing_of_what_comes_later():
     for stop in (3, 10, 31):
         noisy = angle.value + 0.3 * (time >= time[stop])[:, None] * rng.normal(size=(len(time), 1))
         before, other = (KalmanFilter()([angle._replace(value=v)])[0] for v in (angle.value, noisy))
-        np.testing.assert_array_equal(before.w[:stop], other.w[:stop])
-        np.testing.assert_array_equal(before.q[:stop], other.q[:stop])
+        assert_array_equal(before.w[:stop], other.w[:stop])
+        assert_array_equal(before.q[:stop], other.q[:stop])
         assert np.abs(before.w - other.w)[stop:].max() > 0.1
 
 
-def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likeliest():
+def test_the_public_estimators_use_the_likeliest_ratio():
     time = even()
     angle = one(time, wave(time, np.random.default_rng(5)))
     series = padded_series([angle])
     rho = likeliest_jerk_ratio(series)
-    # it tries whole decades, so it ends within half a decade
+    assert_array_equal(RTS()([angle])[0].w, rts_smoother(series, rho)[..., 1])
+    # the causal one tries whole decades, so it ends within half a decade
     low, high = (kalman_filter(series, rho * 10.0**shift).mean[-1, 0, 1] for shift in (-0.6, 0.6))
     assert min(low, high) <= KalmanFilter()([angle])[0].w[-1, 0] <= max(low, high)
 
@@ -137,14 +116,9 @@ def test_the_causal_estimator_ends_with_the_ratio_that_all_samples_make_likelies
 @pytest.mark.parametrize("exponent", [5.0, 8.0, 10.0])
 def test_the_likeliest_ratio_is_that_of_the_model_which_drew_the_data(exponent):
     rng = np.random.default_rng(6)
-    S, T = 48, 240
-    F, Q = transition(1 / 60)
-    shocks = rng.multivariate_normal(np.zeros(3), Q * 10.0**exponent, (T, S), method="cholesky")
-    x = np.zeros((T, S, 3))
-    for k in range(1, T):
-        x[k] = x[k - 1] @ F.T + shocks[k]
-    sigma = 1.6e-3  # the ratio is all that matters, not the size of the noise
-    angle = Signal(even(T), sigma * (x[..., 0] + rng.normal(size=(T, S))))
+    # the ratio is all that matters, not the size of the noise
+    value = NOISE * driven_by_white_jerk(rng, 10.0**exponent, 240, 48, 60.0)
+    angle = Signal(even(240), value)
     found = np.log10(likeliest_jerk_ratio(padded_series([angle])))
     assert abs(np.median(found) - exponent) < 0.15
     assert np.abs(found - exponent).max() < 1.5
@@ -187,24 +161,24 @@ def test_many_recordings_at_once_give_what_each_gives_alone(estimator):
     for angle, together in zip(angles, estimator(angles), strict=True):
         alone = estimator([angle])[0]
         for a, b in zip(together, alone, strict=True):
-            np.testing.assert_array_equal(a, b)
+            assert_array_equal(a, b)
 
 
 def test_joints_do_not_mix(estimator):
     angle = several(np.random.default_rng(8))[0]
     both = estimator([angle])[0]
     second = estimator([angle._replace(value=angle.value[:, 1:])])[0]
-    np.testing.assert_allclose(both.w[:, 1:], second.w, rtol=0, atol=1e-12)
+    assert_allclose(both.w[:, 1:], second.w, rtol=0, atol=1e-12)
 
 
 def test_clock_origin_and_angle_origin_do_not_matter_and_units_scale(estimator):
     angle = several(np.random.default_rng(9))[1]
     plain = estimator([angle])[0]
     moved = estimator([Signal(angle.time + 8.0, angle.value + 2.0)])[0]
-    np.testing.assert_allclose(moved.w, plain.w, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(moved.q, plain.q + 2.0, rtol=0, atol=1e-7)
+    assert_allclose(moved.w, plain.w, rtol=0, atol=1e-5)
+    assert_allclose(moved.q, plain.q + 2.0, rtol=0, atol=1e-7)
     scaled = estimator([Signal(angle.time, 1e-3 * angle.value)])[0]
-    np.testing.assert_allclose(scaled.w, 1e-3 * plain.w, rtol=0, atol=1e-8)
+    assert_allclose(scaled.w, 1e-3 * plain.w, rtol=0, atol=1e-8)
 
 
 EXACT = [
@@ -225,15 +199,15 @@ def test_motions_that_the_model_contains_are_exact(estimator, degree, stamps):
     # the causal filter needs three samples for three unknowns
     settled = slice(3 if isinstance(estimator, KalmanFilter) else 0, None)
     expected = motion.deriv()(states.time)[settled]
-    np.testing.assert_allclose(states.w[settled, 0], expected, rtol=0, atol=1e-7)
-    np.testing.assert_allclose(states.q[settled, 0], motion(states.time)[settled], atol=1e-8)
+    assert_allclose(states.w[settled, 0], expected, rtol=0, atol=1e-7)
+    assert_allclose(states.q[settled, 0], motion(states.time)[settled], atol=1e-8)
 
 
 def test_angles_and_times_belong_together(estimator):
     angles = several(np.random.default_rng(11))
     for angle, states in zip(angles, estimator(angles), strict=True):
         dropped = len(angle.time) - len(states.time)
-        np.testing.assert_array_equal(states.time, angle.time[dropped:])
+        assert_array_equal(states.time, angle.time[dropped:])
         assert dropped == (1 if isinstance(estimator, Backward) else 0)
         assert states.q.shape == states.w.shape == (len(states.time), 2)
         assert np.abs(states.q - angle.value[dropped:]).max() < 0.1
@@ -253,9 +227,9 @@ def test_backward_differences_are_what_a_semi_implicit_step_undoes():
     angle = several(np.random.default_rng(12))[0]
     states = Backward()([angle])[0]
     dt = np.diff(angle.time)[:, None]
-    np.testing.assert_array_equal(states.w, (angle.value[1:] - angle.value[:-1]) / dt)
-    np.testing.assert_array_equal(states.q, angle.value[1:])
-    np.testing.assert_allclose(states.q[:-1] + states.w[1:] * dt[1:], states.q[1:], atol=1e-14)
+    assert_array_equal(states.w, (angle.value[1:] - angle.value[:-1]) / dt)
+    assert_array_equal(states.q, angle.value[1:])
+    assert_allclose(states.q[:-1] + states.w[1:] * dt[1:], states.q[1:], atol=1e-14)
 
 
 @pytest.mark.parametrize(("window", "order"), [(5, 2), (7, 3), (11, 4)])
@@ -266,7 +240,7 @@ def test_savgol_is_scipys_on_an_even_clock(window, order):
     whole = slice(window // 2, -(window // 2))  # scipy treats the ends in its own ways
     for found, deriv in ((states.q, 0), (states.w, 1)):
         expected = savgol_filter(value, window, order, deriv=deriv, delta=1 / 60)
-        np.testing.assert_allclose(found[whole, 0], expected[whole], rtol=0, atol=1e-10)
+        assert_allclose(found[whole, 0], expected[whole], rtol=0, atol=1e-10)
 
 
 def test_savgol_sees_its_window_only():
@@ -282,10 +256,10 @@ def test_savgol_sees_its_window_only():
 
 @pytest.mark.parametrize(("window", "order"), [(6, 3), (3, 3), (5, 7)])
 def test_a_window_that_cannot_hold_the_polynomial_is_refused(window, order):
-    with pytest.raises(InputError, match=f"window = {window} must be odd and larger than order"):
+    with refused(f"window = {window} must be odd and larger than order"):
         SavitzkyGolay(window, order)
 
 
 def test_too_short_a_recording_is_refused():
-    with pytest.raises(InputError, match="6 samples are fewer than window = 7"):
+    with refused("6 samples are fewer than window = 7"):
         SavitzkyGolay()([one(even(6), np.zeros(6))])

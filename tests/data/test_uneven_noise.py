@@ -1,9 +1,13 @@
 """Samples whose noise is known one by one: smoother, shooting and reader weigh them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from fixtures.dataset_files import load_single
+from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid import InputError, load_dataset
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, cut, relative_noise
@@ -42,7 +46,7 @@ def test_equal_deviations_change_nothing():
     value = noisy(np.sin(5 * t)[:, None], np.random.default_rng(1), 0.002)
     plain = RTS()([Signal(t, value)])[0]
     weighted = RTS()([Signal(t, value, sigma=np.full_like(value, 0.7))])[0]
-    np.testing.assert_array_equal(weighted.q, plain.q)
+    assert_array_equal(weighted.q, plain.q)
 
 
 def swings(sigma_of):
@@ -66,11 +70,8 @@ def swings(sigma_of):
 
 
 def unweighted(data):
-    return Dataset(
-        data.name,
-        data.mechanism,
-        tuple(Recording(r.name, r.angle._replace(sigma=None), r.torque) for r in data.recordings),
-    )
+    recordings = (replace(r, angle=r.angle._replace(sigma=None)) for r in data.recordings)
+    return replace(data, recordings=tuple(recordings))
 
 
 def test_shooting_trusts_samples_by_their_noise():
@@ -87,10 +88,10 @@ def test_a_part_of_a_signal_keeps_its_deviations():
     signal = Signal(np.arange(4.0), np.ones((4, 1)), sigma=np.array([[1.0], [2.0], [4.0], [8.0]]))
     part = cut(signal, 1.0, 2.0)
     assert part.sigma.tolist() == [[2.0], [4.0]]
-    np.testing.assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
+    assert_allclose(relative_noise(part).ravel(), [2 / 3, 4 / 3])
 
 
-TOML = """
+TOML = b"""
 name = "tracked"
 [mechanism]
 kind = "pendulum"
@@ -115,12 +116,10 @@ ROWS = [
 
 
 def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
-    (tmp_path / "dataset.toml").write_text(TOML)
-    (tmp_path / "a.csv").write_text("\n".join(ROWS))
-    angle = load_dataset(tmp_path).recordings[0].angle
+    angle = load_single(tmp_path, TOML, a_csv="\n".join(ROWS).encode()).angle
     assert angle.time.tolist() == [0.0, 2.0, 3.0]
-    np.testing.assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
-    np.testing.assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
+    assert_allclose(np.degrees(angle.value.ravel()), [90, 60, 30])
+    assert_allclose(np.degrees(angle.sigma.ravel()), [0.1, 0.2, 0.4])
 
 
 @pytest.mark.parametrize(
@@ -132,7 +131,5 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
     ],
 )
 def test_wrong_deviations_are_reported_in_one_line(tmp_path, rows, line):
-    (tmp_path / "dataset.toml").write_text(TOML)
-    (tmp_path / "a.csv").write_text("\n".join(rows))
-    with pytest.raises(InputError, match=line):
-        load_dataset(tmp_path)
+    with refused(line):
+        load_single(tmp_path, TOML, a_csv="\n".join(rows).encode())

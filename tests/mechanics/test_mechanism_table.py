@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import sympy as sp
 import torch
+from fixtures.refusals import refused
 
-from frictionid.errors import InputError
 from frictionid.mechanics import (
     Base,
     Body,
@@ -42,77 +42,80 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
 
 
 @pytest.mark.parametrize(
-    ("table", "message"),
+    ("kind", "options", "message"),
     [
         (
+            "",
             {},
             r"kind = '' is unknown; known: 'acrobot', 'double_pendulum', 'linear_axis', "
             r"'pendulum', 'two_mass_axis'",
         ),
-        ({"kind": "acrobott"}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
-        ({"kind": 3}, r"kind = '3' is unknown"),
+        ("acrobott", {}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
+        (3, {}, r"kind = '3' is unknown"),
+        ("acrobot", {"inertia": "printed"}, r"no option 'inertia'; did you mean 'inertias'"),
+        ("pendulum", {"colour": "red"}, r"no option 'colour'; known: 'driven'"),
+        ("acrobot", {"inertias": "cad"}, r"option 'cad' must be one of printed, shapes"),
+        ("acrobot", {"link2_rate": ""}, r"option '' must be one of absolute, relative"),
+        ("acrobot", {"inertias": {"J": 1}}, r"inertias = .* a value or a list of values"),
+        ("double_pendulum", {"driven": True}, r"driven = True must be a pair of true and"),
+        ("double_pendulum", {"driven": [True]}, r"driven = \(True,\) must be a pair"),
+        ("double_pendulum", {"driven": ["no", "yes"]}, r"must be a pair of true and false"),
+        ("double_pendulum", {"driven": [[True]]}, r"must be a value or a list of values"),
+        ("pendulum", {"driven": "yes"}, r"driven = 'yes' must be true or false"),
+        ("acrobot", {"parameters": 3}, r"parameters = 3 must be a table: name = number"),
         (
-            {"kind": "acrobot", "inertia": "printed"},
-            r"no option 'inertia'; did you mean 'inertias'",
-        ),
-        ({"kind": "pendulum", "colour": "red"}, r"no option 'colour'; known: 'driven'"),
-        ({"kind": "acrobot", "inertias": "cad"}, r"option 'cad' must be one of printed, shapes"),
-        ({"kind": "acrobot", "link2_rate": ""}, r"option '' must be one of absolute, relative"),
-        ({"kind": "acrobot", "inertias": {"J": 1}}, r"inertias = .* a value or a list of values"),
-        ({"kind": "double_pendulum", "driven": True}, r"driven = True must be a pair of true and"),
-        ({"kind": "double_pendulum", "driven": [True]}, r"driven = \(True,\) must be a pair"),
-        ({"kind": "double_pendulum", "driven": ["no", "yes"]}, r"must be a pair of true and false"),
-        ({"kind": "double_pendulum", "driven": [[True]]}, r"must be a value or a list of values"),
-        ({"kind": "pendulum", "driven": "yes"}, r"driven = 'yes' must be true or false"),
-        ({"kind": "acrobot", "parameters": 3}, r"parameters = 3 must be a table: name = number"),
-        (
-            {"kind": "pendulum", "parameters": {"lenght": 1.0}},
+            "pendulum",
+            {"parameters": {"lenght": 1.0}},
             r"pendulum has no parameter 'lenght'; did you mean 'length'",
         ),
-        ({"kind": "pendulum", "parameters": {"mass": "1"}}, r"mass = '1' must be a finite number"),
-        ({"kind": "pendulum", "parameters": {"mass": True}}, r"mass = True must be a finite num"),
-        ({"kind": "pendulum", "parameters": {"mass": np.nan}}, r"mass = nan must be a finite num"),
-        ({"kind": "pendulum", "parameters": {"g": np.inf}}, r"g = inf must be a finite number"),
-    ],
-)
-def test_a_wrong_table_is_reported_with_the_mistake(table, message):
-    with pytest.raises(InputError, match=message):
-        mechanism_of(table).nominal({})
-
-
-def test_a_wrong_override_is_reported_with_the_mistake():
-    table = {"kind": "acrobot"}
-    with pytest.raises(InputError, match="no parameter 'rotr'; did you mean 'rotor'"):
-        mechanism_of(table).nominal({"rotr": 1.0})
-    with pytest.raises(InputError, match="m4 = None must be a finite number"):
-        mechanism_of(table).nominal({"m4": None})
-
-
-@pytest.mark.parametrize(
-    ("kind", "given", "message"),
-    [
+        ("pendulum", {"parameters": {"mass": "1"}}, r"mass = '1' must be a finite number"),
+        ("pendulum", {"parameters": {"mass": True}}, r"mass = True must be a finite num"),
+        ("pendulum", {"parameters": {"mass": np.nan}}, r"mass = nan must be a finite num"),
+        ("pendulum", {"parameters": {"g": np.inf}}, r"g = inf must be a finite number"),
         (
             "pendulum",
-            {"mass": 0.5},
+            {"parameters": {"mass": 0.5}},
             r"pendulum needs length \[m\] \(joint to centre of mass\): give",
         ),
-        ("linear_axis", {}, r"linear_axis needs mass \[kg\]"),
-        ("double_pendulum", {"m1": 1.0, "m2": 1.0}, r"needs l1 \[m\] .*, r1 .*, r2 .*, I1 .*, I2 "),
-        ("pendulum", {"mass": -0.5, "length": 1.0}, r"mass = -0.5 kg is negative"),
-        ("acrobot", {"m4": -0.1}, r"acrobot: m4 = -0.1 kg is negative"),
+        ("linear_axis", {"parameters": {}}, r"linear_axis needs mass \[kg\]"),
+        (
+            "double_pendulum",
+            {"parameters": {"m1": 1.0, "m2": 1.0}},
+            r"needs l1 \[m\] .*, r1 .*, r2 .*, I1 .*, I2 ",
+        ),
+        ("pendulum", {"parameters": {"mass": -0.5, "length": 1.0}}, r"mass = -0.5 kg is negative"),
+        ("acrobot", {"parameters": {"m4": -0.1}}, r"acrobot: m4 = -0.1 kg is negative"),
         (
             "pendulum",
-            {"mass": 1.0, "length": 1.0, "rotor": -1e-3},
+            {"parameters": {"mass": 1.0, "length": 1.0, "rotor": -1e-3}},
             r"rotor = -0.001 kg m\^2 is neg",
         ),
-        ("pendulum", {"mass": 0.0, "length": 1.0}, r"give no inertia to a direction of motion"),
-        ("pendulum", {"mass": 1.0, "length": 1.0, "inertia": -1.5}, r"eigenvalue of M: -0.5\)"),
+        (
+            "pendulum",
+            {"parameters": {"mass": 0.0, "length": 1.0}},
+            r"give no inertia to a direction of motion",
+        ),
+        (
+            "pendulum",
+            {"parameters": {"mass": 1.0, "length": 1.0, "inertia": -1.5}},
+            r"eigenvalue of M: -0.5\)",
+        ),
     ],
 )
-def test_a_machine_that_cannot_be_is_refused_by_name(kind, given, message):
+def test_a_wrong_table_is_reported_with_the_mistake(kind, options, message):
     """Without a mass or length nothing is assumed, and none is negative."""
-    with pytest.raises(InputError, match=message):
-        mechanism_of({"kind": kind, "parameters": given}).nominal({})
+    with refused(message):
+        mechanism_of({"kind": kind, **options}).nominal({})
+
+
+def test_a_missing_kind_and_a_wrong_override_are_reported_with_the_mistake():
+    with refused("kind = '' is unknown"):
+        mechanism_of({})
+    table = {"kind": "acrobot"}
+    with refused("no parameter 'rotr'; did you mean 'rotor'"):
+        mechanism_of(table).nominal({"rotr": 1.0})
+    with refused("m4 = None must be a finite number"):
+        mechanism_of(table).nominal({"m4": None})
 
 
 def test_what_a_recording_gives_need_not_stand_in_the_table():
@@ -145,21 +148,9 @@ def test_scalar_code_of_powers_roots_and_functions(xp):
         (x + y) * sp.cos(x + y) + sp.log(x + y),
     ]
     a, b = np.array([0.5, 2.0, 7.0]), np.array([0.1, 1.0, 3.0])
-    s = a + b
-    expected = [
-        np.sqrt(a),
-        1 / np.sqrt(a),
-        np.sqrt(2) * a,
-        a**1.5,
-        a**-2.0,
-        8 * a,
-        np.exp(-((b / a) ** 2)),
-        np.arctan(b) + np.tanh(a) * np.sin(b) ** 2,
-        s * np.cos(s) + np.log(s),
-    ]
+    expected = sp.lambdify([x, y], outputs)(a, b)
     arguments = (a, b) if xp is np else (torch.from_numpy(a), torch.from_numpy(b))
     out = scalar_code([x, y], outputs)(xp, *arguments)
-    assert len(out) == len(expected)
     for actual, wanted in zip(out, expected, strict=True):
         np.testing.assert_allclose(np.asarray(actual), wanted, rtol=1e-14)
 

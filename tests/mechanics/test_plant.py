@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.integrals import integrals_of
@@ -17,32 +18,28 @@ from frictionid.mechanics.plant import (
 )
 
 
-def motion(samples=30, n=2):
-    rng = np.random.default_rng(0)
-    time = np.cumsum(rng.uniform(0.01, 0.03, samples))
-    return time, rng.normal(size=(samples, n)), 3 * rng.normal(size=(samples, n))
-
-
 def test_midpoints_and_means_of_cubic_motions_are_exact():
     time = np.array([0.0, 0.3, 0.5, 1.1])[:, None]
     q, w = 1 + 2 * time - time**2 + time**3, 2 - 2 * time + 3 * time**2
     t, angle, velocity = with_midpoints(time[:, 0], q, w)
     t = t[:, None]
-    np.testing.assert_allclose(angle, 1 + 2 * t - t**2 + t**3, atol=1e-14)
-    np.testing.assert_allclose(velocity, 2 - 2 * t + 3 * t**2, atol=1e-14)
+    assert_allclose(angle, 1 + 2 * t - t**2 + t**3, atol=1e-14)
+    assert_allclose(velocity, 2 - 2 * t + 3 * t**2, atol=1e-14)
     travelled = interval_mean(velocity, interval_stencil(4)) * np.diff(time, axis=0)
-    np.testing.assert_allclose(travelled, np.diff(q, axis=0), atol=1e-14)
+    assert_allclose(travelled, np.diff(q, axis=0), atol=1e-14)
 
 
 def test_the_balance_is_linear_in_the_base_parameters():
     machine = double_pendulum()
     p = Plant.from_parameters(machine, {}).p
-    _, q, w = with_midpoints(*motion())
+    rng = np.random.default_rng(0)
+    time, (q, w) = np.cumsum(rng.uniform(0.01, 0.03, 30)), rng.normal(size=(2, 30, 2))
+    _, q, w = with_midpoints(time, q, 3 * w)
     stencil = interval_stencil(30)
     units = np.eye(len(p))[:, None]
     whole = momentum_balance(machine.terms(p, q, w), stencil)
     for one, each in zip(whole, momentum_balance(machine.terms(units, q, w), stencil), strict=True):
-        np.testing.assert_allclose(np.moveaxis(each, 0, -1) @ p, one, atol=1e-10)
+        assert_allclose(np.moveaxis(each, 0, -1) @ p, one, atol=1e-10)
 
 
 @pytest.mark.parametrize("hold", ["linear", "previous"])
@@ -64,4 +61,4 @@ def test_windows_of_check_sum_up_the_rows_of_the_one_step_problem(hold):
         inside = (problem.recording == rows.recording[k]) & (problem.time > rows.start[k] - 1e-9)
         inside &= problem.time < rows.stop[k] - 1e-9
         length = rows.stop[k] - rows.start[k]
-        np.testing.assert_allclose(impulse[inside].sum(0), length * mean[k], atol=1e-12)
+        assert_allclose(impulse[inside].sum(0), length * mean[k], atol=1e-12)

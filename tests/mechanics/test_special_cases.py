@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from fixtures.random_machines import MECHANISMS, assert_close, assert_same_terms, physical, states
+from fixtures.random_machines import (
+    MECHANISMS,
+    assert_close,
+    assert_same_terms,
+    drawn,
+    moments_of_inertia,
+    physical,
+    states,
+)
 
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
@@ -27,27 +35,10 @@ def test_double_pendulum_without_a_second_link_is_a_pendulum():
     assert_close(a.energy, b.energy)
 
 
-def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
-    rng = np.random.default_rng(18)
-    double, single = double_pendulum((False, False)), pendulum()
-    v = physical(double, rng)
-    mass = v["m1"] + v["m2"]
-    length = (v["m1"] * v["r1"] + v["m2"] * (v["l1"] + v["r2"])) / mass
-    about_joint = v["I1"] + v["I2"] + v["m2"] * ((v["l1"] + v["r2"]) ** 2 - v["r2"] ** 2)
-    same = {"mass": mass, "length": length, "inertia": about_joint - mass * length**2, "g": v["g"]}
-    q, w = states(single, rng)
-    a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
-    b = single.terms(single.base(same), q, w)
-    assert_close(a.M[:, :1, :1], b.M)
-    assert_close(a.h[:, :1], b.h)
-    assert_close(a.energy, b.energy)
-
-
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
 def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
-    rng = np.random.default_rng(19)
     a, d = acrobot(inertias), double_pendulum((False, True))
-    v = physical(a, rng)
+    v, q, w, _ = drawn(a, 19)
     m1, m2, m3, m4, L1, L2, L3, L4 = (v[k] for k in "m1 m2 m3 m4 L1 L2 L3 L4".split())
     J1, J2 = moments_of_inertia(v)
     same = {
@@ -62,20 +53,7 @@ def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
         "gr": v["gear"],
         "g": v["g"],
     }
-    q, w = states(a, rng)
     assert_same_terms(a.terms(a.base(v), q, w), d.terms(d.base(same), q, w))
-
-
-def moments_of_inertia(v):
-    """J1 about the shaft (link 1 about its own centre) and J2, written by hand."""
-    if "J2" in v:
-        return v["J_shaft"] + v["J_clamp"] + v["J_bush"] + v["J_link1"], v["J2"]
-    shaft = 0.5 * v["M_shaft"] * v["R_shaft"] ** 2
-    rings = sum(
-        0.5 * v[f"M_{k}"] * (v[f"R_{k}"] ** 2 + v[f"r_{k}"] ** 2) for k in ("clamp", "bush")
-    )
-    plates = [v[m] * (v[f"H{i}"] ** 2 + v[f"W{i}"] ** 2) / 12 for m, i in (("m1", 1), ("m3", 2))]
-    return shaft + rings + plates[0], plates[1]
 
 
 # ---------------------------------------------------------------- published figures and formulas
@@ -83,16 +61,12 @@ def moments_of_inertia(v):
 
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
 def test_the_printed_energy_differs_in_the_inertia_of_link_2_alone(inertias):
-    rng = np.random.default_rng(20)
     absolute, relative = acrobot(inertias), acrobot(inertias, "relative")
-    v = physical(absolute, rng)
+    v, q, w, _ = drawn(absolute, 20)
     J2 = moments_of_inertia(v)[1]
-    q, w = states(absolute, rng)
     a = absolute.terms(absolute.base(v), q, w)
     r = relative.terms(relative.base(v), q, w)
-    assert_close(
-        a.M - r.M, np.broadcast_to(J2 * np.array([[1.0, 1.0], [1.0, 0.0]]), a.M.shape), 1e-10
-    )
+    assert_close(a.M - r.M, np.multiply.outer(J2, [[1.0, 1.0], [1.0, 0.0]]), 1e-10)
     assert_close(a.energy - r.energy, 0.5 * J2 * ((w.sum(-1)) ** 2 - w[:, 1] ** 2), 1e-10)
     assert_close(a.h, r.h)
     assert_close(a.dLdq, r.dLdq)
@@ -132,11 +106,9 @@ def test_a_small_rotor_behind_the_gear_adds_a_sixth_to_the_second_joint():
 
 def test_double_pendulum_has_the_matrices_of_its_makers():
     """M and G as the makers of the real one print them, both joints driven [Wiebe2024]."""
-    rng = np.random.default_rng(21)
     m = double_pendulum()
-    v = physical(m, rng, (200,))
+    v, q, w, _ = drawn(m, 21)
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = v.values()
-    q, w = states(m, rng)
     (q1, q2), (w1, w2) = q.T, w.T
     M11 = I1 + I2 + m2 * l1**2 + 2 * m2 * l1 * r2 * np.cos(q2) + gr**2 * Ir + Ir
     M12 = I2 + m2 * l1 * r2 * np.cos(q2) - gr * Ir
@@ -150,10 +122,8 @@ def test_double_pendulum_has_the_matrices_of_its_makers():
 
 
 def test_pendulum_has_its_textbook_equation():
-    rng = np.random.default_rng(22)
     m = pendulum()
-    v = physical(m, rng, (200,))
-    q, w = states(m, rng)
+    v, q, w, _ = drawn(m, 22)
     t = m.terms(m.base(v), q, w)
     I = v["mass"] * v["length"] ** 2 + v["inertia"] + v["gear"] ** 2 * v["rotor"]  # noqa: E741
     assert_close(t.M[:, 0, 0], I)
@@ -166,8 +136,7 @@ def test_pendulum_has_its_textbook_equation():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_bearings_of_a_hanging_machine_carry_its_weight(name):
     mechanism = MECHANISMS[name]
-    rng = np.random.default_rng(28)
-    v = physical(mechanism, rng)
+    v = physical(mechanism, np.random.default_rng(28))
     zero = np.zeros(mechanism.n)
     load = mechanism.load(v, zero, zero, zero)
     beyond = {
@@ -180,11 +149,8 @@ def test_bearings_of_a_hanging_machine_carry_its_weight(name):
 
 def test_bearing_force_of_a_swinging_pendulum_by_newton():
     """Along the rod m (g cos q + l w^2), across it m (l dw/dt + g sin q)."""
-    rng = np.random.default_rng(29)
     m = pendulum()
-    v = physical(m, rng, (100,))
-    q, w = states(m, rng, (100,))
-    u = rng.normal(size=q.shape)
+    v, q, w, u = drawn(m, 29)
     t = m.terms(m.base(v), q, w)
     a = ((t.h + u) / t.M[..., 0])[:, 0]
     along = v["g"] * np.cos(q[:, 0]) + v["length"] * w[:, 0] ** 2

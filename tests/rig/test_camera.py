@@ -20,6 +20,7 @@ from fixtures.simulated_films import (
     taken,
     tracked,
 )
+from numpy.testing import assert_allclose
 
 from frictionid.data.marker_geometry import flattened
 from frictionid.data.recordings import TrueMotion
@@ -109,7 +110,7 @@ def test_the_side_and_the_direction_of_gravity_turn_the_first_joint(easy, camera
     _, shots = easy
     plain = tracked(EASY, shots[:40])
     other = tracked(EASY, shots[:40], marker_setup_of(EASY, camera=camera))
-    np.testing.assert_allclose(
+    assert_allclose(
         other.q, sign * plain.q - np.radians([turned, 0.0]), atol=1e-12 if camera != Camera() else 0
     )
 
@@ -118,7 +119,7 @@ def test_the_side_and_the_direction_of_gravity_turn_the_first_joint(easy, camera
 def test_times_are_the_middles_of_exposures(easy, stamp, late):
     _, shots = easy
     angles = tracked(EASY, shots[:20], marker_setup_of(EASY, camera=Camera(stamp=stamp)))
-    np.testing.assert_allclose(angles.time, [s.time + late for s in shots[:20]], atol=1e-12)
+    assert_allclose(angles.time, [s.time + late for s in shots[:20]], atol=1e-12)
 
 
 def test_calibration_finds_the_plane_that_keeps_links_as_long_as_they_are():
@@ -134,7 +135,7 @@ def test_calibration_finds_the_plane_that_keeps_links_as_long_as_they_are():
     assert np.nanstd(found.residual) < 0.06 < 0.3 * np.nanstd(plain.residual)
     flat = flattened(markers, found.plane)
     length = np.linalg.norm(np.diff(flat, axis=1), axis=-1)
-    np.testing.assert_allclose(length.mean(0) / length.mean(0)[0], [1, 175 / 153], rtol=1e-3)
+    assert_allclose(length.mean(0) / length.mean(0)[0], [1, 175 / 153], rtol=1e-3)
 
 
 class Pictures(Source):
@@ -163,9 +164,9 @@ def test_a_proposal_finds_dots_pivot_and_links(seed):
     shots = frames(taken(film, motion(150, seed=seed)))[::3]
     setup = propose(Pictures(shots, SMALL.size, 20.0))
     assert [m.name for m in setup.markers] == ["pivot", "elbow", "tip"]
-    np.testing.assert_allclose(setup.markers[0].at, SMALL.pivot, atol=3)
-    np.testing.assert_allclose(setup.links.pixels, 600 * np.array(LENGTHS), rtol=0.04)
-    np.testing.assert_allclose([m.radius for m in setup.markers[1:]], look.radius, rtol=0.2)
+    assert_allclose(setup.markers[0].at, SMALL.pivot, atol=3)
+    assert_allclose(setup.links.pixels, 600 * np.array(LENGTHS), rtol=0.04)
+    assert_allclose([m.radius for m in setup.markers[1:]], look.radius, rtol=0.2)
 
 
 @pytest.mark.parametrize("tip", [RED, BLUE])
@@ -204,7 +205,7 @@ def test_a_still_chain_is_found_where_it_is():
     angles = tracked(
         EASY, taken(EASY, still), marker_setup_of(EASY, camera=Camera(calibrate=False))
     )
-    np.testing.assert_allclose(np.degrees(angles.q), np.degrees(0.4), atol=0.1)
+    assert_allclose(np.degrees(angles.q), np.degrees(0.4), atol=0.1)
 
 
 def test_colour_at_full_resolution_is_more_exact(tmp_path):

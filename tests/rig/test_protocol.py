@@ -1,11 +1,13 @@
 """The line protocol: every undamaged line is read, no damaged one is, however bytes come."""
 
+import re
+
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from frictionid.errors import InputError
 from frictionid.rig.logfile import clock_runs, seconds, unified_time
 from frictionid.rig.rig_settings import (
     MAX_LINE,
@@ -163,10 +165,8 @@ MOTOR = {"kt": 0.01, "gear": 20.0}
     ],
 )
 def test_a_rig_that_cannot_be_is_reported_in_one_line(document, said):
-    with pytest.raises(InputError, match=".") as complaint:
+    with refused("^rig.toml.*" + re.escape(said)):
         rig_settings_of(document, "rig.toml")
-    assert said in str(complaint.value)
-    assert str(complaint.value).startswith("rig.toml")
 
 
 # --- The controller's clock ---------------------------------------------------------------------

@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from fixtures.dataset_files import described, load
+from fixtures.damaged_bytes import damaged
+from fixtures.dataset_files import described, load, load_single
 from fixtures.own_reader import read_by
 from fixtures.reader_files import (
     MARKERS,
@@ -15,6 +16,7 @@ from fixtures.reader_files import (
     marker_csv,
     mat_bytes,
 )
+from fixtures.refusals import refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,58 +30,59 @@ from frictionid.errors import InputError
 def assert_refused(read, path, content, given_settings, words):
     """Check that a file is refused with some words."""
     path.write_bytes(content)
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         read(path, given_settings)
 
 
 # --- Settings and [reader] -----------------------------------------------------------------------
 
-READERS = {
-    "unknown reader": ({"kind": "bamm"}, "kind = 'bamm' is unknown; did you mean 'bam'"),
-    "unknown setting": ({"kind": "bam", "Kt": 1.0}, r"\[reader\]: unknown key 'Kt'.*'kt'"),
-    "missing setting": ({"kind": "bam", "kt": 1.0}, r"\[reader\]: the key 'R' is missing"),
-    "negative": ({"kind": "bam", "kt": -1.0, "R": 1.0}, "kt: .*greater than 0, not -1.0"),
-    "missing module": ({"kind": "no_such_module:read"}, "cannot be imported"),
-    "missing function": ({"kind": "my_readers:reed"}, "cannot be imported"),
-    "no function": ({"kind": "my_readers:OWN_NUMBER"}, "cannot be imported|is no function"),
-    "broken": ({"kind": "my_readers:broken"}, r"a\.log: the reader .* failed \(KeyError"),
-    "no recording": ({"kind": "my_readers:wrong"}, "must return a Recording, not int"),
-    "no kind": ({"rate": 3.0}, "'reader.kind' is missing"),
-}
 
-
-@pytest.mark.parametrize(("reader", "words"), READERS.values(), ids=READERS)
+@pytest.mark.parametrize(
+    ("reader", "words"),
+    [
+        ({"kind": "bamm"}, "kind = 'bamm' is unknown; did you mean 'bam'"),
+        ({"kind": "bam", "Kt": 1.0}, r"\[reader\]: unknown key 'Kt'.*'kt'"),
+        ({"kind": "bam", "kt": 1.0}, r"\[reader\]: the key 'R' is missing"),
+        ({"kind": "bam", "kt": -1.0, "R": 1.0}, "kt: .*greater than 0, not -1.0"),
+        ({"kind": "no_such_module:read"}, "cannot be imported"),
+        ({"kind": "my_readers:reed"}, "cannot be imported"),
+        ({"kind": "my_readers:OWN_NUMBER"}, "cannot be imported|is no function"),
+        ({"kind": "my_readers:broken"}, r"a\.log: the reader .* failed \(KeyError"),
+        ({"kind": "my_readers:wrong"}, "must return a Recording, not int"),
+        ({"rate": 3.0}, "'reader.kind' is missing"),
+    ],
+)
 def test_a_mistake_in_reader_is_one_clear_line(tmp_path, reader, words):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         read_by(tmp_path, reader)
 
 
 def test_reader_and_columns_exclude_each_other(tmp_path):
-    with pytest.raises(InputError, match=r"\[columns\] and \[reader\] exclude each other"):
+    with refused(r"\[columns\] and \[reader\] exclude each other"):
         load(tmp_path, described(reader={"kind": "bam"}))
-    with pytest.raises(InputError, match="'columns' is missing; add it, or a "):
+    with refused("'columns' is missing; add it, or a "):
         load(tmp_path, described(columns=None))
 
 
 def test_the_noise_must_fit_the_joints_of_the_reader(tmp_path):
     reader = {"kind": "my_readers:read", "scale": 1.0, "rate": 1.0}
-    with pytest.raises(InputError, match=r"sigma\.angle has 2 numbers for 1 joints"):
+    with refused(r"sigma\.angle has 2 numbers for 1 joints"):
         read_by(tmp_path, reader, {"sigma": {"angle": [0.1, 0.1]}})
 
 
-MARKER_MISTAKES = {
-    "no time": ({"time": None}, "give either time .* or rate"),
-    "two times": ({"rate": 3.0}, "give either time .* or rate"),
-    "numbers differ": ({"y": ["y0", "y1"]}, "x names 3 columns and y 2"),
-    "twice": ({"x": ["x0", "x1", "y0"]}, "name a column twice"),
-    "one marker": ({"x": ["x0"], "y": ["y0"]}, r"\[reader\]: x: .*at least 2"),
-    "no column": ({"x": ["x0", "x1", "x9"]}, "has no column 'x9'"),
-    "headerless": ({"header": False}, "has no column 'x0'; it has 1 to 7"),
-    "pivot": ({"pivot": "flying"}, "'moving' or 'fixed', not 'flying'"),
-}
-
-
-@pytest.mark.parametrize(("changes", "words"), MARKER_MISTAKES.values(), ids=MARKER_MISTAKES)
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"time": None}, "give either time .* or rate"),
+        ({"rate": 3.0}, "give either time .* or rate"),
+        ({"y": ["y0", "y1"]}, "x names 3 columns and y 2"),
+        ({"x": ["x0", "x1", "y0"]}, "name a column twice"),
+        ({"x": ["x0"], "y": ["y0"]}, r"\[reader\]: x: .*at least 2"),
+        ({"x": ["x0", "x1", "x9"]}, "has no column 'x9'"),
+        ({"header": False}, "has no column 'x0'; it has 1 to 7"),
+        ({"pivot": "flying"}, "'moving' or 'fixed', not 'flying'"),
+    ],
+)
 def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, changes, words):
     merged = {k: v for k, v in {**MARKERS, **changes}.items() if v is not None}
     assert_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
@@ -100,12 +103,12 @@ LOGS = {
     "deep": (b"[" * 100000, "is no JSON"),
     "a list": (b"[]", "has no list of entries"),
     "no entries": (b'{"mass": 1}', "has no list of entries"),
-    "few entries": (json.dumps(bam_log(3, passive=1) | {"entries": [{}]}).encode(), "1 entries"),
-    "no mass": (json.dumps({**bam_log(), "mass": None}).encode(), "mass is missing"),
-    "text": (json.dumps({**bam_log(), "kp": "32"}).encode(), "kp is '32', which is no number"),
-    "negative": (json.dumps({**bam_log(), "length": -1}).encode(), "length must be positive"),
-    "huge": (json.dumps({**bam_log(), "kp": 10**400}).encode(), "kp is too large"),
-    "entry": (json.dumps({**bam_log(), "entries": [1, 2, 3]}).encode(), "entry 0 .* is no object"),
+    "few entries": (bam_bytes(entries=[{}]), "1 entries"),
+    "no mass": (bam_bytes(mass=None), "mass is missing"),
+    "text": (bam_bytes(kp="32"), "kp is '32', which is no number"),
+    "negative": (bam_bytes(length=-1), "length must be positive"),
+    "huge": (bam_bytes(kp=10**400), "kp is too large"),
+    "entry": (bam_bytes(entries=[1, 2, 3]), "entry 0 .* is no object"),
     "no position": (entry(4, position="gone"), "entry 4 .*position is missing"),
     "nan": (entry(5, position=float("nan")), "entry 5 .*'position' is empty or nan"),
     "back in time": (entry(7, timestamp=0.0), "entry 7 .*time must increase"),
@@ -134,7 +137,7 @@ CARRIAGE = described(
 
 def read_carriage(path, _):
     """The recording of a MAT table at `path`."""
-    (recording,) = load(path.parent, CARRIAGE, a_mat=path.read_bytes()).recordings
+    recording = load_single(path.parent, CARRIAGE, a_mat=path.read_bytes())
     return recording
 
 
@@ -158,20 +161,20 @@ def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
     assert_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
 
 
-MAT_COLUMNS = {
-    "no name": ("q[2]", "names no column; write q"),
-    "too many": ("q(:,3)", r"there is no 'q\(:,3\)', it has 2 columns"),
-    "no field": ("q.x", "has no column 'q.x'"),
-    "no such field": ("log.x", "has no column 'log.x'; it has 'y'"),
-}
-
-
-@pytest.mark.parametrize(("name", "words"), MAT_COLUMNS.values(), ids=MAT_COLUMNS)
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("q[2]", "names no column; write q"),
+        ("q(:,3)", r"there is no 'q\(:,3\)', it has 2 columns"),
+        ("q.x", "has no column 'q.x'"),
+        ("log.x", "has no column 'log.x'; it has 'y'"),
+    ],
+)
 def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, name, words):
     content = mat_bytes({"t": np.arange(5.0), "q": np.ones((5, 2)), "log": {"y": 1.0}})
     names = {"time": "t", "angle": [name], "torque": [""]}
     document = described(recordings__patterns=["*.mat"], columns=names)
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         load(tmp_path, document, a_mat=content)
 
 
@@ -194,19 +197,12 @@ def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, content, words):
 
 def test_unreadable_files_are_named(tmp_path):
     for read, given_settings in ((read_bam, MOTOR), (read_markers, BARE)):
-        with pytest.raises(InputError, match="cannot be read"):
+        with refused("cannot be read"):
             read(tmp_path / "nowhere.csv", given_settings)
     assert_refused(read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file")
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------
-
-
-def damaged(content):
-    """The content with a part cut out, overwritten or repeated."""
-    size = len(content)
-    cuts = st.tuples(st.integers(0, size), st.integers(0, 60), st.binary(max_size=30))
-    return cuts.map(lambda s: content[: s[0]] + s[2] + content[s[0] + s[1] :])
 
 
 def survives(read, path, content, given_settings):
@@ -260,5 +256,5 @@ JSON = st.recursive(
 
 @given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
 def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
-    log = {**bam_log(samples=8, passive=2), key: value}
-    assert survives(read_bam, tmp_path / "a.json", json.dumps(log).encode(), MOTOR)
+    content = bam_bytes(samples=8, passive=2, **{key: value})
+    assert survives(read_bam, tmp_path / "a.json", content, MOTOR)

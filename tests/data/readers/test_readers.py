@@ -6,9 +6,10 @@ import json
 import numpy as np
 import pytest
 import scipy.io
-from fixtures.dataset_files import described, load, motion
+from fixtures.dataset_files import described, load_single, motion
 from fixtures.own_reader import read_by
 from fixtures.reader_files import MARKERS, MOTOR, bam_bytes, bam_log, column, marker_csv, mat_bytes
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
@@ -34,11 +35,11 @@ def test_mat_tables_hold_the_same_numbers_as_csv(tmp_path):
     )
     table = np.stack([columns["q1"], columns["q2"]], axis=1)
     content = mat_bytes({"log": {"t": columns["time"], "q": table}, "u2": columns["u2"]})
-    (recording,) = load(tmp_path, document, a_mat=content).recordings
+    recording = load_single(tmp_path, document, a_mat=content)
     assert recording.name == "a"
-    np.testing.assert_array_equal(recording.angle.time, columns["time"])
-    np.testing.assert_array_equal(recording.angle.value, table)
-    np.testing.assert_array_equal(recording.torque.value[:, 1], columns["u2"])
+    assert_array_equal(recording.angle.time, columns["time"])
+    assert_array_equal(recording.angle.value, table)
+    assert_array_equal(recording.torque.value[:, 1], columns["u2"])
 
 
 @pytest.mark.parametrize("compressed", [False, True])
@@ -53,11 +54,11 @@ def test_mat_variables_are_those_that_scipy_reads(tmp_path, compressed):
     scipy.io.savemat(path, variables, do_compression=compressed)
     found, expected = read_mat(path.read_bytes(), "a.mat"), scipy.io.loadmat(path)
     for name in (*(f"x{k}" for k in kinds), "cube", "one", "none"):
-        np.testing.assert_array_equal(found[name], expected[name])
+        assert_array_equal(found[name], expected[name])
         assert found[name].dtype == expected[name].dtype
     assert (found["text"], found["cell"], found["z"]) == (None, None, None)
-    np.testing.assert_array_equal(found["log"]["deep"]["t"].ravel(), np.arange(4.0))
-    np.testing.assert_array_equal(found["log"]["q"], variables["log"]["q"])
+    assert_array_equal(found["log"]["deep"]["t"].ravel(), np.arange(4.0))
+    assert_array_equal(found["log"]["q"], variables["log"]["q"])
 
 
 # --- bam -----------------------------------------------------------------------------------------
@@ -68,7 +69,7 @@ def test_bam_duty_stays_within_its_limit(tmp_path):
     settings = {**MOTOR, "limit": 0.5}
     time, q = column(bam_log(), "timestamp"), column(bam_log(), "position")
     volts = read_bam(path, settings).torque.value[:, 0] * 4.0 / 0.4 + 0.4 * np.gradient(q, time)
-    np.testing.assert_allclose(np.abs(volts), 0.5 * 7.4, rtol=1e-9)
+    assert_allclose(np.abs(volts), 0.5 * 7.4, rtol=1e-9)
 
 
 def test_bam_load_is_a_signed_word_and_mass_and_length_are_the_logs(tmp_path):
@@ -78,7 +79,7 @@ def test_bam_load_is_a_signed_word_and_mass_and_length_are_the_logs(tmp_path):
     assert recording.parameters == {"mass": 0.7, "length": 0.2}
     load_ = recording.covariates["load"].value[:, 0]
     assert load_.min() < 0 and load_.max() <= 32767
-    np.testing.assert_array_equal(np.mod(load_, 65536), word)
+    assert_array_equal(np.mod(load_, 65536), word)
 
 
 def test_bam_phases_part_the_log_between_them(tmp_path):
@@ -87,8 +88,8 @@ def test_bam_phases_part_the_log_between_them(tmp_path):
     whole = read_bam(path, MOTOR)
     time = np.concatenate([part.angle.time for part in parts])
     angle = np.concatenate([part.angle.value for part in parts])
-    np.testing.assert_array_equal(time, whole.angle.time)
-    np.testing.assert_allclose(angle, whole.angle.value + 0.1)
+    assert_array_equal(time, whole.angle.time)
+    assert_allclose(angle, whole.angle.value + 0.1)
     assert np.all(parts[1].torque.value == 0.0)
 
 
@@ -106,8 +107,8 @@ def test_bam_arm_counts_as_a_rod(tmp_path):
 def test_markers_give_the_angles_they_were_made_of(tmp_path):
     content, angles = marker_csv()
     recording = read_markers(put(tmp_path, "a.csv", content), MARKERS)
-    np.testing.assert_allclose(recording.angle.value, angles, atol=1e-9)
-    np.testing.assert_allclose(recording.angle.time, np.arange(40) * 0.01)
+    assert_allclose(recording.angle.value, angles, atol=1e-9)
+    assert_allclose(recording.angle.time, np.arange(40) * 0.01)
     assert np.all(recording.torque.value == 0.0)
 
 
@@ -115,11 +116,11 @@ def test_markers_are_the_same_with_y_upwards_mirrored_or_by_frame_rate(tmp_path)
     content, angles = marker_csv()
     path = put(tmp_path, "a.csv", content)
     rate = {k: v for k, v in MARKERS.items() if k != "time"} | {"rate": 100.0}
-    np.testing.assert_allclose(read_markers(path, rate).angle.value, angles, atol=1e-9)
+    assert_allclose(read_markers(path, rate).angle.value, angles, atol=1e-9)
     mirrored = read_markers(path, {**MARKERS, "mirrored": True})
-    np.testing.assert_allclose(mirrored.angle.value, -angles, atol=1e-9)
+    assert_allclose(mirrored.angle.value, -angles, atol=1e-9)
     up = read_markers(path, {**MARKERS, "y_points": "up"}).angle.value
-    np.testing.assert_allclose(np.cos(up[:, 0]), -np.cos(angles[:, 0]), atol=1e-9)
+    assert_allclose(np.cos(up[:, 0]), -np.cos(angles[:, 0]), atol=1e-9)
 
 
 def test_rows_without_a_marker_can_be_dropped_and_keep_their_time(tmp_path):
@@ -127,7 +128,7 @@ def test_rows_without_a_marker_can_be_dropped_and_keep_their_time(tmp_path):
     lines[6] = lines[6].rpartition(",")[0] + ","
     path = put(tmp_path, "a.csv", "\n".join(lines).encode())
     recording = read_markers(path, {**MARKERS, "missing": "drop"})
-    np.testing.assert_allclose(recording.angle.time, np.delete(np.arange(40) * 0.01, 5))
+    assert_allclose(recording.angle.time, np.delete(np.arange(40) * 0.01, 5))
 
 
 def test_texts_without_a_header_have_numbered_columns(tmp_path):
@@ -139,13 +140,13 @@ def test_texts_without_a_header_have_numbered_columns(tmp_path):
         (tmp_path / name).mkdir()
         content = {name: rows.replace(b" ", separator)}
         document["recordings"]["patterns"] = [name.replace("_", ".")]
-        (recording,) = load(tmp_path / name, document, **content).recordings
+        recording = load_single(tmp_path / name, document, **content)
         assert recording.angle.value.T.tolist() == [[0.7, 0.6, 0.5], [3.0, 3.0, 3.0]]
         assert recording.angle.time.tolist() == [0.0, 0.05, 0.1] and recording.name == "a"
     numbers = {**MARKERS, "x": ["3", "5", "7"], "y": ["2", "4", "6"], "time": "1", "header": False}
     content, angles = marker_csv()
     path = put(tmp_path, "b.csv.gz", gzip.compress(content.partition(b"\n")[2]))
-    np.testing.assert_allclose(read_markers(path, numbers).angle.value, angles, atol=1e-9)
+    assert_allclose(read_markers(path, numbers).angle.value, angles, atol=1e-9)
 
 
 # --- [reader] in dataset.toml --------------------------------------------------------------------

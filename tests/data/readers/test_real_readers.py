@@ -1,9 +1,11 @@
 """The public recordings: every file loads, in stated units, with the signs of the mechanisms."""
 
+import hashlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from frictionid.comparison.registry import friction_of
@@ -67,8 +69,6 @@ def tables(folder):
 
 
 def test_the_hashes_of_the_registry_are_those_of_the_files(real_data):
-    import hashlib
-
     for name in COLLECTIONS:
         for path in tables(real_data / name):
             place = path.relative_to(real_data / name).as_posix()
@@ -99,28 +99,17 @@ of_the_arm = pytest.mark.parametrize("name", ["dfki_c1", "dfki_c1_swingup"])
 
 
 @of_the_arm
-def test_time_is_in_seconds(dataset, name):
-    """The controller ran at 500 Hz, with jitter to 9 ms."""
-    for recording in dataset(name).recordings:
-        steps = np.diff(recording.angle.time)
-        assert 1.5e-3 < np.median(steps) < 2.5e-3
-        assert steps.max() < 9e-3
+def test_times_angles_and_torques_are_in_si(dataset, name):
+    """The controller ran at 500 Hz, with jitter to 9 ms.
 
-
-@of_the_arm
-def test_angles_are_in_radians_from_hanging_at_rest(dataset, name):
-    """Every run starts hanging; the encoders resolve 3.8e-4 rad, whole turns do not occur."""
+    Every run starts hanging; the encoders resolve 3.8e-4 rad, whole turns do not occur. The drives
+    peak below 4 N m and resolve 5.9e-3 N m; no joint reports none at all.
+    """
     for recording in dataset(name).recordings:
-        angle = recording.angle.value
-        assert np.abs(angle[0]).max() < 0.05
-        assert np.abs(angle).max() < np.pi
+        steps, angle = np.diff(recording.angle.time), recording.angle.value
+        assert 1.5e-3 < np.median(steps) < 2.5e-3 and steps.max() < 9e-3
+        assert np.abs(angle[0]).max() < 0.05 and np.abs(angle).max() < np.pi
         assert np.diff(np.unique(angle[:, 0])).min() == pytest.approx(3.815e-4, rel=0.01)
-
-
-@of_the_arm
-def test_torques_are_in_newton_metres(dataset, name):
-    """The drives peak below 4 N m and resolve 5.9e-3 N m; no joint reports none at all."""
-    for recording in dataset(name).recordings:
         torque = recording.torque.value
         assert recording.torque.hold == "linear"
         assert np.abs(torque).max() < 4.0
@@ -136,7 +125,7 @@ def test_swing_ups_are_cut_to_their_motion_and_the_others_are_whole(dataset, nam
         assert all(3.98 < span <= 4.0 for span in spans)
         assert all(angle.value[-1, 0] > 2.3 for angle in angles)
     else:
-        np.testing.assert_allclose(spans, [10.0] * 6 + [6.0], atol=0.01)
+        assert_allclose(spans, [10.0] * 6 + [6.0], atol=0.01)
 
 
 # --- Signs ---------------------------------------------------------------------------------------
@@ -188,7 +177,7 @@ def test_without_a_motor_energy_falls(dataset, name, window, rate):
 def test_films_end_around_hanging_after_many_turns(dataset):
     """The upper link swings about a whole number of turns in the end: none was lost or made up."""
     ends = [r.angle.value[-4000:, 0].mean() / (2 * np.pi) for r in dataset("ibm").recordings]
-    np.testing.assert_allclose(ends, np.round(ends), atol=0.05)
+    assert_allclose(ends, np.round(ends), atol=0.05)
     assert np.abs(ends).max() > 20
 
 
@@ -208,7 +197,7 @@ def test_the_carriages_published_numbers_come_out_of_its_file(dataset):
     # The same low-pass on both sides, then every fifth sample.
     A, b = low(terms, 80.0)[::5], low(recording.torque.value[:, 0], 80.0)[::5]
     found = np.linalg.lstsq(A, b, rcond=None)[0]
-    np.testing.assert_allclose(found, [95.1089, 203.5034, 20.3935, -3.1648], rtol=0.01)
+    assert_allclose(found, [95.1089, 203.5034, 20.3935, -3.1648], rtol=0.01)
     assert np.std(b - A @ found) == pytest.approx(2.35, abs=0.1)
 
 
@@ -241,7 +230,7 @@ def test_friction_fitted_on_driven_logs_predicts_passive_swings(dataset, request
     published = swing_errors(passive, m1)
     # What predicts the swings are the Coulomb and viscous numbers alone: there is no torque.
     alone = Friction(CoulombViscous(), fitted.theta[:, :2])
-    np.testing.assert_allclose(swing_errors(passive, alone), swing_errors(passive, fitted))
+    assert_allclose(swing_errors(passive, alone), swing_errors(passive, fitted))
     assert np.all(swing_errors(passive, alone) < published)
     assert np.all(swing_errors(passive, plain) > published)
     assert 0.2 < fitted.theta[0, 2] < 0.35  # the published M5 has .29, M6 .27

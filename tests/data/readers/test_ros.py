@@ -1,13 +1,15 @@
 """Joint states of ROS 2 bags: what was written comes back, and mistakes are one line."""
 
+import re
 import sys
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.ros import read as read_ros
-from frictionid.errors import InputError
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 from fixtures.bags import START, STORE, TYPE, message, write
@@ -26,9 +28,9 @@ def states(motion, names=("shoulder", "elbow"), effort=True):
     out = []
     for k, t in enumerate(times):
         # the order of the joints may change from message to message
-        order = (0, 1) if k % 2 == 0 or k == 0 else (1, 0)
+        order = [1, 0] if k % 2 else [0, 1]
         own = [names[i] for i in order]
-        cells = [v[k, list(order)] for v in (q, w, u)]
+        cells = [v[k, order] for v in (q, w, u)]
         cells[2] = cells[2] if effort else []
         out.append((int(t) + 5_000_000, message(START + int(t), own, *cells)))
     return out
@@ -40,12 +42,12 @@ def test_joint_states_come_back_whatever_their_order(motion, tmp_path, plugin):
     file = write(tmp_path / "bag", states(motion), plugin)
     settings = {"joints": ["elbow", "shoulder"], "driven": ["elbow"]}
     found = read_ros(file, settings)
-    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(found.angle.value, q[:, ::-1])
-    np.testing.assert_array_equal(found.velocity.value, w[:, ::-1])
-    np.testing.assert_array_equal(found.torque.value, np.stack([u[:, 1], 0 * u[:, 0]], axis=1))
+    assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    assert_array_equal(found.angle.value, q[:, ::-1])
+    assert_array_equal(found.velocity.value, w[:, ::-1])
+    assert_array_equal(found.torque.value, np.stack([u[:, 1], 0 * u[:, 0]], axis=1))
     received = read_ros(file, {**settings, "clock": "received"})
-    np.testing.assert_allclose(received.angle.time, found.angle.time, atol=1e-12)
+    assert_allclose(received.angle.time, found.angle.time, atol=1e-12)
 
 
 def test_a_bag_is_a_data_set(motion, tmp_path):
@@ -56,7 +58,7 @@ def test_a_bag_is_a_data_set(motion, tmp_path):
     )
     recording = load_dataset(tmp_path).recordings[0]
     assert recording.name == f"bag/{file.stem}"
-    np.testing.assert_array_equal(recording.angle.value, motion[1])
+    assert_array_equal(recording.angle.value, motion[1])
 
 
 TABLES = """
@@ -78,10 +80,10 @@ def test_columns_of_a_bag_have_units_and_motors_as_those_of_any_table(motion, tm
     names = 'time = "time"\nangle = "position[elbow]"\nvelocity = "velocity[elbow]"\n'
     text = f'[columns]\n{names}torque = "effort[elbow]"\n[units]\ntorque = "mA"\n'
     found = loaded(tmp_path, text + "[motor]\nkt = 0.1\ngear = 20.0\n")
-    np.testing.assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(found.angle.value[:, 0], q[:, 1])
-    np.testing.assert_array_equal(found.velocity.value[:, 0], w[:, 1])
-    np.testing.assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
+    assert_allclose(found.angle.time, 1e-9 * times, rtol=0, atol=1e-12)
+    assert_array_equal(found.angle.value[:, 0], q[:, 1])
+    assert_array_equal(found.velocity.value[:, 0], w[:, 1])
+    assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
 
 
 def test_targets_of_a_bag_come_from_a_topic_of_its_own(motion, tmp_path):
@@ -101,21 +103,21 @@ P = 2.0
 """
     found = loaded(tmp_path, text)
     torque = found.servo.torque(found.angle.time, found.angle.value, 0 * found.angle.value)
-    np.testing.assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
+    assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
     for change, words in (
         (("[elbow]", "[knee]"), "has no joint 'knee'"),
         (("/position[", "/effort["), "has one; name another topic"),
         (("position", "positions"), "positions.elbow.': write time, position.joint."),
         (("/joint_commands", "/joint_command"), "did you mean '/joint_commands'"),
     ):
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             loaded(tmp_path, text.replace(*change))
 
 
 def test_passive_joints_need_no_effort(motion, tmp_path):
     file = write(tmp_path / "bag", states(motion, effort=False))
     assert not read_ros(file, {"driven": []}).torque.value.any()
-    with pytest.raises(InputError, match=r"have no effort; without motors set driven = \[\]"):
+    with refused(r"have no effort; without motors set driven = \[\]"):
         read_ros(file, {})
 
 
@@ -147,9 +149,8 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
         (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
     )
     for path, settings, said in cases:
-        with pytest.raises(InputError, match=".") as complaint:
+        with refused(re.escape(said)) as complaint:
             read_ros(path, settings)
-        assert said in str(complaint.value), (said, str(complaint.value))
         assert str(path) in str(complaint.value)
 
 
@@ -157,5 +158,5 @@ def test_without_the_package_its_installation_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     file = tmp_path / "a.mcap"
     file.write_bytes(b"x")
-    with pytest.raises(InputError, match=r"pip install 'frictionid\[ros\]'"):
+    with refused(r"pip install 'frictionid\[ros\]'"):
         read_ros(file, {})

@@ -7,11 +7,11 @@ import pytest
 import tomli_w
 from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
+from fixtures.refusals import assert_one_line, refused
 
 from frictionid.data.readers import reader_names
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.bam import read as read_bam
-from frictionid.errors import InputError
 from frictionid.mechanics import pendulum
 
 EVIL = """
@@ -30,11 +30,10 @@ KINDS = ("evil:read", "runpy:run_path", "joblib:load", "subprocess:Popen", "os:s
 @pytest.mark.parametrize("words", COMMANDS)
 def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
     (tmp_path / "evil.py").write_text(EVIL)
-    with pytest.raises(InputError, match="is code, which runs with your rights"):
+    with refused("is code, which runs with your rights"):
         read_by(tmp_path, {"kind": kind}, trust=False)
     before = {path.name for path in tmp_path.iterdir()}
-    code, out, err = run(tmp_path, *words)
-    assert (code, out) == (2, "") and f"{kind!r} is code" in err and "give --trust" in err
+    assert_one_line(run(tmp_path, *words), f"{kind!r} is code", "give --trust")
     assert {path.name for path in tmp_path.iterdir()} == before
     assert "evil" not in sys.modules
 
@@ -54,7 +53,7 @@ def test_an_installed_package_offers_readers_by_name(tmp_path, monkeypatch):
 
     monkeypatch.setattr(reader_names, "entry_points", lambda **_: [Point()])
     assert reader_names.reader_of("bam", tmp_path) is read_bam
-    with pytest.raises(InputError, match=r"the reader 'mylab' failed|a\.log"):
+    with refused(r"the reader 'mylab' failed|a\.log"):
         read_by(tmp_path, {"kind": "mylab"}, trust=False)
 
 
@@ -89,7 +88,7 @@ def write_own(folder, kind, **options):
 
 @pytest.mark.parametrize("kind", ["own_arm:heavy", "subprocess:Popen"])
 def test_a_mechanism_of_a_data_set_runs_only_where_it_is_trusted(tmp_path, kind):
-    with pytest.raises(InputError, match=r"dataset\.toml: .*is code, .*give --trust"):
+    with refused(r"dataset\.toml: .*is code, .*give --trust"):
         load_dataset(write_own(tmp_path, kind))
     assert not (tmp_path / "imported").exists()
 
@@ -123,6 +122,6 @@ def test_a_mechanism_may_be_given_in_place_of_the_one_that_is_named(tmp_path):
     ],
 )
 def test_a_mechanism_of_ones_own_that_does_not_work_is_one_line(tmp_path, kind, options, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(message) as caught:
         load_dataset(write_own(tmp_path, kind, **options), trust=True)
     assert "dataset.toml" in str(caught.value)

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from fixtures.random_robots import motions, random_robot, urdf_text
+from fixtures.random_robots import mechanism as robot
+from fixtures.random_robots import motions
+from numpy.testing import assert_allclose
 
 from frictionid.arrays import times
 from frictionid.data.readers.dataset import load_dataset
@@ -12,42 +14,35 @@ from frictionid.mechanics.rigid_body.base_parameters import regressor
 SEEDS = range(2)
 
 
-def robot(tmp_path, seed, n=5, serial=False):
-    path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(random_robot(np.random.default_rng(seed), n, serial)))
-    return urdf(path)
-
-
 @pytest.mark.parametrize("seed", SEEDS)
-def test_there_are_as_many_as_the_regressor_has_rank(tmp_path, seed):
-    tree = robot(tmp_path, seed).tree
-    q, w, a = motions(np.random.default_rng(7), (200, tree.n))
-    Y = regressor(tree, q, w, a).reshape(-1, 11 * tree.n)
+def test_there_are_as_many_as_the_regressor_has_rank(seed):
+    mechanism = robot(seed, 5)
+    q, w, a = motions(np.random.default_rng(7), (200, 5))
+    Y = regressor(mechanism.tree, q, w, a).reshape(-1, 11 * 5)
     singular = np.linalg.svd(Y, compute_uv=False)
-    mechanism = robot(tmp_path, seed)
     assert len(mechanism.base_names) == int((singular > 1e-9 * singular[0]).sum())
     assert len(set(mechanism.base_names)) == len(mechanism.base_names)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(tmp_path, seed):
-    rng, mechanism = np.random.default_rng(seed), robot(tmp_path, seed)
+def test_any_inertial_parameters_have_the_torques_of_their_base_parameters(seed):
+    rng, mechanism = np.random.default_rng(seed), robot(seed, 5)
     q, w, a = motions(rng, (50, mechanism.n))
     pi = rng.normal(size=(3, 11 * mechanism.n))
     Y = regressor(mechanism.tree, q, w, a)
     p = pi @ mechanism.reduction.regrouping.T
     tau = times(mechanism.partials(p[:, None], q, w, a).by_p, p[:, None])
-    np.testing.assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
+    assert_allclose(tau, np.einsum("kic,bc->bki", Y, pi), atol=1e-8)
 
 
-def test_the_regressor_is_the_slope_of_the_torques(tmp_path):
-    rng, mechanism = np.random.default_rng(3), robot(tmp_path, 3)
+def test_the_regressor_is_the_slope_of_the_torques():
+    rng, mechanism = np.random.default_rng(3), robot(3, 5)
     q, w, a = motions(rng, (20, mechanism.n))
     p = mechanism.base({})
     units = np.eye(len(p))[:, None]
     M, h = mechanism.dynamics(units, q, w)
     by_p = np.moveaxis(times(M, a) - h, 0, -1)
-    np.testing.assert_allclose(mechanism.partials(p, q, w, a).by_p, by_p, atol=1e-9)
+    assert_allclose(mechanism.partials(p, q, w, a).by_p, by_p, atol=1e-9)
 
 
 def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_path):
@@ -59,9 +54,9 @@ def test_an_axis_that_the_file_rounds_to_a_right_angle_adds_no_parameter(tmp_pat
     pi = np.concatenate([rounded.tree.inertia.ravel(), np.zeros(3)])
     Y = regressor(rounded.tree, q, w, a)
     by_p = rounded.partials(rounded.base({}), q, w, a).by_p
-    np.testing.assert_allclose(times(by_p, rounded.base({})), Y @ pi, atol=1e-12)
+    assert_allclose(times(by_p, rounded.base({})), Y @ pi, atol=1e-12)
     M, h = rounded.dynamics(rounded.base({}), q, w)
-    np.testing.assert_allclose(times(M, a) - h, Y @ pi, atol=1e-12)
+    assert_allclose(times(M, a) - h, Y @ pi, atol=1e-12)
 
 
 def arm(tmp_path, right_angle):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from fixtures.random_robots import motions
+from numpy.testing import assert_allclose
 
 from frictionid.mechanics import double_pendulum, urdf
 
@@ -27,34 +29,23 @@ def both(tmp_path):
     return double_pendulum().with_values(v), urdf(path)
 
 
-def states(shape=(100,)):
-    rng = np.random.default_rng(0)
-    return rng.uniform(-3, 3, (*shape, 2)), rng.uniform(-9, 9, (*shape, 2))
-
-
-def test_terms_are_the_same(both):
-    q, w = states()
-    ours, theirs = (m.terms(m.base({}), q, w) for m in both)
+def test_terms_and_derivatives_are_the_same(both):
+    q, w, a = motions(np.random.default_rng(0), (100, 2))
+    ours, theirs = (
+        (*m.terms(m.base({}), q, w), *m.partials(m.base({}), q, w, a)[:2]) for m in both
+    )
     for one, other in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-12)
-
-
-def test_derivatives_are_the_same(both):
-    q, w = states()
-    a = np.random.default_rng(1).normal(size=q.shape)
-    ours, theirs = (m.partials(m.base({}), q, w, a) for m in both)
-    np.testing.assert_allclose(ours.by_q, theirs.by_q, atol=1e-12)
-    np.testing.assert_allclose(ours.by_w, theirs.by_w, atol=1e-12)
+        assert_allclose(one, other, atol=1e-12)
 
 
 def test_drawings_are_the_same(both):
-    q, _ = states((5, 3))
+    q = np.random.default_rng(0).uniform(-3, 3, (5, 3, 2))
     ours, theirs = (m.points(q) for m in both)
     assert ours.shape == (5, 3, 3, 2)  # the origin, the elbow, the lower link's centre of mass
     # the URDF draws base, shoulder, elbow and the centre of mass, in space
-    np.testing.assert_allclose(theirs[..., 1:, ::2], ours, atol=1e-12)
-    np.testing.assert_allclose(theirs[..., 1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(ours, axis=-2)[..., 0, :], axis=-1), 0.25)
+    assert_allclose(theirs[..., 1:, ::2], ours, atol=1e-12)
+    assert_allclose(theirs[..., 1], 0.0, atol=1e-12)
+    assert_allclose(np.linalg.norm(np.diff(ours, axis=-2)[..., 0, :], axis=-1), 0.25)
 
 
 def test_a_centre_of_mass_beside_the_link_and_a_rotor_have_parameters_of_their_own(both):

@@ -5,10 +5,10 @@ Rotors are in all of them: `rotorInertia` of Pinocchio, `armature` of MuJoCo.
 
 import numpy as np
 import pytest
-from fixtures.random_robots import mjcf_text, motions, random_robot, urdf_text
+from fixtures.random_robots import beside_pinocchio, mjcf_text, motions, random_robot
 
 from frictionid.arrays import solve, times
-from frictionid.mechanics import mjcf, urdf
+from frictionid.mechanics import check_mechanism, mjcf
 
 pin = pytest.importorskip("pinocchio", reason="the test extra installs it")
 COUNT = 50
@@ -33,17 +33,10 @@ def case(request, tmp_path_factory):
     seed, n, serial, fixed = ROBOTS[request.param]
     rng = np.random.default_rng(seed)
     parts = random_robot(rng, n, serial, fixed)
-    path = tmp_path_factory.mktemp("robot") / "robot.urdf"
-    path.write_text(urdf_text(parts))
-    model = pin.buildModelFromUrdf(str(path))
-    names = [str(name) for name in model.names][1:]
-    rotors = dict(zip(names, rng.uniform(0.0, 0.2, n), strict=True))
-    model.rotorInertia[:] = [rotors[name] for name in names]
-    model.rotorGearRatio[:] = 1.0
-    model.armature[:] = model.rotorInertia
-    mechanism = urdf(path, joints=names).with_values({f"rotor_{k}": v for k, v in rotors.items()})
-    p = mechanism.base({})
-    return mechanism, model, p, *motions(rng, (COUNT, n)), parts, rotors
+    folder = tmp_path_factory.mktemp("robot")
+    mechanism, model, rotors = beside_pinocchio(folder, parts, rng)
+    text = mjcf_text(parts, [rotors.get(f"joint_{i}", 0.0) for i in range(len(parts))])
+    return mechanism, model, mechanism.base({}), *motions(rng, (COUNT, n)), text, rotors
 
 
 def theirs(model, function, *states):
@@ -82,8 +75,7 @@ def test_partial_derivatives_agree_with_pinocchio(case):
 
 def test_terms_agree_with_mujoco(case):
     mujoco = pytest.importorskip("mujoco", reason="the test extra installs it")
-    mechanism, _, p, q, w, _, parts, rotors = case
-    text = mjcf_text(parts, [rotors.get(f"joint_{i}", 0.0) for i in range(len(parts))])
+    mechanism, _, p, q, w, _, text, _ = case
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     at = [int(model.joint(name).qposadr[0]) for name in mechanism.joints]
@@ -104,9 +96,9 @@ def test_terms_agree_with_mujoco(case):
 
 
 def test_a_robot_in_mjcf_is_the_one_in_urdf(case, tmp_path):
-    mechanism, _, p, q, w, a, parts, rotors = case
+    mechanism, _, p, q, w, a, text, _ = case
     path = tmp_path / "robot.xml"
-    path.write_text(mjcf_text(parts, [rotors.get(f"joint_{i}", 0.0) for i in range(len(parts))]))
+    path.write_text(text)
     other = mjcf(path, joints=mechanism.joints)
     assert (other.joints, other.position_units) == (mechanism.joints, mechanism.position_units)
     for ours, same in zip(
@@ -126,17 +118,9 @@ def test_load_is_what_the_motor_gives_and_its_rotor_does_not_take(case):
     assert close(mechanism.load({}, q, w, u), np.abs(theirs(model, pin.rnea, q, w, a)))
 
 
-def test_parameters_broadcast_against_states(case):
-    mechanism, _, p, q, w, a, *_ = case
-    several = p * np.array([1.0, 1.1, 0.9])[:, None, None]
-    M, h = mechanism.dynamics(several, q, w)
-    assert M.shape == (3, COUNT, mechanism.n, mechanism.n)
-    for k in range(3):
-        one = mechanism.dynamics(several[k, 0], q, w)
-        assert close(M[k], one[0])
-        assert close(h[k], one[1])
-    each = np.broadcast_to(several[:, 0], (3, len(p)))
-    assert close(mechanism.dynamics(each, q[:3], w[:3])[0], M[np.arange(3), np.arange(3)])
-    assert close(mechanism.partials(several, q, w, a).by_p[1], mechanism.partials(p, q, w, a).by_p)
-    state = mechanism.terms(p, q[0], w[0])
-    assert state.M.shape == (mechanism.n, mechanism.n) and state.energy.shape == ()
+def test_they_keep_to_the_protocol_and_parameters_may_go_with_the_states(case):
+    mechanism, _, p, q, w, *_ = case
+    check_mechanism(mechanism)
+    each = p * np.array([1.0, 1.1, 0.9])[:, None]
+    M, _ = mechanism.dynamics(each, q[:3], w[:3])
+    assert close(M, np.stack([mechanism.inertia(each[k], q[k]) for k in range(3)]))

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from fixtures.random_robots import mjcf_text, random_robot, urdf_text
+from fixtures.random_robots import beside_pinocchio, mjcf_text, random_robot
 from scipy.integrate import solve_ivp
 
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction
-from frictionid.mechanics import Plant, urdf
+from frictionid.mechanics import Plant
 
 pin = pytest.importorskip("pinocchio", reason="the test extra installs it")
 mujoco = pytest.importorskip("mujoco", reason="the test extra installs it")
@@ -50,13 +50,7 @@ def test_free_motion_of_mixed_branching_trees_agrees(seed, tmp_path):
     n = 3 + seed % 5
     parts = random_robot(rng, n)
     kinds = {p.kind for p in parts}
-    path = tmp_path / "robot.urdf"
-    path.write_text(urdf_text(parts))
-    model = pin.buildModelFromUrdf(str(path))
-    names = [str(name) for name in model.names][1:]
-    rotors = dict(zip(names, rng.uniform(0.02, 0.2, n), strict=True))
-    model.armature[:] = [rotors[name] for name in names]
-    machine = urdf(path, joints=names).with_values({f"rotor_{k}": v for k, v in rotors.items()})
+    machine, model, rotors = beside_pinocchio(tmp_path, parts, rng)
     assert kinds <= {"revolute", "prismatic"} and len(kinds) == len(set(machine.position_units))
     q, w, u = rng.uniform(-1, 1, n), rng.uniform(-2, 2, n), rng.normal(scale=3.0, size=n)
     plant = Plant.from_parameters(machine, machine.nominal())
@@ -64,7 +58,7 @@ def test_free_motion_of_mixed_branching_trees_agrees(seed, tmp_path):
     motion = rollout(plant, none, State(q, w), np.tile(u, (STEPS, 1)), each)
     ours = np.concatenate([motion.q[-1], motion.w[-1]])
     text = mjcf_text(parts, [rotors[f"joint_{i}"] for i in range(n)])
-    for theirs in (by_pinocchio(model, u), by_mujoco(text, names, u)):
+    for theirs in (by_pinocchio(model, u), by_mujoco(text, machine.joints, u)):
         end = end_of(theirs, q, w)
         assert np.abs(ours - end).max() <= 1e-9 * max(1.0, np.abs(end).max())
         assert np.abs(end[:n] - q).max() > 0.01  # it moved
