@@ -5,10 +5,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from pydantic import Field
 
 from frictionid.config import Count, NotNegative, Positive, check_settings
-from frictionid.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -45,5 +45,5 @@ def test_settings_of_the_declared_types_are_kept_and_lists_become_tuples():
     ],
 )
 def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, message):
-    with pytest.raises(InputError, match=message):
+    with refused(message):
         Settings(**wrong)

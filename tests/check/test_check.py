@@ -10,6 +10,7 @@ from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
+from fixtures.refusals import refused
 
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
@@ -23,7 +24,6 @@ from frictionid.data.integrals import integrals_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
@@ -271,7 +271,7 @@ def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
         lambda: fit_model(wrong, LeastSquares(CoulombViscous())),
         lambda: prepare(wrong, Protocol()),
     ):
-        with pytest.raises(InputError, match="but joint 1 of acrobot has no motor; leave its col"):
+        with refused("but joint 1 of acrobot has no motor; leave its col"):
             refuses()
 
 

@@ -7,11 +7,11 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import compare_into, stamps, write_suite
 
 from frictionid.comparison import cluster as clusters
 from frictionid.comparison.cluster import check_equal, on_cluster
-from frictionid.errors import InputError
 
 OWN = """
 import os
@@ -45,6 +45,16 @@ def cluster(tmp_path_factory):
     made = Cluster(tmp_path_factory.mktemp("cluster"))
     yield made
     made.close()
+
+
+@pytest.fixture
+def working(cluster):
+    """The scheduler with two workers, whatever ran before."""
+    for _ in range(2 - sum(worker.is_alive() for worker in cluster.workers)):
+        cluster.add_worker()
+    with Client(cluster.address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    return cluster
 
 
 @pytest.fixture(scope="module")
@@ -122,32 +132,28 @@ def test_a_scheduler_without_workers_is_one_line(cluster, monkeypatch, complaint
 def test_workers_that_would_find_other_numbers_are_refused():
     found = {"numpy": "2.0", "threads": "1"}
     check_equal(found, {"numpy": "2.0"}, "worker a")
-    with pytest.raises(InputError, match="worker a: numpy is 2.0 there and 2.1 here: install"):
+    with refused("worker a: numpy is 2.0 there and 2.1 here: install"):
         check_equal(found, {"numpy": "2.1"}, "worker a")
-    with pytest.raises(InputError, match="worker a: has 4 threads, .* with --nthreads 1"):
+    with refused("worker a: has 4 threads, .* with --nthreads 1"):
         check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "worker a")
 
 
 # --- On a scheduler with two worker processes -----------------------------------------------------
 
 
-def test_two_workers_give_the_numbers_of_one_process(cluster, place):
-    for _ in range(2):
-        cluster.add_worker()
-    with Client(cluster.address, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=60)
-    processes = dict(on_cluster(slept, [(None, 0.2)] * 6, cluster.address))
+def test_two_workers_give_the_numbers_of_one_process(working, place):
+    processes = dict(on_cluster(slept, [(None, 0.2)] * 6, working.address))
     assert sorted(processes) == [*range(6)]
-    assert set(processes.values()) == {worker.pid for worker in cluster.workers}
-    compare_into(place / "suite.toml", place / "two", dask=cluster.address)
+    assert set(processes.values()) == {worker.pid for worker in working.workers}
+    compare_into(place / "suite.toml", place / "two", dask=working.address)
     assert_same_scores(place / "two", place / "serial")
 
 
-def test_a_data_set_that_fails_does_not_stop_the_others(cluster, place, monkeypatch, capsys):
+def test_a_data_set_that_fails_does_not_stop_the_others(working, place, monkeypatch, capsys):
     from many import main as many
 
     gone = [place / name for name in ("gone", "lost")]
-    words = [cluster.address, place / "suite.toml", *gone, "--trust", "--out", place / "many"]
+    words = [working.address, place / "suite.toml", *gone, "--trust", "--out", place / "many"]
     monkeypatch.setattr(sys, "argv", ["many.py", *map(str, words)])
     assert many() == 1
     lines = sorted(capsys.readouterr().out.splitlines())
@@ -162,19 +168,19 @@ def slept(_, seconds):
     return os.getpid()
 
 
-def test_a_killed_worker_costs_only_time(cluster, place):
+def test_a_killed_worker_costs_only_time(working, place):
     (place / "kill").write_text("0")  # itself
-    compare_into(place / "suite.toml", place / "killed", dask=cluster.address)
+    compare_into(place / "suite.toml", place / "killed", dask=working.address)
     assert not (place / "kill").exists()
-    ended = [worker.exitcode for worker in cluster.workers]
+    ended = [worker.exitcode for worker in working.workers]
     assert sorted(ended, key=str) == [-9, None]
     assert_same_scores(place / "killed", place / "serial")
 
 
-def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(cluster, place):
-    (place / "kill").write_text(str(cluster.scheduler.pid))
-    with pytest.raises(InputError, match=r"the scheduler is gone: .* finish with --resume"):
-        compare_into(place / "suite.toml", place / "resumed", dask=cluster.address)
+def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(working, place):
+    (place / "kill").write_text(str(working.scheduler.pid))
+    with refused(r"the scheduler is gone: .* finish with --resume"):
+        compare_into(place / "suite.toml", place / "resumed", dask=working.address)
     done = stamps(place / "resumed" / "unfinished")
     compare_into(place / "suite.toml", place / "resumed", resume=True)
     assert done.items() <= stamps(place / "resumed").items()

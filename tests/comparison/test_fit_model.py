@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import TRUTH, dataset, recordings, write_dataset
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -12,7 +13,6 @@ from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
@@ -64,7 +64,7 @@ def test_given_friction_is_refined_where_the_recipe_shoots():
 def test_models_without_a_mechanism_cannot_be_refined():
     box = BlackBox(SparseDynamics(degree=1))
     assert fit_model(DATA, box).mechanism == "unit"
-    with pytest.raises(InputError, match="shooting needs the physics"):
+    with refused("shooting needs the physics"):
         fit_model(DATA, box, SHOOTING)
 
 

@@ -2,9 +2,9 @@
 
 import optuna
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.comparison.search_space import JOURNAL, open_journal
-from frictionid.errors import InputError
 
 
 def _trials(storage):
@@ -35,6 +35,6 @@ def test_other_damage_is_one_line(tmp_path, place):
     lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
     lines[place] = lines[place][:9] + lines[place]
     (tmp_path / JOURNAL).write_bytes(b"".join(lines))
-    with pytest.raises(InputError, match="is no journal: tune anew with --replace"):
+    with refused("is no journal: tune anew with --replace"):
         open_journal(tmp_path, resume=True)
     assert (tmp_path / JOURNAL).read_bytes() == b"".join(lines)

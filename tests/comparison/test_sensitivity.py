@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import PENDULUM, compare_into, dataset, write_suite
 
 import frictionid as fid
@@ -19,7 +20,6 @@ from frictionid.comparison.variations import (
     variations_of,
     varied,
 )
-from frictionid.errors import InputError
 from frictionid.fitting.shooting import Shooting
 from frictionid.report.exhibits import names_of
 from frictionid.report.sections import sections_of
@@ -124,11 +124,11 @@ def test_shooting_comes_with_base_parameters_held_and_free():
 
 
 def test_wrong_settings_end_in_one_line():
-    with pytest.raises(InputError, match="levels"):
+    with refused("levels"):
         study(dataset(), levels=[-2.0])
-    with pytest.raises(InputError, match=r"'lenght'.*'length'"):
+    with refused(r"'lenght'.*'length'"):
         study(dataset(), parameters=["lenght"], levels=[0.1])
-    with pytest.raises(InputError, match="leaves fewer than 20"):
+    with refused("leaves fewer than 20"):
         study(dataset(), parameters=[], rate=[30])
 
 

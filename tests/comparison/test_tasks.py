@@ -10,6 +10,7 @@ import time
 
 import pandas as pd
 import pytest
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import (
     compare_into,
     recordings,
@@ -21,7 +22,6 @@ from fixtures.tiny_pendulums import (
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.results import COLUMNS, load_results, reduction
-from frictionid.errors import InputError
 from frictionid.evaluation import Split, make_folds
 from frictionid.outputs import replace_files
 
@@ -352,7 +352,7 @@ def test_tables_show_the_finished_tasks(place, tmp_path):
     }
     for path in (tmp_path / "tasks").iterdir():
         path.unlink()
-    with pytest.raises(InputError, match="holds no finished task: run frictionid compare first"):
+    with refused("holds no finished task: run frictionid compare first"):
         load_results(tmp_path)
 
 

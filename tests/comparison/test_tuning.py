@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.paths import ROOT
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import dataset, disturbed, tasks_in, write_suite
 from numpy.testing import assert_array_equal
 
@@ -19,7 +20,6 @@ from frictionid.comparison.suite import IdentifierEntry, identifier_of, load_sui
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tuning import tune
 from frictionid.comparison.tuning_task import TuningTask, training_benchmark, tuning_tasks
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.report.sensitivity import score_table, settings_tables
@@ -151,7 +151,7 @@ def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
     assert all("no mood" in t.error for t in failed)
     assert result.best.settings["mood"] == "good"
     never = tuning_task(place, search={"mood": {"choices": ["bad"]}}, mood="bad")
-    with pytest.raises(InputError, match="no trial has a score: in no mood to fit"):
+    with refused("no trial has a score: in no mood to fit"):
         tune([never], tuning, tmp_path / "b")
 
 
@@ -218,7 +218,7 @@ def samples(part):
 
 def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
     shuffled = tuning_task(place, benchmark(Split(count=3, kind="shuffled")))
-    with pytest.raises(InputError, match="nested .* shuffled .*tune.nested = false"):
+    with refused("nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
     (result,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path / "new")
     assert result.fold is None
@@ -321,7 +321,7 @@ def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, w
     entry = {key: value for key, value in entry.items() if value is not None}
     changes = [("identifiers", [entry]), ("recipes", [{"name": "integral"}]), ("tune", tuning)]
     file = write_suite(place, changes, "wrong.toml")
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(words) as caught:
         tuning_tasks(load_suite(file), file)
     assert "wrong.toml" in str(caught.value)
 

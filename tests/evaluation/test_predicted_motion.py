@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist
+from fixtures.refusals import refused
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
 from frictionid.comparison.registry import LAWS
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
@@ -72,7 +72,7 @@ def test_memory_of_a_motor_that_turns_with_two_joints_goes_on_at_each_start(tmp_
 
 def test_a_model_of_other_joints_is_refused():
     two = Friction(CoulombViscous(), np.full((2, 2), 0.01))
-    with pytest.raises(InputError, match="has 1 joints, the model has 2"):
+    with refused("has 1 joints, the model has 2"):
         predicted_motion(two, dataset())
 
 

@@ -12,13 +12,13 @@ import pandas as pd
 import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
+from fixtures.refusals import refused
 from markdown_it import MarkdownIt
 
 from frictionid.comparison.cross_validate import Benchmark
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import describe, load_results
 from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
@@ -102,7 +102,7 @@ def test_a_folder_without_results_is_the_users_mistake(content, tmp_path):
     if content == "no task":
         made.typical(tmp_path)
         shutil.rmtree(tmp_path / "tasks")
-    with pytest.raises(InputError, match=re.escape(str(tmp_path))):
+    with refused(re.escape(str(tmp_path))):
         load_results(tmp_path)
 
 

@@ -6,12 +6,12 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.laws import (
     CoulombViscous,
@@ -97,7 +97,7 @@ def test_joints_have_the_numbers_and_nothing_else_of_the_text_changes(robot):
     ],
 )
 def test_unknown_joints_are_refused_in_one_line(robot, joints, words):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         written(CoulombViscous(), NUMBERS, robot, joints)
 
 
@@ -116,7 +116,7 @@ def test_unknown_joints_are_refused_in_one_line(robot, joints, words):
 def test_files_that_cannot_be_given_friction_are_refused_in_one_line(robot, old, new, words):
     robot.write_text(ROBOT.replace(old, new, 1))
     joints = ("ankle", "knee") if "include" in new else ("hip", "knee")
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         written(CoulombViscous(), NUMBERS, robot, joints)
 
 

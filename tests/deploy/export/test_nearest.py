@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.nearest import break_away, cost_of, cost_sentence, differs, nearest
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Quadratic, Stribeck
 
@@ -47,15 +47,15 @@ def test_the_level_of_an_arctangent_is_kept_as_the_level():
 
 def test_no_numbers_without_speeds():
     model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]]))
-    with pytest.raises(InputError, match="name the data set"):
+    with refused("name the data set"):
         nearest(exported(model))
 
 
 def test_a_torque_that_is_not_finite_is_one_line():
     model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01], [0.1, 0.0, 1e308]]))
-    with pytest.raises(InputError, match="torque of joint 2 is not finite at a velocity of -30"):
+    with refused("torque of joint 2 is not finite at a velocity of -30"):
         nearest(exported(model, speeds=(30.0, 30.0)))
-    with pytest.raises(InputError, match="parameters are not finite"):
+    with refused("parameters are not finite"):
         exported(replace(model, theta=np.full((2, 3), np.nan)))
 
 

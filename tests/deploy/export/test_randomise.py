@@ -3,12 +3,11 @@
 import json
 
 import numpy as np
-import pytest
+from fixtures.refusals import refused
 
 from frictionid.deploy.export.export import drawn, randomised
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.nearest import nearest
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
@@ -74,5 +73,5 @@ def test_samples_stay_within_the_laws_bounds():
 
 def test_models_without_a_covariance_are_refused_in_one_line():
     own = exported(Friction(CoulombViscous(), np.array([[0.1, 0.02]])))
-    with pytest.raises(InputError, match="no covariance of its parameters: fit by shooting"):
+    with refused("no covariance of its parameters: fit by shooting"):
         randomised(own, 10)

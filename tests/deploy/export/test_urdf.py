@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.xml_text import elements
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Stribeck
 
@@ -79,5 +79,5 @@ def test_files_that_cannot_be_given_friction_are_refused(tmp_path, old, new, wor
     text = ROBOT.replace(old, new)
     if old == '"robot"':
         text = "<sdf/>"
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         written(tmp_path, text)

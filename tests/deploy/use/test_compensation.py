@@ -5,6 +5,7 @@ from dataclasses import replace
 import compensation as study
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 
 from frictionid.deploy.compensation import (
     Compensation,
@@ -13,7 +14,6 @@ from frictionid.deploy.compensation import (
     feed_forward,
 )
 from frictionid.deploy.export.exported import exported
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.law import at_rest
 from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Spline, Stribeck
@@ -114,16 +114,16 @@ def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
     ],
 )
 def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         compensating(STRIBECK, Compensation(**settings))
 
 
 def test_what_has_no_friction_torque_is_refused():
-    with pytest.raises(InputError, match="without physics"):
+    with refused("without physics"):
         compensating(replace(STRIBECK, mechanism="unit"))
-    with pytest.raises(InputError, match="3 speeds for 2 joints"):
+    with refused("3 speeds for 2 joints"):
         compensating(replace(STRIBECK, provenance={"speeds": [1.0, 1.0, 1.0]}))
-    with pytest.raises(InputError, match="must be a Friction or a Fit"):
+    with refused("must be a Friction or a Fit"):
         compensating("model.json")
-    with pytest.raises(InputError, match="one above 0 for each of 2 joints"):
+    with refused("one above 0 for each of 2 joints"):
         compensation_table(STRIBECK, Compensation(), (1.0,))

@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 import torch
+from fixtures.refusals import refused
 
 from frictionid.data.calibration import Calibration
 from frictionid.deploy.simulator import Simulator
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     CoulombViscous,
@@ -157,13 +157,13 @@ def test_mujoco_agrees_on_coulomb_and_viscous_friction(machine, theta, q):
 )
 def test_what_no_machine_can_be_is_refused(arguments, reason):
     usual = {"mechanism": MACHINE, "friction": friction_of("coulomb_viscous")}
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         Simulator(**(usual | arguments))
 
 
 def test_states_of_another_shape_are_refused():
     simulator = Simulator(MACHINE, friction_of("coulomb_viscous"))
-    with pytest.raises(InputError, match="q has shape"):
+    with refused("q has shape"):
         simulator.reset(q=[1.0])
-    with pytest.raises(InputError, match="must be numbers"):
+    with refused("must be numbers"):
         simulator.step(simulator.reset(), ["much", "more"])

@@ -7,9 +7,9 @@ import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import costs_of_rows, drawn
+from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.cells import CompiledCells
@@ -157,7 +157,7 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
     assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
     rows = Network(MLP((4,)), epochs=1, batch=10**12)
     assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
-    with pytest.raises(InputError, match="burn_in = 100000 samples .* longest recording"):
+    with refused("burn_in = 100000 samples .* longest recording"):
         replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)
 
 

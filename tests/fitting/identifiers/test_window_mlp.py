@@ -8,11 +8,11 @@ import torch
 from fixtures.exact_problems import cost
 from fixtures.learned_laws import costs_of_rows, drawn
 from fixtures.paths import ROOT
+from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 from own_network import OwnLaw, own_network
 
 from frictionid.comparison.registry import LAWS
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import check_identifier
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
@@ -172,7 +172,7 @@ def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
     save_model(found, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", {**LAWS, "OwnLaw": OwnLaw})
     assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
-    with pytest.raises(InputError, match="law 'OwnLaw' is unknown"):
+    with refused("law 'OwnLaw' is unknown"):
         load_model(tmp_path / "model.json", LAWS)
     check_law(TorchModule(torch.nn.Linear(2, 1)))
 

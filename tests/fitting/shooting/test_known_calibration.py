@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from fixtures.refusals import refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_recipes import recipes_of
-from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -81,11 +81,11 @@ def test_a_one_step_fit_under_a_known_calibration_is_that_of_the_calibrated_reci
 
 
 def test_calibrations_of_no_machine_or_another_one_are_refused():
-    with pytest.raises(InputError, match="one-step has no calibration: fit it by shooting"):
+    with refused("one-step has no calibration: fit it by shooting"):
         known_calibration(fit_model(data(0, 4), FIT), "one-step")
     known = known_calibration(first_fit(), "model")
     other = replace(known, calibration=replace(known.calibration, base=np.ones(3)))
-    with pytest.raises(InputError, match="1 joints with 3 base parameters, pendulum has 1 and 2"):
+    with refused("1 joints with 3 base parameters, pendulum has 1 and 2"):
         fit_model(data(0, 4), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=other))
 
 

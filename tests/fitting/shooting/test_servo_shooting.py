@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.refusals import refused
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -12,7 +13,6 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
-from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.prepared import with_calibration
 from frictionid.fitting.parameters import (
@@ -263,10 +263,10 @@ def test_what_no_data_can_tell_is_refused_in_one_line():
         ((*driven(), other), (motor,), "2 different motors"),
     ):
         intervals = intervals_of(replace(both(), recordings=tuple(recordings)))
-        with pytest.raises(InputError, match=words):
+        with refused(words):
             prepare_fit(START, intervals, (FrictionBlock(), *blocks), SHORT)
 
 
 def test_an_unknown_constant_to_fix_is_named():
-    with pytest.raises(InputError, match="no constant 'Kt' to fix; known are kt, R"):
+    with refused("no constant 'Kt' to fix; known are kt, R"):
         ActuatorBlock(fixed=("Kt",))
