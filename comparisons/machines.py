@@ -44,8 +44,8 @@ DATA, REPORT = HERE.parent / "data", HERE.parent / "report" / "machines"
 LAWS: tuple[dict[str, Any], ...] = (
     {"kind": "coulomb_viscous"},
     {"kind": "stribeck"},
-    {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False},
     {"kind": "load_dependent"},
+    {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False},
     {"kind": "motor_load"},
 )
 NETWORKS = ("mlp", "lstm")
@@ -92,8 +92,9 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
     name, recordings = machine.name, dataset.recordings
     driven = any(bool(np.any(r.torque.value)) for r in recordings)
     dense = min(float(np.median(np.diff(r.angle.time))) for r in recordings) < APART
-    # what follows the motors' torque explains anything beside an arm's free inertias
-    laws = LAWS if driven and not machine.held else LAWS[:-1]
+    # of an arm inertias and biases are free: these differ by direction, beside those the motors'
+    # torque explains anything
+    laws = LAWS[:-2] if machine.held else LAWS if driven else LAWS[:-1]
     sparse = {"kind": "sindy", **({"recipes": [one_step]} if machine.held else {})}
     of_one = ("none", *NETWORKS)
     identifiers = [*laws, sparse, *({"kind": kind, "recipes": [one_step]} for kind in of_one)]
