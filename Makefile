@@ -30,7 +30,7 @@ compare-all: $(CORE) ## every model and seed, and the study reproduced (hours on
 machines: $(CORE) ## every public machine by the same rules (an hour; FRICTIONID_DATA has the recordings); goes on where it stopped
 	@$(BIN)/python comparisons/machines.py $(ARGS)
 
-test: $(TEST) ## add the test tools to .venv, then run all tests (8 minutes on two cores)
+test: $(TEST) ## add the test tools to .venv, then run all tests (10 minutes on two cores)
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/frictionid warm --quiet
 	@$(ONE_THREAD) $(COMPILED) $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
