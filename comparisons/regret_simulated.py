@@ -89,8 +89,9 @@ def drawn(seed: int) -> tuple[str, Machine]:
         rotor, most = uniform(0.0, 0.1) * mass * length**2, mass * GRAVITY * length
     else:
         rotor, most = uniform(0.5e-6, 2e-6), 0.23
-    nominal = mechanism_of(table).with_defaults().nominal()
-    masses = {k: v for k, v in nominal.items() if k.startswith("mass") and v}
+    mechanism = mechanism_of(table).with_defaults()
+    nominal = mechanism.nominal()
+    masses = {p.name: nominal[p.name] for p in mechanism.parameters if p.unit == "kg"}
     coulomb = tuple(uniform(0.04, 0.15) * most * share for share in (1.0, 0.5))
     joints = 1 if kind == "pendulum" else 2
     rate = float(rng.choice([60, 100, 200]))

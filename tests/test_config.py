@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from pydantic import Field
 
 from frictionid.config import Count, NotNegative, Positive, check_settings
@@ -45,5 +45,5 @@ def test_settings_of_the_declared_types_are_kept_and_lists_become_tuples():
     ],
 )
 def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, message):
-    with refused(message):
+    with assert_refused(message):
         Settings(**wrong)

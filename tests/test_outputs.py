@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.files import read_json, remove_unfinished, write_bytes, write_text, written_beside
 from frictionid.outputs import SUMS, check_outputs, check_writable, replace_files
@@ -27,7 +27,7 @@ def contents(folder):
 
 def test_a_file_that_exists_is_written_over_with_replace_only(tmp_path):
     (tmp_path / "m.json").write_text("mine")
-    with refused(r"m\.json exists: choose another name, or --replace"):
+    with assert_refused(r"m\.json exists: choose another name, or --replace"):
         check_outputs([tmp_path / "m.json"])
     check_outputs([tmp_path / "m.json", tmp_path / "new" / "m.json", None], replace=True)
     assert contents(tmp_path) == {"m.json": b"mine"} and not (tmp_path / "new").exists()
@@ -43,7 +43,7 @@ def test_what_is_read_is_never_written_over(tmp_path, name):
     os.link(tmp_path / "data" / "a.csv", tmp_path / "hard.csv")
     (tmp_path / "soft.csv").symlink_to("data/a.csv")
     read = (tmp_path / "data", tmp_path / "data" / "a.csv", None)
-    with refused("belongs to what is read and is not overwritten"):
+    with assert_refused("belongs to what is read and is not overwritten"):
         check_outputs([tmp_path / name], read, replace=True)
     check_outputs([tmp_path / "data" / "new.json"], read)
 
@@ -52,21 +52,21 @@ def test_only_regular_files_are_replaced(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path / "link", tmp_path / "fifo", Path("/dev/null")):
-        with refused("is no regular file and is not replaced"):
+        with assert_refused("is no regular file and is not replaced"):
             check_outputs([path], replace=True)
-    with refused("is a folder: name a file in it"):
+    with assert_refused("is a folder: name a file in it"):
         check_outputs([tmp_path], replace=True)
 
 
 def test_two_outputs_of_one_name_are_refused(tmp_path):
-    with refused("is written by two options"):
+    with assert_refused("is written by two options"):
         check_outputs([tmp_path / "a.png", tmp_path / "new" / ".." / "a.png"])
 
 
 @pytest.mark.parametrize("place", ["/proc/a", "file/a", "x" * 300, "/proc/1/a/b"])
 def test_a_place_that_cannot_be_written_is_refused_before_the_work(tmp_path, place):
     (tmp_path / "file").write_text("")
-    with refused(r"cannot be written \(.*\): choose another"):
+    with assert_refused(r"cannot be written \(.*\): choose another"):
         check_writable(tmp_path / place)
     assert contents(tmp_path) == {"file": b""}
 
@@ -97,7 +97,7 @@ def test_a_failure_leaves_what_was_there(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         write(KeyboardInterrupt())
-    with refused("No space left"):
+    with assert_refused("No space left"):
         write(OSError(28, "No space left on device"))
     assert contents(tmp_path) == {"a.mp4": b"old"}
 
@@ -111,7 +111,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", fail)
-    with refused(r"cannot be written \(No space left on device\)"):
+    with assert_refused(r"cannot be written \(No space left on device\)"):
         write_text(path, "second")
     assert [p.name for p in path.parent.iterdir()] == ["file.json"]
     assert path.read_text() == "first"
@@ -145,7 +145,7 @@ def test_files_that_a_user_changed_or_brought_stay(tmp_path):
     (tmp_path / "c.md").write_text("mine")
     before = contents(tmp_path)
     for name in ("a.md", "c.md"):
-        with refused(rf"{re.escape(name)} was changed, or is none that was"):
+        with assert_refused(rf"{re.escape(name)} was changed, or is none that was"):
             replace_files(tmp_path, {name: b"2", "b.md": b"2"})
         assert contents(tmp_path) == before
     replace_files(tmp_path, {"b.md": b"2"})  # a.md is no longer written: it is the user's
@@ -163,13 +163,13 @@ def test_no_link_is_followed(tmp_path):
     (folder / "figures").rename(other)
     (folder / "figures").symlink_to(other)
     before = contents(other)
-    with refused("figures is a link to another folder"):
+    with assert_refused("figures is a link to another folder"):
         replace_files(folder, {"figures/a.png": b"2"}, replace=True)
     replace_files(folder, {"b.md": b"2"})  # the stale picture is behind the link
     assert contents(other) == before
     (folder / "b.md").unlink()
     (folder / "b.md").symlink_to(other / "a.png")
-    with refused(r"b\.md was changed"):
+    with assert_refused(r"b\.md was changed"):
         replace_files(folder, {"b.md": b"3"})
     replace_files(folder, {"b.md": b"3"}, replace=True)
     assert contents(other) == before and (folder / "b.md").read_bytes() == b"3"

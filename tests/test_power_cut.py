@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import compare_into, write_dataset, write_suite
 
 from frictionid.comparison.results import load_results
@@ -106,7 +106,7 @@ def test_a_task_file_that_was_not_synced_is_no_result(comparison, damage):
         "tail": whole[:half] + bytes(len(whole) - half),
     }
     path.write_bytes(held[damage])
-    with refused(re.escape(str(path)) + r".*with --resume"):
+    with assert_refused(re.escape(str(path)) + r".*with --resume"):
         load_results(out)
     compare_into(file, out, resume=True)
     assert scores(out) == new

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.errors import InputError
@@ -24,7 +24,7 @@ def test_names_are_found_from_any_folder():
 
 def test_own_files_go_before_names():
     Path("acrobot_clean").mkdir()
-    with refused("dataset.toml does not exist"):
+    with assert_refused("dataset.toml does not exist"):
         dataset_path(Path("acrobot_clean"))
     Path("acrobot").write_text("name = 'mine'")
     assert suite_path(Path("acrobot")) == Path("acrobot")
@@ -42,5 +42,5 @@ def test_only_names_are_looked_up(path):
 
 
 def test_the_nearest_name_is_proposed():
-    with refused("did you mean acrobot"):
+    with assert_refused("did you mean acrobot"):
         suite_path(Path("acrobat"))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.files import shipped_names
@@ -45,5 +45,5 @@ def test_the_list_has_a_line_for_each():
 
 
 def test_unknown_machines_are_refused_with_the_nearest():
-    with refused("machine:xl330_m7: no such machine; did you mean xl330_m"):
+    with assert_refused("machine:xl330_m7: no such machine; did you mean xl330_m"):
         fid.machine("xl330_m7")

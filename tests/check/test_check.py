@@ -10,7 +10,7 @@ from fixtures import planted_faults as pool
 from fixtures import tiny_pendulums as tiny
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
@@ -271,7 +271,7 @@ def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
         lambda: fit_model(wrong, LeastSquares(CoulombViscous())),
         lambda: prepare(wrong, Protocol()),
     ):
-        with refused("but joint 1 of acrobot has no motor; leave its col"):
+        with assert_refused("but joint 1 of acrobot has no motor; leave its col"):
             refuses()
 
 

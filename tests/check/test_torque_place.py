@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.check import check
 from frictionid.comparison.fit_model import fit_model
@@ -54,7 +54,7 @@ def test_sensors_at_links_show_no_friction_and_no_fit_finds_any(frames):
     )
     friction = next(e for e in verdict.identifiable if e.what == "friction of joint 1")
     assert not friction.possible and "does not feel friction" in friction.reason
-    with refused(r'torque.at = "link".*no fit can find it; give the'):
+    with assert_refused(r'torque.at = "link".*no fit can find it; give the'):
         fit_model(dataset(frames, "link", "link"), LeastSquares(CoulombViscous()))
 
 
@@ -106,10 +106,10 @@ def test_what_contradicts_itself_is_refused(tmp_path):
     frame.to_csv(tmp_path / "a.csv", index=False)
     text = f'{TOML}[torque]\nat = "link"\n[motor]\ngear = 3.0\ntorque = "motor"\n'
     (tmp_path / "dataset.toml").write_text(text)
-    with refused("says that the torques are of the motors: delete one"):
+    with assert_refused("says that the torques are of the motors: delete one"):
         load_dataset(tmp_path)
-    with refused("torque.at"):
+    with assert_refused("torque.at"):
         Dataset.from_frames(frame, RIG, time="t", angle="q", torque="u", torque_at="joint")
     arrays = {"a": {"time": frame["t"], "angle": frame["q"], "torque": frame["u"]}}
-    with refused("torque_at = 'joint'"):
+    with assert_refused("torque_at = 'joint'"):
         Dataset.from_arrays(arrays, RIG, torque_at="joint")

@@ -7,7 +7,7 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import compare_into, stamps, write_suite
 
 from frictionid.comparison import cluster as clusters
@@ -132,9 +132,9 @@ def test_a_scheduler_without_workers_is_one_line(cluster, monkeypatch, complaint
 def test_workers_that_would_find_other_numbers_are_refused():
     found = {"numpy": "2.0", "threads": "1"}
     check_equal(found, {"numpy": "2.0"}, "worker a")
-    with refused("worker a: numpy is 2.0 there and 2.1 here: install"):
+    with assert_refused("worker a: numpy is 2.0 there and 2.1 here: install"):
         check_equal(found, {"numpy": "2.1"}, "worker a")
-    with refused("worker a: has 4 threads, .* with --nthreads 1"):
+    with assert_refused("worker a: has 4 threads, .* with --nthreads 1"):
         check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "worker a")
 
 
@@ -179,7 +179,7 @@ def test_a_killed_worker_costs_only_time(working, place):
 
 def test_a_dead_scheduler_is_one_line_and_the_comparison_is_resumed_without(working, place):
     (place / "kill").write_text(str(working.scheduler.pid))
-    with refused(r"the scheduler is gone: .* finish with --resume"):
+    with assert_refused(r"the scheduler is gone: .* finish with --resume"):
         compare_into(place / "suite.toml", place / "resumed", dask=working.address)
     done = stamps(place / "resumed" / "unfinished")
     compare_into(place / "suite.toml", place / "resumed", resume=True)

@@ -3,7 +3,7 @@
 import sys
 
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import tasks_in, write_suite
 
 from frictionid.errors import InputError
@@ -94,7 +94,7 @@ def test_a_suite_names_the_mechanism_of_its_data_sets(tmp_path):
 @pytest.mark.parametrize("kind", ["subprocess:Popen", "os:system", "nowhere:x"])
 def test_a_mechanism_from_elsewhere_is_not_imported(tmp_path, kind):
     file = write_suite(tmp_path, [("datasets.0.mechanism", kind)])
-    with refused("is neither in a module beside the file nor in an"):
+    with assert_refused("is neither in a module beside the file nor in an"):
         tasks_in(file)
 
 
@@ -117,7 +117,7 @@ def test_code_beside_a_suite_runs_only_where_it_is_trusted(change, tmp_path, mon
         assert "is code, which runs with your rights: read it, and give --trust" in err
     assert not (tmp_path / "harm").exists() and sys.path is before and str(tmp_path) not in before
     assert "harmful" not in sys.modules
-    with refused("harmful|SVR"):
+    with assert_refused("harmful|SVR"):
         tasks_in(file)
     assert (tmp_path / "harm").exists() == ("harmful" in str(change))
 

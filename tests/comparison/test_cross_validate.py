@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from fixtures.compared import compare
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import (
     TRUTH,
     dataset,
@@ -147,7 +147,7 @@ def test_compare_gives_the_scores_of_each_identifier_by_each_recipe():
     assert again.scores.equals(best.scores)
     assert best.friction.theta.shape == (3, 1, 4) and best.overall.theta.shape == (1, 4)
     assert best.curves.shape == (4, 401, 1)
-    with refused("no score 'rollout', 'median' at 0.3 s for joint all"):
+    with assert_refused("no score 'rollout', 'median' at 0.3 s for joint all"):
         best.value("rollout", "median", 0.3)
 
 
@@ -219,7 +219,7 @@ ABSURD = {
 @pytest.mark.parametrize(("change", "words"), ABSURD.values(), ids=ABSURD)
 def test_benchmarks_that_cannot_be_prepared_are_refused_before_anything_is_fitted(change, words):
     change = {"protocol": PROTOCOL, **change}
-    with refused(words):
+    with assert_refused(words):
         prepare_benchmark(benchmark(**change), RECIPES)
 
 
@@ -258,7 +258,7 @@ BROKEN = {
 def test_the_friction_of_an_identifier_is_checked(theta, words, tmp_path):
     whole = benchmark()
     task = Task(whole, "broken", made(theta), INTEGRAL, 0)
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         run_tasks([task], prepare_benchmarks([task]), tmp_path, LAWS, jobs=1)
     assert str(caught.value).startswith("tiny, broken by integral: ")
     assert not list(tmp_path.iterdir())

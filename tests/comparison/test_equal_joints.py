@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, half_widths
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -248,15 +248,15 @@ REFUSED = {
 
 @pytest.mark.parametrize(("equal", "words"), REFUSED.values(), ids=REFUSED)
 def test_joints_that_cannot_be_equal_are_refused_in_one_line(equal_data, equal, words):
-    with refused(words):
+    with assert_refused(words):
         fid.fit(equal_data, "coulomb_viscous", equal=equal)
 
 
 def test_what_holds_no_joints_equal_refuses_in_one_line(equal_data):
     for law in (SINDy(), "mlp", "none"):
-        with refused("holds no joints equal: laws with parameters do"):
+        with assert_refused("holds no joints equal: laws with parameters do"):
             fid.fit(equal_data, law, equal=EQUAL)
-    with refused("these joints have different laws"):
+    with assert_refused("these joints have different laws"):
         fid.fit(equal_data, ["stribeck", "coulomb_viscous"], equal=EQUAL)
-    with refused("inverse dynamics gives each joint parameters of its own"):
+    with assert_refused("inverse dynamics gives each joint parameters of its own"):
         fid.fit(equal_data, "coulomb_viscous", equal=EQUAL, method="inverse_dynamics")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import TRUTH, dataset, recordings, write_dataset
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -64,7 +64,7 @@ def test_given_friction_is_refined_where_the_recipe_shoots():
 def test_models_without_a_mechanism_cannot_be_refined():
     box = BlackBox(SparseDynamics(degree=1))
     assert fit_model(DATA, box).mechanism == "unit"
-    with refused("shooting needs the physics"):
+    with assert_refused("shooting needs the physics"):
         fit_model(DATA, box, SHOOTING)
 
 

@@ -2,7 +2,7 @@
 
 import optuna
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.search_space import JOURNAL, open_journal
 
@@ -35,6 +35,6 @@ def test_other_damage_is_one_line(tmp_path, place):
     lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
     lines[place] = lines[place][:9] + lines[place]
     (tmp_path / JOURNAL).write_bytes(b"".join(lines))
-    with refused("is no journal: tune anew with --replace"):
+    with assert_refused("is no journal: tune anew with --replace"):
         open_journal(tmp_path, resume=True)
     assert (tmp_path / JOURNAL).read_bytes() == b"".join(lines)

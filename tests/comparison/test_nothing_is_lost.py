@@ -5,7 +5,7 @@ import os
 import shutil
 
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import compare_into, timeless, write_suite
 
 from frictionid.check import check
@@ -64,7 +64,7 @@ def test_results_of_another_suite_need_replace(finished):
     before = contents(out)
     other = write_suite(file.parent, [("name", "other"), *QUICK], "other.toml")
     for resume in (False, True):
-        with refused("holds the results of suite 'small': choose another"):
+        with assert_refused("holds the results of suite 'small': choose another"):
             compare_into(other, out, resume)
         assert contents(out) == before
     compare_into(other, out, replace=True)
@@ -79,7 +79,7 @@ def test_finished_tasks_of_an_interrupted_comparison_need_resume_or_replace(fini
         shutil.move(out / name, new / name)
     assert set(load_results(out).scores["identifier"]) == {"none", "truth"}
     before = contents(out)
-    with refused(r"holds 2 finished tasks .* with --resume, or begin anew"):
+    with assert_refused(r"holds 2 finished tasks .* with --resume, or begin anew"):
         compare_into(file, out)
     assert contents(out) == before
     compare_into(file, out, resume=True)
@@ -95,7 +95,7 @@ def test_a_task_that_was_changed_is_noticed(finished):
     document = json.loads(before)
     document["rows"]["tiny"][0][5] *= 0.5
     path.write_text(json.dumps(document))
-    with refused(r"seed0\.json: was changed since it was written: make"):
+    with assert_refused(r"seed0\.json: was changed since it was written: make"):
         load_results(out)
     compare_into(file, out, resume=True)
     assert timeless(path.read_text()) == timeless(before)
@@ -107,7 +107,7 @@ def test_tasks_behind_a_link_are_left_alone(finished, tmp_path):
     (out / "tasks").symlink_to(tmp_path / "elsewhere")
     before = contents(tmp_path / "elsewhere")
     for resume in (False, True):
-        with refused("tasks is a link, which is left alone: remove it"):
+        with assert_refused("tasks is a link, which is left alone: remove it"):
             compare_into(file, out, resume, replace=True)
     assert contents(tmp_path / "elsewhere") == before
 
@@ -116,7 +116,7 @@ def test_a_report_that_was_edited_is_noticed_before_anything_is_fitted(finished,
     file, out = finished
     (out / "scores.csv").write_text("mine")
     monkeypatch.setattr("frictionid.comparison.tasks.run", None)
-    with refused(r"scores\.csv was changed"):
+    with assert_refused(r"scores\.csv was changed"):
         compare_into(file, out)
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -125,5 +125,5 @@ def test_friction_is_near_that_of_the_published_fit(compared):
 @pytest.mark.parametrize("name", ARMS)
 def test_missing_recordings_are_named_in_a_line(name, monkeypatch, tmp_path):
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path))
-    with refused(f"{SUITES[name].folder}.*--data FOLDER"):
+    with assert_refused(f"{SUITES[name].folder}.*--data FOLDER"):
         fid.run_suite(name, out=tmp_path / "out")

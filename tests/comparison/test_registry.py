@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS, LAWS
@@ -43,17 +43,17 @@ def test_defaults_written_out_make_the_same(name):
 @pytest.mark.parametrize("name", KINDS)
 def test_a_table_is_no_value_of_any_setting(name):
     for key in set(KINDS[name].settings) - {"settings"}:
-        with refused(key):
+        with assert_refused(key):
             KINDS[name].build({**REQUIRED.get(name, {}), key: {"x": 1}}, name)
 
 
 def test_settings_of_parts_that_are_not_chosen_are_refused_with_the_choice():
     mlp = IDENTIFIERS["mlp"]
-    with refused('epochs = 5 needs solver = "adam"'):
+    with assert_refused('epochs = 5 needs solver = "adam"'):
         mlp.build({"epochs": 5}, "mlp")
     assert mlp.build({"epochs": mlp.build({"solver": "adam"}, "mlp").epochs}, "mlp")
     assert mlp.build({"epochs": 5, "inputs": "all"}, "mlp").epochs == 5
-    with refused('nodes = 9 needs solver = "levenberg_marquardt"'):
+    with assert_refused('nodes = 9 needs solver = "levenberg_marquardt"'):
         mlp.build({"nodes": 9, "solver": "adam"}, "mlp")
 
 

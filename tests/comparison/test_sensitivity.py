@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import PENDULUM, compare_into, dataset, write_suite
 
 import frictionid as fid
@@ -124,11 +124,11 @@ def test_shooting_comes_with_base_parameters_held_and_free():
 
 
 def test_wrong_settings_end_in_one_line():
-    with refused("levels"):
+    with assert_refused("levels"):
         study(dataset(), levels=[-2.0])
-    with refused(r"'lenght'.*'length'"):
+    with assert_refused(r"'lenght'.*'length'"):
         study(dataset(), parameters=["lenght"], levels=[0.1])
-    with refused("leaves fewer than 20"):
+    with assert_refused("leaves fewer than 20"):
         study(dataset(), parameters=[], rate=[30])
 
 

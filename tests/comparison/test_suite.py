@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.suite_mistakes import MISTAKES
 from fixtures.tiny_pendulums import (
     SUITE,
@@ -165,14 +165,14 @@ def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, t
     entry = {"path": "apart", "tests": ["apart_test"]}
     write_dataset(place / "apart_test", name="apart_test", changes=[("collection", "pendulums")])
     assert tasks(place, [("datasets.0", entry)], tables)[0].benchmark.tests[0].name == "apart_test"
-    with refused(r"--data .*several \(tiny, apart\).*FRICTIONID_DATA"):
+    with assert_refused(r"--data .*several \(tiny, apart\).*FRICTIONID_DATA"):
         tasks(place, [("datasets", [{"path": "tiny"}, {"path": "apart"}])], tables)
 
 
 def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch):
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
     write_dataset(place / "gone", name="gone", changes=[("collection", "pendulums")])
-    with refused("--data FOLDER, or set FRICTIONID_DATA"):
+    with assert_refused("--data FOLDER, or set FRICTIONID_DATA"):
         tasks(place, [("datasets.0.path", "gone")])
 
 
@@ -182,7 +182,7 @@ def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch
 @pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_a_mistake_is_one_line_that_names_file_and_key(place, changes, words):
     before = written(place)
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         tasks(place, changes)
     message = str(caught.value)
     assert message.startswith(str(place / "suite.toml")) and "\n" not in message
@@ -203,21 +203,21 @@ def written(place):
 def test_what_is_no_toml_is_refused(tmp_path, text):
     file = tmp_path / "suite.toml"
     file.write_bytes(text)
-    with refused(r"suite\.toml is no TOML"):
+    with assert_refused(r"suite\.toml is no TOML"):
         load_suite(file)
 
 
 def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
     write_suite(place)
-    with refused(r"suit\.toml: no such suite; did you mean .*suite\.toml"):
+    with assert_refused(r"suit\.toml: no such suite; did you mean .*suite\.toml"):
         load_suite(place / "suit.toml")
-    with refused("tiny is a folder without suite.toml; name a suite"):
+    with assert_refused("tiny is a folder without suite.toml; name a suite"):
         load_suite(place / "tiny")
 
 
 @pytest.mark.parametrize("key", ["kind", "name", "recipes"])
 def test_keys_of_a_suite_are_no_settings(key):
-    with refused(f"--set {key}: is no setting"):
+    with assert_refused(f"--set {key}: is no setting"):
         identifier_named("none", {key: "x"})
 
 

@@ -10,7 +10,7 @@ import time
 
 import pandas as pd
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import (
     compare_into,
     recordings,
@@ -352,7 +352,7 @@ def test_tables_show_the_finished_tasks(place, tmp_path):
     }
     for path in (tmp_path / "tasks").iterdir():
         path.unlink()
-    with refused("holds no finished task: run frictionid compare first"):
+    with assert_refused("holds no finished task: run frictionid compare first"):
         load_results(tmp_path)
 
 

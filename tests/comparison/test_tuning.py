@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import dataset, disturbed, tasks_in, write_suite
 from numpy.testing import assert_array_equal
 
@@ -151,7 +151,7 @@ def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
     assert all("no mood" in t.error for t in failed)
     assert result.best.settings["mood"] == "good"
     never = tuning_task(place, search={"mood": {"choices": ["bad"]}}, mood="bad")
-    with refused("no trial has a score: in no mood to fit"):
+    with assert_refused("no trial has a score: in no mood to fit"):
         tune([never], tuning, tmp_path / "b")
 
 
@@ -218,7 +218,7 @@ def samples(part):
 
 def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
     shuffled = tuning_task(place, benchmark(Split(count=3, kind="shuffled")))
-    with refused("nested .* shuffled .*tune.nested = false"):
+    with assert_refused("nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
     (result,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path / "new")
     assert result.fold is None
@@ -321,7 +321,7 @@ def test_each_mistake_is_one_line_that_names_the_way_out(place, entry, tuning, w
     entry = {key: value for key, value in entry.items() if value is not None}
     changes = [("identifiers", [entry]), ("recipes", [{"name": "integral"}]), ("tune", tuning)]
     file = write_suite(place, changes, "wrong.toml")
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         tuning_tasks(load_suite(file), file)
     assert "wrong.toml" in str(caught.value)
 

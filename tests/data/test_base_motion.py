@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import floating_legs as legs
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.spatial.transform import Rotation
 
 from frictionid.data.base_motion import Mounting, base_motion
@@ -73,7 +73,7 @@ def test_a_base_of_constant_velocity_is_at_rest():
 def test_quaternions_have_length_one():
     value = np.tile([1.0, 0.0, 0.0, 0.0], (len(TIME), 1))
     value[500] = 0.0
-    with refused("at 1 s its length is 0; quaternions"):
+    with assert_refused("at 1 s its length is 0; quaternions"):
         base_motion(Mounting(), orientation=Signal(TIME, value))
 
 
@@ -98,7 +98,7 @@ THREE, FOUR = ["a", "b", "c"], ["d", "e", "f", "g"]
     ],
 )
 def test_what_the_base_lacks_is_said(base, message):
-    with refused(message):
+    with assert_refused(message):
         check_dataset_toml(document(**base), "dataset.toml")
 
 
@@ -125,10 +125,10 @@ def test_a_base_that_moves_needs_its_motion_and_a_held_one_none(swinging):
     data, held = swinging
     (run,) = data.recordings
     assert plant_of(data).mechanism.floating
-    with refused("say floating = true"):
+    with assert_refused("say floating = true"):
         plant_of(Dataset("held", held, (run,)))
     blind = Recording("blind", run.angle, run.torque)
-    with refused(r"nothing says how: .* \[base\]"):
+    with assert_refused(r"nothing says how: .* \[base\]"):
         plant_of(Dataset("blind", data.mechanism, (blind,)))
 
 
@@ -137,5 +137,5 @@ def test_a_part_of_a_recording_keeps_the_motion_of_its_base(swinging):
     part = within(run, 0.2, 0.5)
     assert part.base_motion.time[0] <= part.angle.time[0] <= part.base_motion.time[1]
     short = run.base_motion._replace(time=run.base_motion.time / 2)
-    with refused("motion of the base: it is known from 0 to 0.4995 s only"):
+    with assert_refused("motion of the base: it is known from 0 to 0.4995 s only"):
         Recording("late", run.angle, run.torque, base_motion=short)

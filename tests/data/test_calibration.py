@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.dataset_files import assert_same
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.registry import LAWS
@@ -76,7 +76,7 @@ def test_what_a_recording_changes_adds_to_fitted_base_parameters():
 
 def test_base_parameters_of_another_mechanism_are_refused():
     data = dataset(NONE)
-    with refused("has 2 base parameters, this mechanism has 6"):
+    with assert_refused("has 2 base parameters, this mechanism has 6"):
         calibrated_plant(data, Calibration.ideal(2, np.ones(2)))
 
 
@@ -122,5 +122,5 @@ def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
     table = json.loads((tmp_path / "m.json").read_text())
     table["calibration"] |= change
     (tmp_path / "m.json").write_text(json.dumps(table))
-    with refused(words):
+    with assert_refused(words):
         load_model(tmp_path / "m.json", LAWS)

@@ -20,7 +20,7 @@ from fixtures.dataset_files import (
     parquet_bytes,
     write,
 )
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -92,7 +92,7 @@ from frictionid.errors import InputError
     ],
 )
 def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, changes, words):
-    with refused(words):
+    with assert_refused(words):
         load(tmp_path, described(**changes))
 
 
@@ -100,23 +100,23 @@ def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, changes, words
     "text", [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999], ids=repr
 )
 def test_what_is_no_toml_is_refused(tmp_path, text):
-    with refused(r"dataset\.toml is no TOML"):
+    with assert_refused(r"dataset\.toml is no TOML"):
         load(tmp_path, text)
 
 
 def test_a_missing_description_or_folder_is_refused(tmp_path):
-    with refused(r"nowhere does not exist; name a folder"):
+    with assert_refused(r"nowhere does not exist; name a folder"):
         load_dataset(tmp_path / "nowhere")
-    with refused(r"dataset\.toml does not exist"):
+    with assert_refused(r"dataset\.toml does not exist"):
         load_dataset(tmp_path)
-    with refused("folder of its tables, .*nowhere, does not exist"):
+    with assert_refused("folder of its tables, .*nowhere, does not exist"):
         load_dataset(write(tmp_path), data=tmp_path / "nowhere")
 
 
 def test_two_tables_of_one_name_are_refused(tmp_path):
     text = csv_bytes(motion())
     document = described(recordings__patterns=["a.*"])
-    with refused("two recordings are called 'a'"):
+    with assert_refused("two recordings are called 'a'"):
         load(tmp_path, document, a_csv=text, a_csv_gz=gzip.compress(text))
 
 
@@ -158,7 +158,7 @@ DAMAGES = {
 
 @pytest.mark.parametrize(("content", "words"), DAMAGES.values(), ids=DAMAGES.keys())
 def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         load(tmp_path, a_csv=content)
     assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
 
@@ -166,12 +166,12 @@ def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
 def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_go(tmp_path):
     times = [0, 1, 1, 2, 2, 2, 3, 1, 4]
     rows = [f"{time},1,2,3" for time in times]
-    with refused("row 4: time.* 1 after 1 .4 such rows: 4, 6, 7, 9.; del"):
+    with assert_refused("row 4: time.* 1 after 1 .4 such rows: 4, 6, 7, 9.; del"):
         load(tmp_path, a_csv=table(*rows))
     kept = [row for k, row in enumerate(rows) if k + 2 not in (4, 6, 7, 9)]
     recording = load_single(tmp_path, a_csv=table(*kept))
     assert recording.angle.time.tolist() == [0, 1, 2, 3, 4]
-    with refused(r"\(18 such rows: 3, 4, 5, 6, 7, \.\.\.\)"):
+    with assert_refused(r"\(18 such rows: 3, 4, 5, 6, 7, \.\.\.\)"):
         load(tmp_path, a_csv=table(*(19 * rows[:1])))
 
 
@@ -190,22 +190,22 @@ def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_g
     ],
 )
 def test_a_damaged_gzip_or_parquet_file_is_one_clear_line(tmp_path, name, content, words):
-    with refused(words):
+    with assert_refused(words):
         load(tmp_path, described(recordings__patterns=["a.*"]), **{name: content})
 
 
 def test_clocks_must_run_in_the_same_time(tmp_path):
     document = described(columns__time={"angle": "time", "torque": "t_drive"})
     columns = motion() | {"t_drive": motion()["time"] + 1.7e9}
-    with refused("share no moment; both clocks must count"):
+    with assert_refused("share no moment; both clocks must count"):
         load(tmp_path, document, a_csv=columns)
-    with refused("the column 't_drive' is empty"):
+    with assert_refused("the column 't_drive' is empty"):
         load(tmp_path, document, a_csv=columns | {"t_drive": [None] * 9})
 
 
 def test_a_number_too_large_for_its_unit_is_refused(tmp_path):
     columns = motion() | {"q1": np.full(9, 1e308)}
-    with refused("row 2: 'q1' is 1e.308, which no sensor reports"):
+    with assert_refused("row 2: 'q1' is 1e.308, which no sensor reports"):
         load(tmp_path, described(units={"angle": "rev"}), a_csv=columns)
 
 

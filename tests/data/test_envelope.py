@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -118,5 +118,5 @@ def test_a_table_names_it_by_speeds_or_by_the_motor():
     ],
 )
 def test_half_an_envelope_is_one_clear_line(more, message):
-    with refused(message):
+    with assert_refused(message):
         envelope(**more)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.dataset_files import assert_same
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
@@ -138,7 +138,7 @@ def test_a_recording_is_found_by_its_name():
     data = Dataset.from_frames({"run1": FRAME, "run2": FRAME}, RIG, time="t", angle=["q1", "q2"])
     assert data["run2"] is data.recordings[1]
     assert repr(data) == "Dataset('data': 2 recordings, 2 joints, 4000 s)"
-    with refused("has no recording 'run3'; it has 'run1', 'run2'"):
+    with assert_refused("has no recording 'run3'; it has 'run1', 'run2'"):
         data["run3"]
 
 
@@ -172,7 +172,7 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
 )
 def test_a_mistake_is_one_sentence(frame, said, message):
     usual = {"time": "t", "angle": ["q1", "q2"], "torque": [None, "i2"]}
-    with refused(message):
+    with assert_refused(message):
         Dataset.from_frames({"run1": frame}, RIG, **{**usual, **said})
 
 
@@ -190,10 +190,10 @@ ARRAYS = {"time": TIME, "angle": np.zeros((41, 2))}
     ],
 )
 def test_a_wrong_array_is_one_sentence(wrong, message):
-    with refused(message):
+    with assert_refused(message):
         Dataset.from_arrays({"run1": {**ARRAYS, **wrong}}, RIG)
 
 
 def test_data_that_were_files_know_no_frames():
-    with refused("was not read from frames"):
+    with assert_refused("was not read from frames"):
         Dataset.from_arrays({"run1": ARRAYS}, RIG).with_frames(FRAME)

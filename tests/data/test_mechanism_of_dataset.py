@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 from fixtures.dataset_files import described, load, motion, write
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 from frictionid.data.readers.dataset import dataset_files, load_dataset
@@ -13,12 +13,12 @@ from frictionid.mechanics import pendulum, unit_inertia
 
 
 def test_a_mechanism_that_does_not_exist_is_named_with_the_file(tmp_path):
-    with refused(r"dataset\.toml: \[mechanism\] kind = 'acrobott' is unk"):
+    with assert_refused(r"dataset\.toml: \[mechanism\] kind = 'acrobott' is unk"):
         load(tmp_path, described(mechanism__kind="acrobott"))
     recordings = load(tmp_path).recordings
-    with refused(r"kind = 'acrobott' is unknown; did you mean 'acrobot'"):
+    with assert_refused(r"kind = 'acrobott' is unknown; did you mean 'acrobot'"):
         Dataset("rig", {"kind": "acrobott"}, recordings)
-    with refused(r"a mechanism must be one of .*, not 'acrobot'"):
+    with assert_refused(r"a mechanism must be one of .*, not 'acrobot'"):
         Dataset("rig", "acrobot", recordings)
 
 
@@ -46,7 +46,7 @@ def test_joints_may_have_units_of_their_own(tmp_path):
         (["mm", "deg", "deg"], "units.angle has 3 units for 2 joints"),
     ):
         document["units"]["angle"] = units
-        with refused(words):
+        with assert_refused(words):
             load_dataset(write(tmp_path, document, a_csv=columns), mechanism=own)
 
 
@@ -57,7 +57,7 @@ def test_a_unit_of_one_joint_that_turns_is_refused(tmp_path):
         units={"angle": "mm"},
     )
     write(tmp_path, document, a_csv=motion())
-    with refused(r"'?joint.* turns: correct the unit$"):
+    with assert_refused(r"'?joint.* turns: correct the unit$"):
         load_dataset(tmp_path)
 
 
@@ -91,10 +91,10 @@ def test_a_urdf_beside_the_data_set_describes_its_mechanism(tmp_path, monkeypatc
     assert data.hashes["arm/tilting.urdf"] == digest
     assert tmp_path / "arm" / "tilting.urdf" in dataset_files(tmp_path)
     assert with_urdf(tmp_path, sha256={"arm/tilting.urdf": digest}).hashes == data.hashes
-    with refused(r"tilting\.urdf is not the described file"):
+    with assert_refused(r"tilting\.urdf is not the described file"):
         with_urdf(tmp_path, sha256={"arm/tilting.urdf": "0" * 64})
 
 
 def test_a_urdf_that_is_not_there_is_named(tmp_path):
-    with refused(r"tilting\.urdf"):
+    with assert_refused(r"tilting\.urdf"):
         with_urdf(tmp_path)

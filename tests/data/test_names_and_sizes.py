@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import dataset, recordings, write_dataset
 
 from frictionid.data.recordings import Recording
@@ -24,7 +24,7 @@ def test_a_table_named_in_bytes_that_are_no_text_is_refused(tmp_path, run):
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\nb", "\u202eevil", "\x00"])
 def test_names_that_steer_a_terminal_are_refused(name):
-    with refused("has characters that cannot be shown: rename it"):
+    with assert_refused("has characters that cannot be shown: rename it"):
         dataset(name=name)
 
 
@@ -35,7 +35,7 @@ def test_numbers_that_no_sensor_reports_are_refused(quantity, value):
     r = recordings()[0]
     time, angle, torque = (x.copy() for x in (r.angle.time, r.angle.value, r.torque.value))
     {"angle": angle, "torque": torque, "time": time}[quantity][-1] = value
-    with refused("which no sensor reports"):
+    with assert_refused("which no sensor reports"):
         Recording("x", Signal(time, angle), Signal(r.torque.time, torque))
 
 
@@ -46,6 +46,6 @@ def test_settings_without_measure_are_refused():
         lambda: Noise(-1.0, 1.0, 2.0),
         lambda: Multisine(-1.0, (1.0, 2.0)),
     ):
-        with refused("it should be (less|greater) than or equal to"):
+        with assert_refused("it should be (less|greater) than or equal to"):
             make()
     assert np.isfinite(Steps(1.0, 0.1).values(np.arange(9.0), np.random.default_rng(0))).all()

@@ -11,7 +11,7 @@ from fixtures.random_machines import (
     physical,
     states,
 )
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.arrays import plain
@@ -86,7 +86,7 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
 
 
 def test_plant_of_a_data_set_refuses_a_wrong_replacement():
-    with refused("acrobot has no parameter 'm9'"):
+    with assert_refused("acrobot has no parameter 'm9'"):
         plant_of(dataset({}, [{}]), {"m9": 1.0})
 
 
@@ -108,5 +108,5 @@ def test_columns_that_the_mechanism_does_not_have_are_refused(kind, angles, mess
     time = np.array([0.0, 0.1])
     angle = Signal(time, np.zeros((2, angles)))
     data = Dataset("rig", {"kind": kind}, (Recording("a", angle, angle),))
-    with refused(message):
+    with assert_refused(message):
         plant_of(data)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
@@ -35,7 +35,7 @@ def test_a_table_and_a_picture_show_it(data):
     text = data._repr_html_()
     assert "<td>&lt;a&gt;$b</td><td>3.99</td><td>349</td><td>100</td><td>2</td><td>1</td>" in text
     assert isinstance(data.plot(), Figure) and len(data.plot("<a>$b").axes) == 2
-    with refused("no recording 'c'"):
+    with assert_refused("no recording 'c'"):
         data.plot("c")
 
 

@@ -19,7 +19,7 @@ from fixtures.dataset_files import (
     write,
 )
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.column_toml import CURRENTS, UNITS
@@ -225,13 +225,13 @@ def test_a_collection_is_found_by_folder_and_by_variable(tmp_path, monkeypatch):
     (tables / "a.csv").write_bytes(csv_bytes(motion()))
     (described_in / "dataset.toml").write_text(tomli_w.dumps(described(collection="arms")))
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
-    with refused("'arms'.*--data FOLDER.*FRICTIONID_DATA"):
+    with assert_refused("'arms'.*--data FOLDER.*FRICTIONID_DATA"):
         load_dataset(described_in)
     by_folder = load_dataset(described_in, data=tables)
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "there"))
     assert load_dataset(described_in).hashes == by_folder.hashes
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "elsewhere"))
-    with refused("elsewhere.arms, does not exist"):
+    with assert_refused("elsewhere.arms, does not exist"):
         load_dataset(described_in)
 
 
@@ -241,7 +241,7 @@ def test_a_hash_is_compared_and_both_are_printed(tmp_path):
     assert (
         load(tmp_path, described(sha256={"a.csv": found}), a_csv=content).hashes["a.csv"] == found
     )
-    with refused(rf"a\.csv.*{found}.*{other}"):
+    with assert_refused(rf"a\.csv.*{found}.*{other}"):
         load(tmp_path, described(sha256={"a.csv": other}), a_csv=content)
 
 
@@ -291,7 +291,7 @@ def late(signal):
     ],
 )
 def test_an_impossible_recording_cannot_be_made(changes, words):
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         Recording(**({"name": "push", "angle": still(), "torque": still()} | changes))
     assert "'push'" in str(caught.value)
 
@@ -304,12 +304,12 @@ def test_a_held_torque_may_end_before_the_angles_begin():
 
 def test_a_data_set_needs_recordings_of_one_mechanism():
     one = Recording("one", still(), still())
-    with refused("'rig' needs at least one recording"):
+    with assert_refused("'rig' needs at least one recording"):
         Dataset("rig", {"kind": "pendulum"}, ())
-    with refused("two recordings are called 'one'"):
+    with assert_refused("two recordings are called 'one'"):
         Dataset("rig", {"kind": "pendulum"}, (one, one))
     other = Recording("other", still(joints=1), still(joints=1))
-    with refused("'other' has 1 joints, the first one has 2"):
+    with assert_refused("'other' has 1 joints, the first one has 2"):
         Dataset("rig", {"kind": "pendulum"}, (one, other))
 
 
@@ -326,7 +326,7 @@ def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_
     time = np.arange(100) * 0.01
     angle = Signal(time, np.sin(time)[:, None])
     push = Signal(time[span], np.cos(9 * time[span])[:, None], "previous")
-    with refused("keep the common span by start and stop"):
+    with assert_refused("keep the common span by start and stop"):
         Recording("cut", angle, push)
     Recording("idle", angle, push._replace(value=0 * push.value))
     Recording("almost", angle, Signal(time[2:-3], np.cos(time[2:-3])[:, None]))

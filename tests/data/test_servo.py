@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.reader_files import MOTOR, bam_log, column
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.formats.bam import XL330_GAIN
@@ -60,9 +60,9 @@ def test_a_servo_is_checked_like_every_signal():
     still = Signal(TIME, np.zeros((51, 1)))
     assert Recording("a", still, still, servo=servo()).servo is not None
     two = replace(servo(), goal=Signal(TIME, np.zeros((51, 2))))
-    with refused("goal has 2 columns and angle has 1"):
+    with assert_refused("goal has 2 columns and angle has 1"):
         Recording("a", still, still, servo=two)
-    with refused("goal, sample 3"):
+    with assert_refused("goal, sample 3"):
         Recording("a", still, still, servo=servo(goal=np.where(TIME == TIME[3], np.nan, 0.0)))
 
 

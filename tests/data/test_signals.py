@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -87,7 +87,7 @@ def test_cut_keeps_the_samples_of_the_span_and_nothing_else(signal, start, lengt
     inside = (signal.time >= start) & (signal.time <= start + length)
     if not inside.any():
         span = f"the signal spans {signal.time[0]:g} to {signal.time[-1]:g} s"
-        with refused(re.escape(span)):
+        with assert_refused(re.escape(span)):
             cut(signal, start, start + length)
         return
     part = cut(signal, start, start + length)
@@ -106,10 +106,10 @@ def test_lists_are_as_good_as_arrays():
 
 @pytest.mark.parametrize("edges", [[0.0, 0.0], [0.0, 1.0, 0.5], [0.0, np.nan]])
 def test_edges_that_do_not_increase_are_refused(edges):
-    with refused("edges of averages must increase"):
+    with assert_refused("edges of averages must increase"):
         averages(Signal(np.arange(2.0), np.ones((2, 1))), edges)
 
 
 def test_an_unknown_hold_is_refused():
-    with refused("hold must be .* not 'next'"):
+    with assert_refused("hold must be .* not 'next'"):
         sample(Signal(np.arange(2.0), np.ones((2, 1)), "next"), [0.5])

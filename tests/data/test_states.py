@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.white_jerk import NOISE, driven_by_white_jerk, transition, wave
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import savgol_filter
@@ -256,10 +256,10 @@ def test_savgol_sees_its_window_only():
 
 @pytest.mark.parametrize(("window", "order"), [(6, 3), (3, 3), (5, 7)])
 def test_a_window_that_cannot_hold_the_polynomial_is_refused(window, order):
-    with refused(f"window = {window} must be odd and larger than order"):
+    with assert_refused(f"window = {window} must be odd and larger than order"):
         SavitzkyGolay(window, order)
 
 
 def test_too_short_a_recording_is_refused():
-    with refused("6 samples are fewer than window = 7"):
+    with assert_refused("6 samples are fewer than window = 7"):
         SavitzkyGolay()([one(even(6), np.zeros(6))])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.dataset_files import load_single
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
@@ -131,5 +131,5 @@ def test_a_table_of_a_tracker_has_deviations_and_holes(tmp_path):
     ],
 )
 def test_wrong_deviations_are_reported_in_one_line(tmp_path, rows, line):
-    with refused(line):
+    with assert_refused(line):
         load_single(tmp_path, TOML, a_csv="\n".join(rows).encode())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.memory_laws import Sampled, SampledFollower
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
 from frictionid.data.signals import Signal
@@ -163,7 +163,7 @@ def test_the_semi_implicit_step_undoes_backward_differences():
 
 def test_an_unknown_method_is_refused():
     start, u = starts(np.random.default_rng(7))
-    with refused("'heun' is unknown; known are 'rk4', 'euler'"):
+    with assert_refused("'heun' is unknown; known are 'rk4', 'euler'"):
         rollout(PLANT, STRIBECK, start, u, EVEN, method="heun")
 
 

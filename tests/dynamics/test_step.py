@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.steps import step, substeps
 from scipy.integrate import solve_ivp
 
@@ -302,5 +302,5 @@ def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
 def test_a_law_too_steep_for_any_step_is_refused():
     absurd = Friction(CoulombViscous(width=1e-6), np.array([[50.0, 0.0], [0.1, 0.0]]))
     words = r"slope of [\d.e+]+ N m s/rad .* needs \d+ substeps in 0.0167 s: widen the law's"
-    with refused(words):
+    with assert_refused(words):
         step_size_of(CASES["double"].plant, absurd, 1 / 60)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import dataset, recordings, shortened
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,7 +47,7 @@ def rows_of(made):
 def test_every_interval_is_held_out_once_and_trains_all_other_folds(sizes, count, kind, gap, seed):
     split = Split(count=count, kind=kind, gap=gap, seed=seed)
     if count > (len(sizes) if kind == "recordings" else sum(sizes)):
-        with refused("cannot make"):
+        with assert_refused("cannot make"):
             make_folds(of_sizes(sizes), split)
         return
     made = make_folds(of_sizes(sizes, np.random.default_rng(seed)), split)
@@ -237,7 +237,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("settings_", "words"), REFUSED.values(), ids=REFUSED.keys())
 def test_what_cannot_be_split_is_refused_with_the_way_out(settings_, words):
-    with refused(words):
+    with assert_refused(words):
         make_folds(recordings(), Split(**settings_))
 
 
@@ -260,5 +260,5 @@ def test_a_single_recording_is_split_in_blocks():
     assert made.hash == asked.hash
     several = (make_folds(of_sizes([50, 60]), Split(kind=kind)) for kind in (None, "recordings"))
     assert len({folds.hash for folds in several}) == 1
-    with refused('1 recordings cannot make 2 folds.*"blocks"'):
+    with assert_refused('1 recordings cannot make 2 folds.*"blocks"'):
         make_folds(of_sizes([50]), Split(kind="recordings"))

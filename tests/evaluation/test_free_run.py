@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled, SampledFollower
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
@@ -339,7 +339,7 @@ def test_a_comparison_scores_free_runs_where_it_is_asked(logs):
     none, fitted = (run(asked, i, INTEGRAL).value("free_run", "mean") for i in identifiers)
     assert fitted < 0.2 * none
     silent = Benchmark(data, folds, Protocol((0.3,), history=0.0))
-    with refused("no score 'free_run'"):
+    with assert_refused("no score 'free_run'"):
         run(silent, Frictionless(), INTEGRAL).value("free_run", "mean")
 
 
@@ -347,11 +347,11 @@ def test_folds_that_hold_out_no_whole_recording_are_refused():
     data = torque_driven()
     trajectory = make_trajectory(data, KalmanFilter()([r.angle for r in data.recordings]))
     blocks = make_folds(torque_driven_recordings(), Split(count=40, kind="blocks", gap=0.0))
-    with refused('whole = true: no fold.*folds.kind = "recordings"'):
+    with assert_refused('whole = true: no fold.*folds.kind = "recordings"'):
         trajectory_folds(trajectory, blocks)
 
 
 def test_a_history_as_long_as_a_recording_is_refused(logs):
     data, states = logs
-    with refused("recording 'a' ends within the history of 2 s"):
+    with assert_refused("recording 'a' ends within the history of 2 s"):
         make_trajectory(data, states, 2.0)

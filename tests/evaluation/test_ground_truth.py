@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.paths import DATA
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
@@ -78,7 +78,7 @@ def test_they_end_on_the_true_curve(kind):
 )
 def test_tables_that_tell_too_little_are_refused(changes, rule):
     table = {**TRUTHS["film_lag"].table(), **changes}
-    with refused(rule):
+    with assert_refused(rule):
         true_friction({k: v for k, v in table.items() if v is not None})
 
 

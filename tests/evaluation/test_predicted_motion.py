@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
 from frictionid.comparison.registry import LAWS
@@ -72,7 +72,7 @@ def test_memory_of_a_motor_that_turns_with_two_joints_goes_on_at_each_start(tmp_
 
 def test_a_model_of_other_joints_is_refused():
     two = Friction(CoulombViscous(), np.full((2, 2), 0.01))
-    with refused("has 1 joints, the model has 2"):
+    with assert_refused("has 1 joints, the model has 2"):
         predicted_motion(two, dataset())
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import (
     PENDULUM,
@@ -62,7 +62,7 @@ def test_a_recording_as_long_as_a_horizon_and_what_comes_before_has_one_initial_
     data = still(np.arange(46) / 100)
     starts = starts_of(data, horizons=(0.3,), begin=0.15)
     np.testing.assert_array_equal(starts.index, [15])
-    with refused("no recording holds"):
+    with assert_refused("no recording holds"):
         starts_of(still(np.arange(45) / 100), horizons=(0.3,), begin=0.15)
 
 
@@ -206,7 +206,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("horizons", "words"), REFUSED.values(), ids=REFUSED.keys())
 def test_a_horizon_that_no_start_reaches_is_refused(horizons, words):
-    with refused(words):
+    with assert_refused(words):
         prepare(dataset(), Protocol(horizons=horizons))
 
 
@@ -242,7 +242,7 @@ def test_a_start_belongs_to_the_fold_that_holds_out_its_whole_horizon(kind):
 def test_blocks_shorter_than_a_horizon_are_refused(prepared):
     data = dataset()
     folds = make_folds(data.recordings, Split(count=100, kind="blocks"))
-    with refused(r"no fold holds out 0\.3 s of motion.*fewer folds"):
+    with assert_refused(r"no fold holds out 0\.3 s of motion.*fewer folds"):
         initial_state_folds(prepared.initial_states, folds, prepared.causal)
 
 
@@ -344,7 +344,7 @@ def test_other_parameters_replace_the_mechanisms_and_nothing_is_estimated_anew(p
     friction = true_friction(TRUTH)
     rows = [score_model(friction, p)[0] for p in (prepared, heavy, other)]
     assert rows[1].equals(rows[2]) and not rows[1].equals(rows[0])
-    with refused("pendulum has no parameter 'mas'; did you mean 'mass'"):
+    with assert_refused("pendulum has no parameter 'mas'; did you mean 'mass'"):
         with_parameters(prepared, {"mas": 0.4})
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
 
@@ -156,7 +156,7 @@ def test_a_data_set_that_only_tests_has_no_folds(prepared, folds):
 
 @pytest.mark.parametrize("theta", [np.zeros((2, 2)), np.zeros((3, 1, 2))], ids=str)
 def test_models_of_another_machine_are_refused(prepared, theta):
-    with refused(r"'tiny' has 1 joints.*must be \(1, 2\)"):
+    with assert_refused(r"'tiny' has 1 joints.*must be \(1, 2\)"):
         score_model(Friction(CoulombViscous(), theta), prepared)
 
 
@@ -279,5 +279,5 @@ def test_measured_data_have_neither_curve_error_nor_truth(folds):
 def test_a_truth_of_a_kind_that_no_law_is_stays_a_curve():
     assert true_friction(TRUTH) is not None
     assert true_friction({**TRUTH, "kind": "maxwell_slip"}) is None
-    with refused(r"\[truth\] lacks viscous"):
+    with assert_refused(r"\[truth\] lacks viscous"):
         true_friction({k: v for k, v in TRUTH.items() if k != "viscous"})

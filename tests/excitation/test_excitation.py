@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
@@ -288,7 +288,7 @@ def test_a_tight_angle_limit_is_kept_by_weaker_signals():
 def test_impossible_limits_are_one_clear_line():
     experiment = on_pendulum(start=(2.5,))
     slow = replace(experiment, limits=experiment.limits._replace(velocity=np.array([0.1])))
-    with refused("none of 12 signals keeps the limits, velocity"):
+    with assert_refused("none of 12 signals keeps the limits, velocity"):
         design_signals(SignalSpace(slow), Search(pool=4, generations=0))
 
 

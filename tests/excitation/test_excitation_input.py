@@ -4,7 +4,7 @@ import re
 
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.__main__ import main
 from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
@@ -26,12 +26,12 @@ from frictionid.mechanics import acrobot, mechanism_of, pendulum
     ],
 )
 def test_wrong_limits_are_one_clear_line(text, rule):
-    with refused(rule):
+    with assert_refused(rule):
         limits_of(text, acrobot())
 
 
 def test_a_machine_without_a_motor_gets_no_signal():
-    with refused("has no motor"):
+    with assert_refused("has no motor"):
         limits_of("torque=1,velocity=1", pendulum(driven=False))
 
 
@@ -48,30 +48,30 @@ def test_a_machine_without_a_motor_gets_no_signal():
     ],
 )
 def test_wrong_experiments_are_one_clear_line(changes, rule):
-    with refused(rule):
+    with assert_refused(rule):
         on_pendulum(**changes)
 
 
 def test_wrong_families_priors_and_searches_are_refused():
-    with refused("family 'sweep' is unknown"):
+    with assert_refused("family 'sweep' is unknown"):
         SignalSpace(on_pendulum(), ("sweep",))
-    with refused("no family"):
+    with assert_refused("no family"):
         SignalSpace(on_pendulum(), ())
-    with refused("did you mean 'coulomb'"):
+    with assert_refused("did you mean 'coulomb'"):
         prior_friction_of("coulumb=1", on_pendulum().limits)
-    with refused("pool: .* not 0"):
+    with assert_refused("pool: .* not 0"):
         Search(pool=0)
 
 
 def test_mechanism_files_say_what_is_wrong(tmp_path):
     file = tmp_path / "machine.toml"
-    with refused("cannot be read"):
+    with assert_refused("cannot be read"):
         load_mechanism(file)
     file.write_bytes(b"\xff\x00")
-    with refused("no TOML"):
+    with assert_refused("no TOML"):
         load_mechanism(file)
     file.write_text("name = 1")
-    with refused(r"no \[mechanism\] table"):
+    with assert_refused(r"no \[mechanism\] table"):
         load_mechanism(file)
     file.write_text('[mechanism]\nkind = "pendulum"')
     assert mechanism_of(load_mechanism(file)).n == 1

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.excitation import TrajectoryTask, design_trajectories, limits_of, prior_friction_of
@@ -109,13 +109,13 @@ def test_unsure_joints_are_named():
     ],
 )
 def test_what_cannot_be_is_refused(change, says):
-    with refused(says):
+    with assert_refused(says):
         replace(TASK, **change)
 
 
 def test_torques_that_do_not_lift_the_arm_are_named():
     weak = limits_of("torque=[0.01,0.01],velocity=[6,8],angle=2.5", ARM)
-    with refused("no motion of 6 s keeps the limits"):
+    with assert_refused("no motion of 6 s keeps the limits"):
         design_trajectories(replace(TASK, limits=weak), effort=10)
 
 

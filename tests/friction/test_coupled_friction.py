@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -99,5 +99,5 @@ def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(dataset):
 def test_a_coupling_that_is_none_is_said_in_a_line(tmp_path, coupled, expected):
     path = tmp_path / "wrist.urdf"
     path.write_text(ARM)
-    with refused(expected):
+    with assert_refused(expected):
         urdf(path, coupled=coupled)

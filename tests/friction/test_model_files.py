@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
@@ -124,7 +124,7 @@ def test_a_file_written_by_hand_needs_no_theta_and_no_units():
 def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
     friction = Friction(Foreign(0.1), np.array([[1.0, 2.0]]))
     save_model(friction, tmp_path / "model.json", LAWS)
-    with refused("law 'Foreign' is unknown"):
+    with assert_refused("law 'Foreign' is unknown"):
         load_model(tmp_path / "model.json", LAWS)
     assert load_model(tmp_path / "model.json", {"Foreign": Foreign}).law == Foreign(0.1)
 
@@ -161,7 +161,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("changes", "complaint"), MISTAKES)
 def test_mistakes_are_one_line_with_the_file_and_the_rule(changes, complaint):
-    with refused(complaint) as raised:
+    with assert_refused(complaint) as raised:
         read_model(written(**changes), LAWS, "some/model.json")
     assert str(raised.value).startswith("some/model.json: ")
 
@@ -182,7 +182,7 @@ def test_the_unchanged_document_is_none_of_these():
     ],
 )
 def test_joints_written_by_hand_are_checked_value_by_value(entry, complaint):
-    with refused(complaint) as raised:
+    with assert_refused(complaint) as raised:
         read_model(by_hand(**entry), LAWS, "hand.json")
     assert str(raised.value).startswith("hand.json: joint 1")
 
@@ -190,7 +190,7 @@ def test_joints_written_by_hand_are_checked_value_by_value(entry, complaint):
 def test_a_joint_that_is_no_object_is_named():
     document = by_hand()
     document["joints"].append(3.0)
-    with refused("joint 2 must have the parameters .*; it has none"):
+    with assert_refused("joint 2 must have the parameters .*; it has none"):
         read_model(document, LAWS, "hand.json")
 
 
@@ -212,14 +212,14 @@ def test_reading_leaves_the_document_as_it_was():
 )
 def test_files_that_are_no_json_objects_are_refused(content, complaint, tmp_path):
     (tmp_path / "model.json").write_bytes(content)
-    with refused(complaint):
+    with assert_refused(complaint):
         read_json(tmp_path / "model.json")
 
 
 def test_missing_files_and_folders_in_their_place_are_named(tmp_path):
-    with refused("gone.json: no such file"):
+    with assert_refused("gone.json: no such file"):
         read_json(tmp_path / "gone.json")
-    with refused("cannot be read"):
+    with assert_refused("cannot be read"):
         read_json(tmp_path)
 
 
@@ -317,5 +317,5 @@ def test_a_theta_of_another_shape_is_refused_in_words(wrong, tmp_path):
     document = model_document(friction, LAWS)
     del document["joints"]
     write_json(tmp_path / "m.json", {**document, **wrong})
-    with refused("m.json: .theta. must have a row of 4 numbers for each"):
+    with assert_refused("m.json: .theta. must have a row of 4 numbers for each"):
         load_model(tmp_path / "m.json", LAWS)

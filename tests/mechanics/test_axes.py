@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import LooseAxis
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -52,7 +52,7 @@ def test_a_sliding_carriage_stops_where_friction_says():
 
 def test_options_are_checked():
     assert mechanism_of({"kind": "linear_axis", "driven": False}).B[0, 0] == 0.0
-    with refused("driven = 3 must be true or false"):
+    with assert_refused("driven = 3 must be true or false"):
         mechanism_of({"kind": "linear_axis", "driven": 3})
 
 

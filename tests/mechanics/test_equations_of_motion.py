@@ -16,7 +16,7 @@ from fixtures.random_machines import (
     random_case,
     states,
 )
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.arrays import solve, times
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
@@ -114,9 +114,9 @@ def test_without_a_rotor_at_joint_2_the_double_pendulum_has_five_base_parameters
 
 def test_unknown_parameter_names_are_refused():
     m = pendulum()
-    with refused("pendulum has no parameter 'masss'; did you mean 'mass'"):
+    with assert_refused("pendulum has no parameter 'masss'; did you mean 'mass'"):
         m.base({"masss": 1.0})
-    with refused("has no parameter 'm'"):
+    with assert_refused("has no parameter 'm'"):
         m.load({"m": 1.0}, np.zeros(1), np.zeros(1), np.zeros(1))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 import torch
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.mechanics import (
     Base,
@@ -104,17 +104,17 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
 )
 def test_a_wrong_table_is_reported_with_the_mistake(kind, options, message):
     """Without a mass or length nothing is assumed, and none is negative."""
-    with refused(message):
+    with assert_refused(message):
         mechanism_of({"kind": kind, **options}).nominal({})
 
 
 def test_a_missing_kind_and_a_wrong_override_are_reported_with_the_mistake():
-    with refused("kind = '' is unknown"):
+    with assert_refused("kind = '' is unknown"):
         mechanism_of({})
     table = {"kind": "acrobot"}
-    with refused("no parameter 'rotr'; did you mean 'rotor'"):
+    with assert_refused("no parameter 'rotr'; did you mean 'rotor'"):
         mechanism_of(table).nominal({"rotr": 1.0})
-    with refused("m4 = None must be a finite number"):
+    with assert_refused("m4 = None must be a finite number"):
         mechanism_of(table).nominal({"m4": None})
 
 

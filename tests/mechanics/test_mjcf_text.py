@@ -9,7 +9,7 @@ import sympy as sp
 from fixtures.cart_poles import cart_pole
 from fixtures.random_machines import MECHANISMS, physical, wrapped
 from fixtures.random_robots import random_robot, urdf_text
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.wrist import wrist
 from numpy.testing import assert_allclose
 
@@ -169,7 +169,7 @@ def test_what_mjcf_cannot_hold_is_refused_in_one_line():
         (wrapped(acrobot()), {}, "only mechanisms of bodies"),
     ]
     for mechanism, parameters, reason in cases:
-        with refused(reason):
+        with assert_refused(reason):
             mjcf_of(mechanism, parameters)
 
 

@@ -9,7 +9,7 @@ import sympy as sp
 from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
 from fixtures.paths import ROOT
 from fixtures.random_machines import assert_close
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid import load_dataset
 from frictionid.comparison.fit_model import fit_model
@@ -76,7 +76,7 @@ def test_one_step_fits_and_shooting_find_the_friction_of_both_joints(recorded):
 def test_a_data_set_and_the_module_beside_it_are_read_with_trust(recorded, tmp_path):
     write(recorded, tmp_path / "data")
     shutil.copy(ROOT / "comparisons" / "own_mechanism.py", tmp_path / "data")
-    with refused(r"'own_mechanism:cart_pole' is code"):
+    with assert_refused(r"'own_mechanism:cart_pole' is code"):
         load_dataset(tmp_path / "data")
     again = load_dataset(tmp_path / "data", trust=True)
     assert again.mechanism == recorded.mechanism
@@ -168,7 +168,7 @@ def test_symbols_may_carry_assumptions():
 def test_mistakes_are_one_sentence(change, message):
     x, m, length = sp.symbols("x m length")
     place = sp.sin(x / length) if change.get("inside") else x + length * sp.sin(x)
-    with refused(message):
+    with assert_refused(message):
         from_bodies(
             [Body(m, place, 0, joint=change.get("joint", 0))],
             [Joint("slider", x, change.get("unit", "rad"))],

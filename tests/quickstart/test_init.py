@@ -8,7 +8,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -280,7 +280,7 @@ UNTOLD = {
 
 @pytest.mark.parametrize(("columns", "words"), UNTOLD.values(), ids=UNTOLD)
 def test_what_cannot_be_told_is_said_with_the_columns_there_are(columns, words):
-    with refused(words):
+    with assert_refused(words):
         guessed(columns, (False, True) if "2 joints" in words else (True,))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -236,7 +236,7 @@ def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, exact, tmp
     _, q, u = exact
     bare = re.sub('<link name="c">.*?</link>', '<link name="c"/>', wrist.URDF)
     (tmp_path / "bare.urdf").write_text(bare)
-    with refused(r"no inertia .* that of three .*give rotor_three \[kg m"):
+    with assert_refused(r"no inertia .* that of three .*give rotor_three \[kg m"):
         urdf(tmp_path / "bare.urdf").nominal()
     columns = {**named("q_{}", q), **named("tau_{}", u)}
     document, out = call(columns, robot=str(tmp_path / "bare.urdf"), known=())
@@ -280,16 +280,16 @@ def test_columns_may_be_called_as_the_joints(names, tmp_path):
 def test_a_folder_of_several_robots_asks_for_one(tmp_path):
     for name in ("a.urdf", "b.urdf", "c.txt"):
         (tmp_path / name).write_text(wrist.URDF if name.endswith("urdf") else "x")
-    with refused("holds 2 robots .*name one file"):
+    with assert_refused("holds 2 robots .*name one file"):
         robot_file(tmp_path)
-    with refused("no URDF .* and no MJCF"):
+    with assert_refused("no URDF .* and no MJCF"):
         robot_file(tmp_path / "c.txt")
 
 
 def test_columns_that_fit_no_joint_are_one_line(tmp_path):
     (tmp_path / "wrist.urdf").write_text(wrist.URDF)
     table = Table("a.csv", np.arange(3), {"t": np.arange(3.0), "q9": np.arange(3.0)})
-    with refused(r"q9 look like angles.* joints one, two, three: name"):
+    with assert_refused(r"q9 look like angles.* joints one, two, three: name"):
         robot_columns(robot_file(tmp_path).robot, table)
-    with refused("--angle: a.csv has no column of numbers 'q8'"):
+    with assert_refused("--angle: a.csv has no column of numbers 'q8'"):
         robot_columns(robot_file(tmp_path).robot, table, named={"angle": ["q8"]})

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from markdown_it import MarkdownIt
 
 from frictionid.comparison.cross_validate import Benchmark
@@ -102,7 +102,7 @@ def test_a_folder_without_results_is_the_users_mistake(content, tmp_path):
     if content == "no task":
         made.typical(tmp_path)
         shutil.rmtree(tmp_path / "tasks")
-    with refused(re.escape(str(tmp_path))):
+    with assert_refused(re.escape(str(tmp_path))):
         load_results(tmp_path)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.suite import load_suite
 from frictionid.data.plants import plant_of
@@ -154,9 +154,9 @@ def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
 
 
 def test_settings_are_those_of_the_joints():
-    with refused("amplitude has 2 entries, the mechanism has 1 joints"):
+    with assert_refused("amplitude has 2 entries, the mechanism has 1 joints"):
         hysteresis_loops(film(0.01), PLANT, HysteresisSettings((5.0, 10.0)), GRID, 1 / 60)
-    with refused("loops: factors = .* must be positive"):
+    with assert_refused("loops: factors = .* must be positive"):
         HysteresisSettings(factors=(0.0,))
 
 

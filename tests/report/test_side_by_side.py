@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 from fixtures import result_folders as made
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.api.comparison import load_comparison
 from frictionid.comparison.result_folder import write_sealed
@@ -84,10 +84,10 @@ def test_results_on_other_data_sets_are_refused_in_one_line(tmp_path):
     a = written(tmp_path / "a")
     task = made.task("law", {"else": made.rows(0.3, 0.2)}, dataset="else")
     b = made.write(tmp_path / "b", [task])
-    with refused(r"no fitted data set in common \(made and else\)"):
+    with assert_refused(r"no fitted data set in common \(made and else\)"):
         compared(a, b)
     shutil.rmtree(b / "tasks")
-    with refused("holds no finished task"):
+    with assert_refused("holds no finished task"):
         load_comparison(a).against(load_comparison(b))
 
 

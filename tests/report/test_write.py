@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 from fixtures import result_folders as made
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.results import load_results
 from frictionid.outputs import replace_files
@@ -39,7 +39,7 @@ def test_what_is_not_of_the_report_is_never_touched(folder):
     mine = {"figures/mine.png": b"mine", "notes.md": b"mine"}
     assert made.contents(folder) == before | mine
     (folder / "summary.md").write_text("my own words")
-    with refused(r"summary\.md was changed.*--replace"):
+    with assert_refused(r"summary\.md was changed.*--replace"):
         made.built(folder)
     assert made.contents(folder) == before | mine | {"summary.md": b"my own words"}
     build(load_results(folder), replace=True)
@@ -51,6 +51,6 @@ def test_links_to_other_folders_are_not_followed(folder, tmp_path):
     (folder / "figures").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere" / "mine.png").write_text("mine")
     before = made.contents(tmp_path / "elsewhere")
-    with refused("figures is a link to another folder"):
+    with assert_refused("figures is a link to another folder"):
         made.built(folder)
     assert made.contents(tmp_path / "elsewhere") == before

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -88,7 +88,7 @@ def test_what_no_motion_can_tell_is_refused(motion):
         (short._replace(value=0 * short.value + 0.1), torque, "hardly move"),
     )
     for a, u, said in cases:
-        with refused(said):
+        with assert_refused(said):
             align(TABLE, a, u)
 
 
@@ -100,7 +100,7 @@ def test_a_motion_that_repeats_itself_needs_a_marker(motion):
         np.concatenate([once.time, once.time + gap]), np.tile(once.value, (2, 1)), "previous"
     )
     part = cut(angle, 5.0, 15.0)
-    with refused("does not repeat itself, or a marker"):
+    with assert_refused("does not repeat itself, or a marker"):
         align(TABLE, part, twice)
     known = align(TABLE, part, twice, start=Clock(0.2, 0.0, 10.0))
     assert known.clock.offset == pytest.approx(0.0, abs=2e-3)
@@ -253,7 +253,7 @@ def test_angles_may_be_named_and_in_degrees(tmp_path):
     angle, marker = read_angles(path, own, 1, "led")
     assert_allclose(angle.value[:, 0], np.radians(np.arange(20.0)))
     assert marker.value.sum() == 10
-    with refused("must name one column for each of 1 joints"):
+    with assert_refused("must name one column for each of 1 joints"):
         read_angles(path, {**own, "columns": ["theta", "led"]}, 1)
 
 
@@ -281,5 +281,5 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
 
 @pytest.mark.parametrize("spans", [(20.0, 30e3 * 60), (12e6, 12.0), (1e9, 1e300), (50.0, 5e4)])
 def test_spans_in_another_unit_are_named_before_they_fill_the_memory(spans):
-    with refused(r"the angles span .* s and the log .*: correct the unit"):
+    with assert_refused(r"the angles span .* s and the log .*: correct the unit"):
         check_spans(*spans)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
 from numpy.testing import assert_allclose
 
@@ -216,9 +216,9 @@ def test_nothing_that_exists_is_lost_to_an_output(place, run):
 
 def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
     (tmp_path / "junk.mov").write_bytes(b"junk")
-    with refused("no video"):
+    with assert_refused("no video"):
         open_source(str(tmp_path / "junk.mov"))
-    with refused("gives no pictures"):
+    with assert_refused("gives no pictures"):
         open_source("97")
     assert capfd.readouterr().err == ""
 
@@ -237,7 +237,7 @@ def test_no_word_of_the_decoder_comes_beside_the_line(tmp_path, capfd):
     ],
 )
 def test_a_camera_that_cannot_be_is_refused(make, said):
-    with refused(said):
+    with assert_refused(said):
         make()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import logger, setup, until
 from fixtures.paths import ROOT
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -128,7 +128,7 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     own = next(r for r in dataset.recordings if r.name == "05_sine")
     np.testing.assert_array_equal(torque.value[: len(own.torque.time), 0], own.torque.value[:, 1])
     assert torque.time[-1] == own.angle.time[-1]
-    with refused("no recording '05_sin'; did you mean '05_sine'"):
+    with assert_refused("no recording '05_sin'; did you mean '05_sine'"):
         torque_of(dataset, "05_sin")
 
 
@@ -145,10 +145,10 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
     ],
 )
 def test_a_drive_that_cannot_be_is_refused(given, said):
-    with refused(re.escape(said)):
+    with assert_refused(re.escape(said)):
         Drive(**{"rig": setup(), "torque": sine(), **given})
     for faults in ({"damaged": 1.0}, {"unplugged": -1}):
-        with refused("should be"):
+        with assert_refused("should be"):
             Faults(**faults)
 
 
@@ -246,11 +246,11 @@ def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
     )
     for text, given_rig, said in cases:
         path.write_text(text)
-        with refused(re.escape(said)):
+        with assert_refused(re.escape(said)):
             load_signal(path, given_rig)
-    with refused("ramp: it should be greater than 0"):
+    with assert_refused("ramp: it should be greater than 0"):
         PlaySettings(ramp=0)
-    with refused("rate: it should be a finite number"):
+    with assert_refused("rate: it should be a finite number"):
         PlaySettings(rate=float("inf"))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
 from fixtures.paths import ROOT
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -124,7 +124,7 @@ def test_a_torn_file_loads_and_goes_on_behind_its_whole_rows(tmp_path, cut, rows
     if whole:
         assert read_log(path).columns["time"].tolist() == list(range(whole))
     if torn and "\n" not in torn and torn != header:
-        with refused("has other columns"):
+        with assert_refused("has other columns"):
             Appender(path, header, append=True)
         return
     file = Appender(path, header, append=True)
@@ -148,15 +148,15 @@ def test_all_clock_runs_a_log_are_unified_that_only_goes_on():
 def test_a_log_is_never_overwritten(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("mine")
-    with refused("exists and is not overwritten"):
+    with assert_refused("exists and is not overwritten"):
         Appender(path, "host,time")
-    with refused("has other columns"):
+    with assert_refused("has other columns"):
         Appender(path, "host,time", append=True)
     assert path.read_text() == "mine"
 
 
 def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
-    with refused(r"No space left.*0 rows before are safe"):
+    with assert_refused(r"No space left.*0 rows before are safe"):
         Appender(Path("/dev/full"), "host,time", append=True)
 
 
@@ -170,7 +170,7 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
         ("time,u2\n0,1\n", "no column 'host'"),
     ):
         path.write_text(text)
-        with refused(said):
+        with assert_refused(said):
             read_log(path)
 
 
@@ -221,7 +221,7 @@ def test_a_restart_of_the_controller_is_counted(opened, protocol):
 def test_unreadable_lines_are_reported_and_end_the_log(changes, content, said, opened, protocol):
     log, _ = opened(**changes)
     feed(protocol, content)
-    with refused(said) as complaint:
+    with assert_refused(said) as complaint:
         until(lambda: log.pump(0.1))
     assert str(protocol.link) in str(complaint.value)
 
@@ -235,16 +235,16 @@ def test_garbage_behind_good_lines_does_not_end_the_log(opened, protocol, tmp_pa
 
 
 def test_a_port_that_is_missing_or_busy_is_reported_in_one_line(protocol, tmp_path):
-    with refused("there is no port /dev/ttyNONE"):
+    with assert_refused("there is no port /dev/ttyNONE"):
         Port("/dev/ttyNONE", 115200)
-    with refused("has no rate of 12345678901 baud"):
+    with assert_refused("has no rate of 12345678901 baud"):
         Port(str(protocol.link), 12345678901)
     first = Port(str(protocol.link), 115200)
-    with refused("is busy: another program has it open"):
+    with assert_refused("is busy: another program has it open"):
         Port(str(protocol.link), 115200)
     first.close()
     Port(str(protocol.link), 115200).close()
-    with refused("cannot be opened"):
+    with assert_refused("cannot be opened"):
         Port(str(tmp_path), 115200)
 
 

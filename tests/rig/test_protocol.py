@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -165,7 +165,7 @@ MOTOR = {"kt": 0.01, "gear": 20.0}
     ],
 )
 def test_a_rig_that_cannot_be_is_reported_in_one_line(document, said):
-    with refused("^rig.toml.*" + re.escape(said)):
+    with assert_refused("^rig.toml.*" + re.escape(said)):
         rig_settings_of(document, "rig.toml")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import (
     BLUE,
     LENGTHS,
@@ -208,7 +208,7 @@ def test_leds_that_do_not_agree_are_refused():
         edges_of(time, np.searchsorted(switches, time) % 2.0, "a")
         for switches in ([1.0, 2.0, 4.0, 7.0], [1.0, 3.3, 3.9, 8.0])
     )
-    with refused("edges do not agree"):
+    with assert_refused("edges do not agree"):
         clock_from_edges(a, b)
 
 
@@ -216,11 +216,11 @@ def test_an_led_that_blinks_evenly_needs_a_rough_offset():
     camera, drive = np.arange(0.0, 20.0, 1 / 60), np.arange(0.0, 60.0, 1e-3)
     seen = edges_of(camera, 1.0 * ((camera + 20.3) % 1.5 < 0.5), "a")
     log = edges_of(drive, 1.0 * (drive % 1.5 < 0.5), "b")
-    with refused("as well as with .* --offset"):
+    with assert_refused("as well as with .* --offset"):
         clock_from_edges(seen, log)
     assert clock_from_edges(seen, log, roughly=-20.0).offset == pytest.approx(-20.3, abs=0.01)
     # one edge may be any of several
-    with refused("as well as with"):
+    with assert_refused("as well as with"):
         clock_from_edges(edges_of(camera, 1.0 * (camera > 7.0), "a"), log)
 
 
@@ -247,7 +247,7 @@ def test_a_led_that_never_switches_is_one_line(place, tmp_path, run):
     ],
 )
 def test_what_has_no_two_levels_is_no_led(value):
-    with refused("never changes from one level to another"):
+    with assert_refused("never changes from one level to another"):
         edges_of(np.arange(500) / 60, value, "a.csv")
 
 
@@ -275,7 +275,7 @@ def test_a_simulated_led_is_read_and_checked(tmp_path):
         ("at = [9.0, 9.0]\nswitchs = [1.0]", "did you mean 'switches'"),
     ):
         path.write_text(head + led)
-        with refused(said):
+        with assert_refused(said):
             load_film(path)
 
 

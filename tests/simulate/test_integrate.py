@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear
 
@@ -299,7 +299,7 @@ def test_lugre_bends_before_it_slips():
 
 
 def test_too_much_bristle_damping_is_refused():
-    with refused(r"joint 2: LuGre is passive if .* lower bristle_damping"):
+    with assert_refused(r"joint 2: LuGre is passive if .* lower bristle_damping"):
         LuGre(CURVE, (40.0, 12.0), (0.1, 5.0), (0.1, 0.1))
 
 
@@ -315,5 +315,5 @@ def test_too_much_bristle_damping_is_refused():
     ],
 )
 def test_impossible_friction_is_refused(build, reason):
-    with refused(reason):
+    with assert_refused(reason):
         build()  # type: ignore[operator]

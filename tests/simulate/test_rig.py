@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
@@ -221,7 +221,7 @@ def test_a_set_that_was_interrupted_is_refused_until_it_is_written_again(
         patch.setattr(os, "replace", killed)
         with pytest.raises(KeyboardInterrupt):
             write_dataset(other, tmp_path)
-    with refused("is not the described file: its SHA-256"):
+    with assert_refused("is not the described file: its SHA-256"):
         load_dataset(tmp_path)
     write_dataset(other, tmp_path)
     assert load_dataset(tmp_path).truth == other.truth
@@ -230,11 +230,11 @@ def test_a_set_that_was_interrupted_is_refused_until_it_is_written_again(
 def test_changed_files_are_replaced_on_request_only(small, tmp_path):
     write_dataset(small, tmp_path)
     (tmp_path / "sine.csv").write_text("mine")
-    with refused(r"sine\.csv was changed, or is none that was written"):
+    with assert_refused(r"sine\.csv was changed, or is none that was written"):
         write_dataset(small, tmp_path)
     write_dataset(small, tmp_path, replace=True)
     assert len(load_dataset(tmp_path).recordings) == 3
-    with refused(r"sine\.csv is a file"):
+    with assert_refused(r"sine\.csv is a file"):
         check_dataset_folder(tmp_path / "sine.csv")
 
 
@@ -335,5 +335,5 @@ def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, run):
 def test_a_motion_that_diverges_is_refused_with_the_way_out():
     bristles = LuGre(Curve((0.01,), (0.01,), (0.0,)), (1e4,), (0.0,), (1.0,))
     stiff = replace(WHEEL, friction=bristles, substeps=2, recordings=(Run("fast", (0.0,), (5.0,)),))
-    with refused("'fast': .* diverges, .* raise substeps = 2"):
+    with assert_refused("'fast': .* diverges, .* raise substeps = 2"):
         simulate(stiff)

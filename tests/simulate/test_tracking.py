@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.mechanics import Plant, double_pendulum
 from frictionid.simulate import Camera, Drive, Rig, Run, simulate
@@ -87,10 +87,10 @@ def test_a_rig_that_cannot_be_is_refused(change, says):
         "controller": CONTROLLER,
     }
     assert simulate(Rig(**settings)).recordings[0].angle.value.shape == (50, 2)
-    with refused(says):
+    with assert_refused(says):
         Rig(**settings | change)
 
 
 def test_sines_and_cosines_go_together():
-    with refused("as many sines as cosines"):
+    with assert_refused("as many sines as cosines"):
         Fourier((1.0, 2.0), (1.0,), 0.5)

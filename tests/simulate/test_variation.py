@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.simulate import (
@@ -66,9 +66,9 @@ def test_the_table_on_the_page_is_accepted_and_mistakes_are_named():
     (table,) = re.findall(r"^```toml\n(.*?)^```", text, flags=re.M | re.S)
     own = tomllib.loads(table)["variation"]
     Variation(**own | {"wear": tuple(own["wear"]), "temperature": tuple(own["temperature"])})
-    with refused("temperature has 2 numbers; it needs 3"):
+    with assert_refused("temperature has 2 numbers; it needs 3"):
         replace(RIG, variation=Variation(temperature=(1.0, 2.0)))
-    with refused("'film_lag' cannot vary"):
+    with assert_refused("'film_lag' cannot vary"):
         replace(RIG, friction=FilmLag(CURVE, (0.1,)), variation=Variation(scatter=0.1))
-    with refused(r"rig.toml: variation: unknown key 'scater'"):
+    with assert_refused(r"rig.toml: variation: unknown key 'scater'"):
         rig_of({"variation": {"scater": 0.1}}, "rig.toml")

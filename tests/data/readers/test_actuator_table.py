@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from fixtures.paths import ROOT
 from fixtures.reader_files import MOTOR, bam_log, column
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -183,18 +183,18 @@ def test_the_reader_of_bam_is_the_same_servo(tmp_path):
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(change, words):
-    with refused(words):
+    with assert_refused(words):
         read({**PD, **change})
 
 
 def test_a_measured_torque_beside_an_actuator_is_refused():
-    with refused(r"\[actuator\] and columns.torque exclude each other"):
+    with assert_refused(r"\[actuator\] and columns.torque exclude each other"):
         read(PD, torque="more")
 
 
 def test_targets_that_do_not_cover_the_recording_are_refused():
     late = FRAME.assign(clock=TIME + 0.5)
-    with refused("targets are known from 0.5 to 2.49 s only"):
+    with assert_refused("targets are known from 0.5 to 2.49 s only"):
         read({**PD, "time": "clock"}, late)
 
 
@@ -213,7 +213,7 @@ def test_targets_with_a_clock_of_their_own_may_stand_in_rows_of_their_own():
 
 def test_a_missing_target_is_named_by_its_row():
     holes = FRAME.assign(aim=FRAME["aim"].where(FRAME["t"] != TIME[7]))
-    with refused("row 7.*'aim' is empty"):
+    with assert_refused("row 7.*'aim' is empty"):
         read(PD, holes)
 
 

@@ -16,7 +16,7 @@ from fixtures.reader_files import (
     marker_csv,
     mat_bytes,
 )
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,10 +27,10 @@ from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 
-def assert_refused(read, path, content, given_settings, words):
+def assert_file_refused(read, path, content, given_settings, words):
     """Check that a file is refused with some words."""
     path.write_bytes(content)
-    with refused(words):
+    with assert_refused(words):
         read(path, given_settings)
 
 
@@ -53,20 +53,20 @@ def assert_refused(read, path, content, given_settings, words):
     ],
 )
 def test_a_mistake_in_reader_is_one_clear_line(tmp_path, reader, words):
-    with refused(words):
+    with assert_refused(words):
         read_by(tmp_path, reader)
 
 
 def test_reader_and_columns_exclude_each_other(tmp_path):
-    with refused(r"\[columns\] and \[reader\] exclude each other"):
+    with assert_refused(r"\[columns\] and \[reader\] exclude each other"):
         load(tmp_path, described(reader={"kind": "bam"}))
-    with refused("'columns' is missing; add it, or a "):
+    with assert_refused("'columns' is missing; add it, or a "):
         load(tmp_path, described(columns=None))
 
 
 def test_the_noise_must_fit_the_joints_of_the_reader(tmp_path):
     reader = {"kind": "my_readers:read", "scale": 1.0, "rate": 1.0}
-    with refused(r"sigma\.angle has 2 numbers for 1 joints"):
+    with assert_refused(r"sigma\.angle has 2 numbers for 1 joints"):
         read_by(tmp_path, reader, {"sigma": {"angle": [0.1, 0.1]}})
 
 
@@ -85,7 +85,7 @@ def test_the_noise_must_fit_the_joints_of_the_reader(tmp_path):
 )
 def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, changes, words):
     merged = {k: v for k, v in {**MARKERS, **changes}.items() if v is not None}
-    assert_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
+    assert_file_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
 
 
 # --- Files ---------------------------------------------------------------------------------------
@@ -117,13 +117,13 @@ LOGS = {
 
 @pytest.mark.parametrize(("content", "words"), LOGS.values(), ids=LOGS)
 def test_a_damaged_log_is_one_clear_line(tmp_path, content, words):
-    assert_refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
+    assert_file_refused(read_bam, tmp_path / "a.json", content, MOTOR, words)
 
 
 def test_a_log_without_the_asked_phase_is_refused(tmp_path):
     for passive, phase in ((0, "passive"), (60, "driven")):
         asked = {**MOTOR, "phase": phase}
-        assert_refused(
+        assert_file_refused(
             read_bam, tmp_path / "a.json", bam_bytes(passive=passive), asked, f"0 {phase} pha"
         )
 
@@ -158,7 +158,7 @@ CARRIAGES = {
 
 @pytest.mark.parametrize(("content", "words"), CARRIAGES.values(), ids=CARRIAGES)
 def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
-    assert_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
+    assert_file_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, name, words):
     content = mat_bytes({"t": np.arange(5.0), "q": np.ones((5, 2)), "log": {"y": 1.0}})
     names = {"time": "t", "angle": [name], "torque": [""]}
     document = described(recordings__patterns=["*.mat"], columns=names)
-    with refused(words):
+    with assert_refused(words):
         load(tmp_path, document, a_mat=content)
 
 
@@ -192,14 +192,16 @@ TABLES = {
 
 @pytest.mark.parametrize(("content", "words"), TABLES.values(), ids=TABLES)
 def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, content, words):
-    assert_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
+    assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
 
 def test_unreadable_files_are_named(tmp_path):
     for read, given_settings in ((read_bam, MOTOR), (read_markers, BARE)):
-        with refused("cannot be read"):
+        with assert_refused("cannot be read"):
             read(tmp_path / "nowhere.csv", given_settings)
-    assert_refused(read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file")
+    assert_file_refused(
+        read_markers, tmp_path / "0.csv.gz", b"1,2\n", BARE, "is no whole gzip file"
+    )
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------

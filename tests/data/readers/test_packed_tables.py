@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.readers import unpacking
 from frictionid.data.readers.csv_table import number
@@ -70,7 +70,7 @@ def test_parquet_of_too_many_rows_is_refused_before_it_is_unpacked(monkeypatch):
     stream = io.BytesIO()
     pd.DataFrame({"q": np.zeros(1000)}).to_parquet(stream)
     monkeypatch.setattr(unpacking, "CELLS", 999)
-    with refused("1000 rows of 1 columns are more than 999 numbers: cut"):
+    with assert_refused("1000 rows of 1 columns are more than 999 numbers: cut"):
         read_table(stream.getvalue(), "a.parquet", ["q"])
 
 
@@ -78,13 +78,13 @@ def test_parquet_of_too_many_rows_is_refused_before_it_is_unpacked(monkeypatch):
 def test_only_plain_digits_are_numbers(text):
     with pytest.raises(ValueError, match=r".*"):
         number(text)
-    with refused("row 2: column 'q' holds .* which is no number"):
+    with assert_refused("row 2: column 'q' holds .* which is no number"):
         read_table(f'q;a\n"{text}";1\n'.encode(), "a.csv", ["q"])
 
 
 def test_messages_are_short_and_steer_no_terminal():
     header = ",".join(f"name{i}" for i in range(100_000))
-    with refused("has no column 'q'; it has 'name0', .* and 99980 more") as wide:
+    with assert_refused("has no column 'q'; it has 'name0', .* and 99980 more") as wide:
         read_table(f"{header}\n".encode(), "a.csv", ["q"])
     assert len(str(wide.value)) < 1300
     assert len(str(InputError("x" * 400_000))) < 1300

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from fixtures.paths import ROOT
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 
 from frictionid.data.readers import public_collections
 from frictionid.data.readers.dataset import load_dataset
@@ -104,16 +104,16 @@ def test_reduced_files_are_taken_under_their_own_name(toy):
 
 def test_a_wrong_hash_prints_both_and_nothing_is_copied(toy):
     source = write(toy / "source", {**TOY, "day/two.csv": b"other"})
-    with refused(sha(b"other")) as caught:
+    with assert_refused(sha(b"other")) as caught:
         copy_collection("toy", source)
     assert sha(TOY["day/two.csv"]) in str(caught.value)
     assert not cached("toy").exists()
 
 
 def test_a_folder_without_the_files_is_refused(toy):
-    with refused("is no folder"):
+    with assert_refused("is no folder"):
         copy_collection("toy", toy / "nowhere")
-    with refused(r"has no file of toy; it should hold one\.csv"):
+    with assert_refused(r"has no file of toy; it should hold one\.csv"):
         copy_collection("toy", write(toy / "source", {"else.csv": b""}))
 
 
@@ -142,7 +142,7 @@ def test_downloads_are_checked_against_the_hash(monkeypatch):
 
     monkeypatch.setattr(pooch.HTTPDownloader, "__call__", other)
     done = []
-    with refused(sha(b"other")) as caught:
+    with assert_refused(sha(b"other")) as caught:
         download("toy", done.append)
     assert sha(TOY["day/two.csv"]) in str(caught.value)
     assert done == ["one.csv"]
@@ -151,7 +151,7 @@ def test_downloads_are_checked_against_the_hash(monkeypatch):
 
 def test_a_collection_without_an_address_says_so(monkeypatch, tmp_path):
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path))
-    with refused(r"nonlinearbenchmark.*data get emps --from FOLDER"):
+    with assert_refused(r"nonlinearbenchmark.*data get emps --from FOLDER"):
         download("emps", print)
 
 
@@ -199,7 +199,7 @@ def test_a_data_set_finds_its_collection_and_refuses_another_file(toy):
     copy_collection("toy", write(toy / "source", TOY))
     assert load_dataset(toy).hashes == {"one.csv": sha(TOY["one.csv"])}
     (cached("toy") / "one.csv").write_bytes(TOY["one.csv"] + b"3,0,1\n")
-    with refused("is not the registered file.*data get toy"):
+    with assert_refused("is not the registered file.*data get toy"):
         load_dataset(toy)
 
 
@@ -210,7 +210,7 @@ def test_the_users_cache_is_the_last_place_looked_at(toy, monkeypatch):
     monkeypatch.delenv("FRICTIONID_DATA")
     monkeypatch.setattr(pooch, "os_cache", lambda name: toy / "cache" / name)
     (toy / "cache" / "frictionid" / "toy" / "day").mkdir(parents=True)  # left by a failed download
-    with refused("or get it with: frictionid data get toy"):
+    with assert_refused("or get it with: frictionid data get toy"):
         load_dataset(toy)
     write(toy / "cache" / "frictionid" / "toy", {"one.csv": TOY["one.csv"]})
     assert len(load_dataset(toy).recordings) == 1

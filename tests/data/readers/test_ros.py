@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.readers.dataset import load_dataset
@@ -110,14 +110,14 @@ P = 2.0
         (("position", "positions"), "positions.elbow.': write time, position.joint."),
         (("/joint_commands", "/joint_command"), "did you mean '/joint_commands'"),
     ):
-        with refused(words):
+        with assert_refused(words):
             loaded(tmp_path, text.replace(*change))
 
 
 def test_passive_joints_need_no_effort(motion, tmp_path):
     file = write(tmp_path / "bag", states(motion, effort=False))
     assert not read_ros(file, {"driven": []}).torque.value.any()
-    with refused(r"have no effort; without motors set driven = \[\]"):
+    with assert_refused(r"have no effort; without motors set driven = \[\]"):
         read_ros(file, {})
 
 
@@ -149,7 +149,7 @@ def test_mistakes_are_reported_in_one_line(motion, tmp_path):
         (tmp_path / "good" / "metadata.yaml", {}, "is no .mcap or .db3 file"),
     )
     for path, settings, said in cases:
-        with refused(re.escape(said)) as complaint:
+        with assert_refused(re.escape(said)) as complaint:
             read_ros(path, settings)
         assert str(path) in str(complaint.value)
 
@@ -158,5 +158,5 @@ def test_without_the_package_its_installation_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     file = tmp_path / "a.mcap"
     file.write_bytes(b"x")
-    with refused(r"pip install 'frictionid\[ros\]'"):
+    with assert_refused(r"pip install 'frictionid\[ros\]'"):
         read_ros(file, {})

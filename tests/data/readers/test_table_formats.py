@@ -23,7 +23,7 @@ from fixtures.log_formats import (
     rtde,
 )
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -46,8 +46,8 @@ def load(folder, kind, pattern="*.csv", **tables):
     return load_dataset(folder)
 
 
-def assert_refused(words, *arguments, **tables):
-    with refused(words):
+def assert_not_loaded(words, *arguments, **tables):
+    with assert_refused(words):
         load(*arguments, **tables)
 
 
@@ -89,7 +89,7 @@ def test_per_mille_of_a_rated_current_is_a_torque_by_its_constant(tmp_path):
 def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
     (tmp_path / "a.csv").write_bytes(recorder())
     names = {**DRIVE["columns"], "time": "Time"}
-    assert_refused(
+    assert_not_loaded(
         r"'0x6077' stands behind the time 'Time\[2\]', which differs from 'Time'",
         *(tmp_path, "drive_recorder"),
         **{**DRIVE, "columns": {**names, "velocity": "606Ch"}},
@@ -109,7 +109,7 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
     assert_allclose(found.angle.value[:, 0], ANGLE, atol=1e-10)
     assert_allclose(found.servo.goal.time, TIME[::2], atol=1e-12)
     del own["actuator"]["time"]
-    assert_refused(
+    assert_not_loaded(
         r"'0x607A' stands behind the time 'Time', which differs from 'Time\[2\]'.*\[actuator\]",
         *(tmp_path, "drive_recorder"),
         **own,
@@ -138,7 +138,7 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
 )
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, changes, words):
     (tmp_path / "a.csv").write_bytes(recorder())
-    assert_refused(words, tmp_path, "drive_recorder", **{**DRIVE, **changes})
+    assert_not_loaded(words, tmp_path, "drive_recorder", **{**DRIVE, **changes})
 
 
 DRIVE_FILES = {
@@ -154,7 +154,7 @@ DRIVE_FILES = {
 @pytest.mark.parametrize(("content", "words"), DRIVE_FILES.values(), ids=DRIVE_FILES)
 def test_a_damaged_recorder_s_file_is_one_clear_line(tmp_path, content, words):
     (tmp_path / "a.csv").write_bytes(content)
-    assert_refused(words, tmp_path, "drive_recorder", **DRIVE)
+    assert_not_loaded(words, tmp_path, "drive_recorder", **DRIVE)
 
 
 # --- UR RTDE --------------------------------------------------------------------------------------
@@ -189,7 +189,7 @@ def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
 )
 def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, tables, words):
     (tmp_path / "a.csv").write_bytes(rtde())
-    assert_refused(words, tmp_path, "rtde", **tables)
+    assert_not_loaded(words, tmp_path, "rtde", **tables)
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def state(name):
 )
 def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, changes, words):
     lerobot(tmp_path)
-    assert_refused(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
+    assert_not_loaded(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"features": 3}', b'{"features": {"a": 1}}'])
@@ -253,10 +253,12 @@ def test_a_damaged_info_of_lerobot_is_one_clear_line(tmp_path, content):
     lerobot(tmp_path)
     (tmp_path / "meta" / "info.json").write_bytes(content)
     arguments = (tmp_path, "lerobot", "data/*/*.parquet")
-    assert_refused(r"info\.json does not describe features; copy it again", *arguments, **LEROBOT)
+    assert_not_loaded(
+        r"info\.json does not describe features; copy it again", *arguments, **LEROBOT
+    )
     (tmp_path / "meta" / "info.json").unlink()
     (tmp_path / "meta").rmdir()
-    assert_refused("no folder above has meta/info.json", *arguments, **LEROBOT)
+    assert_not_loaded("no folder above has meta/info.json", *arguments, **LEROBOT)
 
 
 # --- The pages that explain them ------------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.dataset_files import assert_same, described, load, load_single, motion
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -117,10 +117,10 @@ def test_a_spreadsheet_holds_the_numbers_of_a_text(tmp_path):
     sheet, plain = load(tmp_path, document, b_csv=text()).recordings
     assert_allclose(sheet.angle.value, plain.angle.value, rtol=1e-14)
     (tmp_path / "a.xlsx").write_bytes(excel(frame)[:400])
-    with refused("is no whole Excel file"):
+    with assert_refused("is no whole Excel file"):
         load(tmp_path, document, b_csv=text())
     (tmp_path / "a.xlsx").write_bytes(excel(frame.assign(q=["x", *ANGLE[1:]])))
-    with refused("xlsx, row 2: column 'q' holds 'x', which is no numb"):
+    with assert_refused("xlsx, row 2: column 'q' holds 'x', which is no numb"):
         load(tmp_path, document, b_csv=text())
 
 
@@ -142,8 +142,8 @@ def test_runs_in_one_table_are_recordings(tmp_path, column):
 
 
 def test_a_time_that_starts_again_says_how_to_split(tmp_path):
-    with refused("row 14: time must increase.* say split = 'time'"):
+    with assert_refused("row 14: time must increase.* say split = 'time'"):
         load(tmp_path, one_joint(), a_csv=RUNS.to_csv(index=False).encode())
-    with refused("has no column 'rum'; did you mean 'run'?"):
+    with assert_refused("has no column 'rum'; did you mean 'run'?"):
         document = one_joint(recordings={"patterns": "*.csv", "split": "rum"})
         load(tmp_path, document, a_csv=RUNS.to_csv(index=False).encode())

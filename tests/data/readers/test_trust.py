@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
-from fixtures.refusals import assert_one_line, refused
+from fixtures.refusals import assert_one_line, assert_refused
 
 from frictionid.data.readers import reader_names
 from frictionid.data.readers.dataset import load_dataset
@@ -30,7 +30,7 @@ KINDS = ("evil:read", "runpy:run_path", "joblib:load", "subprocess:Popen", "os:s
 @pytest.mark.parametrize("words", COMMANDS)
 def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
     (tmp_path / "evil.py").write_text(EVIL)
-    with refused("is code, which runs with your rights"):
+    with assert_refused("is code, which runs with your rights"):
         read_by(tmp_path, {"kind": kind}, trust=False)
     before = {path.name for path in tmp_path.iterdir()}
     assert_one_line(run(tmp_path, *words), f"{kind!r} is code", "give --trust")
@@ -53,7 +53,7 @@ def test_an_installed_package_offers_readers_by_name(tmp_path, monkeypatch):
 
     monkeypatch.setattr(reader_names, "entry_points", lambda **_: [Point()])
     assert reader_names.reader_of("bam", tmp_path) is read_bam
-    with refused(r"the reader 'mylab' failed|a\.log"):
+    with assert_refused(r"the reader 'mylab' failed|a\.log"):
         read_by(tmp_path, {"kind": "mylab"}, trust=False)
 
 
@@ -88,7 +88,7 @@ def write_own(folder, kind, **options):
 
 @pytest.mark.parametrize("kind", ["own_arm:heavy", "subprocess:Popen"])
 def test_a_mechanism_of_a_data_set_runs_only_where_it_is_trusted(tmp_path, kind):
-    with refused(r"dataset\.toml: .*is code, .*give --trust"):
+    with assert_refused(r"dataset\.toml: .*is code, .*give --trust"):
         load_dataset(write_own(tmp_path, kind))
     assert not (tmp_path / "imported").exists()
 
@@ -122,6 +122,6 @@ def test_a_mechanism_may_be_given_in_place_of_the_one_that_is_named(tmp_path):
     ],
 )
 def test_a_mechanism_of_ones_own_that_does_not_work_is_one_line(tmp_path, kind, options, message):
-    with refused(message) as caught:
+    with assert_refused(message) as caught:
         load_dataset(write_own(tmp_path, kind, **options), trust=True)
     assert "dataset.toml" in str(caught.value)

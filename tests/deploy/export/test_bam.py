@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.bam_formula import bam_friction
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset
@@ -116,6 +116,6 @@ def test_a_law_that_follows_the_motor_is_held_by_one_that_does():
 def test_damaged_files_are_refused_in_one_line(change, words):
     document = published("m6", np.random.default_rng(0)) | change
     document = {name: value for name, value in document.items() if value is not ...}
-    with refused(words) as caught:
+    with assert_refused(words) as caught:
         read_bam(document, "it.json")
     assert str(caught.value).startswith("it.json: ")

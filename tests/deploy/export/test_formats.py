@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from test_programs import LAWS, friction_by
 
 from frictionid.deploy.export import FORMATS
@@ -44,7 +44,7 @@ def test_every_law_is_written_or_refused_in_one_line(to):
 def test_a_missing_package_is_asked_for(to, package, extra, monkeypatch):
     monkeypatch.delitem(sys.modules, f"frictionid.deploy.export.formats.{to}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
-    with refused(rf"not installed: pip install 'frictionid\[{extra}\]'"):
+    with assert_refused(rf"not installed: pip install 'frictionid\[{extra}\]'"):
         writer_of(to)
 
 

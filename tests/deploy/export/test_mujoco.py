@@ -6,7 +6,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
@@ -97,7 +97,7 @@ def test_joints_have_the_numbers_and_nothing_else_of_the_text_changes(robot):
     ],
 )
 def test_unknown_joints_are_refused_in_one_line(robot, joints, words):
-    with refused(words):
+    with assert_refused(words):
         written(CoulombViscous(), NUMBERS, robot, joints)
 
 
@@ -116,7 +116,7 @@ def test_unknown_joints_are_refused_in_one_line(robot, joints, words):
 def test_files_that_cannot_be_given_friction_are_refused_in_one_line(robot, old, new, words):
     robot.write_text(ROBOT.replace(old, new, 1))
     joints = ("ankle", "knee") if "include" in new else ("hip", "knee")
-    with refused(words):
+    with assert_refused(words):
         written(CoulombViscous(), NUMBERS, robot, joints)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.deploy.export.exported import exported
@@ -47,15 +47,15 @@ def test_the_level_of_an_arctangent_is_kept_as_the_level():
 
 def test_no_numbers_without_speeds():
     model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01]]))
-    with refused("name the data set"):
+    with assert_refused("name the data set"):
         nearest(exported(model))
 
 
 def test_a_torque_that_is_not_finite_is_one_line():
     model = Friction(Quadratic(), np.array([[0.1, 0.0, 0.01], [0.1, 0.0, 1e308]]))
-    with refused("torque of joint 2 is not finite at a velocity of -30"):
+    with assert_refused("torque of joint 2 is not finite at a velocity of -30"):
         nearest(exported(model, speeds=(30.0, 30.0)))
-    with refused("parameters are not finite"):
+    with assert_refused("parameters are not finite"):
         exported(replace(model, theta=np.full((2, 3), np.nan)))
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.deploy.export.exported import exported
 from frictionid.friction import Friction, Inputs, at_rest
@@ -111,10 +111,10 @@ def test_what_cannot_be_traced_is_refused_in_one_line():
             return theta[..., 0] * (x.w if (x.w > 0).all() else -x.w)
 
     friction = Friction(Deciding(), np.array([[0.1, 0.2]]))
-    with refused("cannot be written as code"):
+    with assert_refused("cannot be written as code"):
         assert exported(friction).programs is None
 
 
 def test_several_sets_of_parameters_are_refused():
-    with refused("holds several frictions"):
+    with assert_refused("holds several frictions"):
         exported(Friction(known.CoulombViscous(), np.zeros((3, 1, 2))))

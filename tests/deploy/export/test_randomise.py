@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.deploy.export.export import drawn, randomised
 from frictionid.deploy.export.exported import exported
@@ -73,5 +73,5 @@ def test_samples_stay_within_the_laws_bounds():
 
 def test_models_without_a_covariance_are_refused_in_one_line():
     own = exported(Friction(CoulombViscous(), np.array([[0.1, 0.02]])))
-    with refused("no covariance of its parameters: fit by shooting"):
+    with assert_refused("no covariance of its parameters: fit by shooting"):
         randomised(own, 10)

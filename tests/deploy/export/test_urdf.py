@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
@@ -79,5 +79,5 @@ def test_files_that_cannot_be_given_friction_are_refused(tmp_path, old, new, wor
     text = ROBOT.replace(old, new)
     if old == '"robot"':
         text = "<sdf/>"
-    with refused(words):
+    with assert_refused(words):
         written(tmp_path, text)

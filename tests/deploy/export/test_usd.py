@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.data.calibration import Calibration
@@ -233,25 +233,25 @@ def test_a_file_in_another_folder_names_the_stage(tmp_path):
 
 def test_stages_that_cannot_be_given_friction_are_refused(tmp_path):
     path = robot(tmp_path / "arm.usda")
-    with refused(r"no joint 'knee', it has hip, rail, weld"):
+    with assert_refused(r"no joint 'knee', it has hip, rail, weld"):
         written(path, joints=("hip", "knee"))
-    with refused(r"'weld' is a PhysicsFixedJoint, .* in m: .*Prismatic"):
+    with assert_refused(r"'weld' is a PhysicsFixedJoint, .* in m: .*Prismatic"):
         written(path, joints=("hip", "weld"))
-    with refused(r"'rail' is a PhysicsPrismaticJoint, .* in rad"):
+    with assert_refused(r"'rail' is a PhysicsPrismaticJoint, .* in rad"):
         written(path, joints=("rail", "hip"))
-    with refused("metersPerUnit"):
+    with assert_refused("metersPerUnit"):
         written(robot(tmp_path / "unknown.usda", meters=None))
     stage = Usd.Stage.Open(str(robot(tmp_path / "two.usda")))
     UsdPhysics.RevoluteJoint.Define(stage, "/other/hip")
     stage.Save()
-    with refused("2 joints 'hip'"):
+    with assert_refused("2 joints 'hip'"):
         written(tmp_path / "two.usda")
     for name, text in (("arm.urdf", "<robot/>"), ("broken.usda", '#usda 1.0\ndef "a" {')):
         (tmp_path / name).write_text(text)
-        with refused("is no stage that USD can open"):
+        with assert_refused("is no stage that USD can open"):
             written(tmp_path / name)
-    with refused("cannot be read"):
+    with assert_refused("cannot be read"):
         written(tmp_path / "missing.usda")
     own = exported(Friction(CoulombViscous(), LEVELS), ("hip", "rail"))
-    with refused(r"--into robot\.usda"):
+    with assert_refused(r"--into robot\.usda"):
         writer_of("usd")(own, ExportSettings())

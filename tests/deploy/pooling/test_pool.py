@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from fixtures.one_joint_sets import Setup, sets
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.deploy.pooling.models import pooled
@@ -133,9 +133,9 @@ def test_equal_joints_are_specimens_each():
     draws = made.sample(500).theta
     assert (draws[:, 0] != draws[:, 1]).all() and (draws[:, 6] == theta[6]).all()
     tied = one_step(theta[[0, 0]], half * np.ones((2, 2)))
-    with refused("joints 1, 2 of model 1 were fitted as one"):
+    with assert_refused("joints 1, 2 of model 1 were fitted as one"):
         fid.pool([tied], equal=[[1, 2]])
-    with refused("must be joints from 1 to 7"):
+    with assert_refused("must be joints from 1 to 7"):
         fid.pool([arm], equal=[[1, 8]])
 
 
@@ -164,7 +164,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("models", "words"), REFUSED.values(), ids=REFUSED)
 def test_models_that_are_not_alike_are_refused_in_one_line(models, words):
-    with refused(words):
+    with assert_refused(words):
         fid.pool(models)
 
 
@@ -213,21 +213,21 @@ def test_a_pooled_model_with_damaged_parameters_is_refused_in_one_line(key, valu
     document = plain(made.provenance.pooled)
     broken = {**document, "parameters": [{**document["parameters"][0], key: value}]}
     Friction(made.law, made.theta, {}, {"pooled": document})
-    with refused("^provenance.*(pooled|at no joint)"):
+    with assert_refused("^provenance.*(pooled|at no joint)"):
         Friction(made.law, made.theta, {}, {"pooled": broken})
 
 
 def test_intervals_of_another_shape_are_refused():
-    with refused("half_widths: it should have shape .2, 2.: fit it again"):
+    with assert_refused("half_widths: it should have shape .2, 2.: fit it again"):
         one_step([[0.2, 0.1], [0.3, 0.1]], [[1]])
 
 
 @pytest.mark.parametrize("speeds", [3.0, "fast", [None, 1.0], [np.nan, 1.0], {"hip": [1.0]}])
 def test_damaged_speeds_of_a_model_are_refused_in_one_line(speeds):
-    with refused("speeds of the model must be speeds .rad/s., not"):
+    with assert_refused("speeds of the model must be speeds .rad/s., not"):
         one_step([[0.2, 0.1], [0.3, 0.1]], [[0.01, 0.01]] * 2, speeds=speeds)
 
 
 def test_only_a_pooled_model_has_ranges():
-    with refused("the model is not pooled: frictionid pool"):
+    with assert_refused("the model is not pooled: frictionid pool"):
         fid.Pooled(MODELS[0]).sample(2)

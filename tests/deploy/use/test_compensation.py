@@ -5,7 +5,7 @@ from dataclasses import replace
 import compensation as study
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.deploy.compensation import (
     Compensation,
@@ -114,16 +114,16 @@ def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
     ],
 )
 def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
-    with refused(reason):
+    with assert_refused(reason):
         compensating(STRIBECK, Compensation(**settings))
 
 
 def test_what_has_no_friction_torque_is_refused():
-    with refused("without physics"):
+    with assert_refused("without physics"):
         compensating(replace(STRIBECK, mechanism="unit"))
-    with refused("3 speeds for 2 joints"):
+    with assert_refused("3 speeds for 2 joints"):
         compensating(replace(STRIBECK, provenance={"speeds": [1.0, 1.0, 1.0]}))
-    with refused("must be a Friction or a Fit"):
+    with assert_refused("must be a Friction or a Fit"):
         compensating("model.json")
-    with refused("one above 0 for each of 2 joints"):
+    with assert_refused("one above 0 for each of 2 joints"):
         compensation_table(STRIBECK, Compensation(), (1.0,))

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from gymnasium.utils.env_checker import check_env
 
 from frictionid.deploy.gym_env import Episode, FrictionEnv, FrictionVectorEnv
@@ -96,18 +96,18 @@ def test_a_motion_that_diverges_ends_the_episode_with_finite_numbers():
 
 @pytest.mark.parametrize("limit", [0.0, [0.1, 0.2], float("nan")])
 def test_limits_that_no_motor_has_are_refused(limit):
-    with refused("torque_limit"):
+    with assert_refused("torque_limit"):
         FrictionEnv(SIMULATOR, Episode(height, limit))
 
 
 def test_a_batch_of_another_size_is_refused():
     three = Simulator(acrobot(), Friction(LAW, np.stack([FRICTION.theta] * 3)))
-    with refused("batch of shape"):
+    with assert_refused("batch of shape"):
         FrictionVectorEnv(three, EPISODE, 2)
 
 
 def test_without_gymnasium_there_is_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "frictionid.deploy.gym_env")
-    with refused(r"pip install 'frictionid\[gym\]'"):
+    with assert_refused(r"pip install 'frictionid\[gym\]'"):
         importlib.import_module("frictionid.deploy.gym_env")

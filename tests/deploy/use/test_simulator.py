@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import torch
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.data.calibration import Calibration
 from frictionid.deploy.simulator import Simulator
@@ -157,13 +157,13 @@ def test_mujoco_agrees_on_coulomb_and_viscous_friction(machine, theta, q):
 )
 def test_what_no_machine_can_be_is_refused(arguments, reason):
     usual = {"mechanism": MACHINE, "friction": friction_of("coulomb_viscous")}
-    with refused(reason):
+    with assert_refused(reason):
         Simulator(**(usual | arguments))
 
 
 def test_states_of_another_shape_are_refused():
     simulator = Simulator(MACHINE, friction_of("coulomb_viscous"))
-    with refused("q has shape"):
+    with assert_refused("q has shape"):
         simulator.reset(q=[1.0])
-    with refused("must be numbers"):
+    with assert_refused("must be numbers"):
         simulator.step(simulator.reset(), ["much", "more"])

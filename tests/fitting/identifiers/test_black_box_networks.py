@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fixtures.black_box_pendulum import acceleration, pendulum
 from fixtures.compared import compare
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.suite import identifier_named
 from frictionid.data.plants import unit_inertia_plant
@@ -53,5 +53,5 @@ def test_it_predicts_what_was_held_out(kind):
 
 def test_problems_with_masked_rows_are_refused(kind):
     problem = mask_stiction(synthetic_problem(1), 1.0)
-    with refused("velocity_threshold = 0"):
+    with assert_refused("velocity_threshold = 0"):
         box(kind).fit(problem, np.ones((1, len(problem.r))), 0)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from sklearn.dummy import DummyRegressor
 from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.neighbors import KNeighborsRegressor
@@ -129,7 +129,7 @@ REFUSED = {
 )
 def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
     problem = synthetic_problem(2)
-    with refused(complaint):  # at the latest in a fit
+    with assert_refused(complaint):  # at the latest in a fit
         identifier_named(kind, settings).fit(problem, synthetic_weights(problem), 0)
 
 
@@ -163,7 +163,7 @@ def test_objects_that_mean_nothing_are_refused(make):
 
 
 def test_what_a_fit_needs_of_a_law_or_an_estimator_is_said():
-    with refused(r"Stribeck\(.*is not linear"):
+    with assert_refused(r"Stribeck\(.*is not linear"):
         Linear(Stribeck())
-    with refused(r"inputs = .* must include w"):
+    with assert_refused(r"inputs = .* must include w"):
         Regressor(Ridge(), ("q",))

@@ -16,7 +16,7 @@ from fixtures.exact_problems import (
 )
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from threadpoolctl import threadpool_limits
 
@@ -106,7 +106,7 @@ def resting(problem, joint):
 
 def test_a_joint_that_never_moves_is_named():
     problem = resting(synthetic_problem(2), joint=1)
-    with refused("joint 2 slides in 0 rows of fold 0, too few for the 2"):
+    with assert_refused("joint 2 slides in 0 rows of fold 0, too few for the 2"):
         fit(CoulombViscous(), problem, everything(problem))
 
 
@@ -115,7 +115,7 @@ def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
     problem = synthetic_problem(n)
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))
-    with refused(f"joint {n} slides in 0 rows of fold 0"):
+    with assert_refused(f"joint {n} slides in 0 rows of fold 0"):
         fit(Stribeck(), mask_stiction(replace(problem, nodes=slow), 0.2), everything(problem))
 
 
@@ -123,7 +123,7 @@ def test_so_is_the_fold_in_which_it_does_not():
     problem = synthetic_problem(2)
     G = np.where((problem.recording == 1)[:, None, None], [[0.0, 1.0], [0.0, 1.0]], 1.0) * problem.G
     only = problem.recording == np.arange(3)[:, None]
-    with refused("joint 1 slides in 0 rows of fold 1"):
+    with assert_refused("joint 1 slides in 0 rows of fold 1"):
         fit(Stribeck(), replace(problem, G=G), only.astype(float))
 
 
@@ -140,7 +140,7 @@ def test_rows_that_are_not_finite_never_pass_in_silence(field, value):
     problem = synthetic_problem(2)
     spoilt = getattr(problem, field).copy()
     spoilt[7] = value
-    with np.errstate(all="ignore"), refused("not finite"):
+    with np.errstate(all="ignore"), assert_refused("not finite"):
         fit(Stribeck(), replace(problem, **{field: spoilt}), everything(problem))
 
 
@@ -172,7 +172,7 @@ def test_steps_that_leave_a_laws_domain_are_taken_back():
 @pytest.mark.parametrize("start", [0.9, 1.2])
 def test_a_law_that_is_not_finite_at_its_start_or_at_the_best_fit_is_an_error(start):
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
-    with refused("look for such rows in the problem, and for parameters"):
+    with assert_refused("look for such rows in the problem, and for parameters"):
         fit(started(Cliff(1.0), 0.1, 0.02, start), problem, everything(problem))
 
 

@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear
@@ -93,7 +93,7 @@ def test_a_table_is_straight_between_its_speeds_and_level_beyond():
 
 @pytest.mark.parametrize("speeds", [(1.0,), (0.0, 1.0), (2.0, 1.0), (1.0, "fast")])
 def test_speeds_of_a_table_that_mean_nothing_are_refused(speeds):
-    with refused("Table: speeds"):
+    with assert_refused("Table: speeds"):
         Table(speeds)
 
 
@@ -101,7 +101,7 @@ def test_a_joint_that_hardly_slides_is_refused():
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
-    with refused("joint 2 slides in 3 rows of fold 0"):
+    with assert_refused("joint 2 slides in 3 rows of fold 0"):
         Linear(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
 
 
@@ -116,5 +116,5 @@ def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_da
     assert np.abs(off).max() < 0.03
     still = problem.nodes.inputs._replace(w=0.0 * problem.nodes.inputs.w)
     problem = replace(problem, nodes=problem.nodes._replace(inputs=still))
-    with refused("no joint moves in a fold"):
+    with assert_refused("no joint moves in a fold"):
         Flexible().fit(problem, everything(problem), 0)

@@ -7,7 +7,7 @@ import pytest
 import torch
 from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.learned_laws import costs_of_rows, drawn
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import LeastSquares
@@ -157,7 +157,7 @@ def test_pieces_are_no_longer_than_recordings_and_batches_no_larger_than_all_row
     assert_allclose(one.theta, two.theta, rtol=1e-6, atol=1e-9)
     rows = Network(MLP((4,)), epochs=1, batch=10**12)
     assert np.isfinite(rows.fit(problem, everything(problem), 0).theta).all()
-    with refused("burn_in = 100000 samples .* longest recording"):
+    with assert_refused("burn_in = 100000 samples .* longest recording"):
         replace(SMALL, burn_in=100000).fit(problem, everything(problem), 0)
 
 

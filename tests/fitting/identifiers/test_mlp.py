@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fixtures import learned_laws
 from fixtures.exact_problems import cost, everything, explained_by
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 from frictionid.comparison.registry import LAWS
@@ -150,16 +150,16 @@ def test_weights_that_are_lost_or_of_another_fit_are_refused(tmp_path):
     for name, seed in (("a", 0), ("b", 1)):
         save_model(Friction(law, drawn(law, seed=seed)[0]), tmp_path / f"{name}.json", LAWS)
     (tmp_path / "a.safetensors").write_bytes((tmp_path / "b.safetensors").read_bytes())
-    with refused("other weights than were saved"):
+    with assert_refused("other weights than were saved"):
         load_model(tmp_path / "a.json", LAWS)
     (tmp_path / "a.safetensors").write_bytes(b"no weights")
-    with refused("holds no tensor"):
+    with assert_refused("holds no tensor"):
         load_model(tmp_path / "a.json", LAWS)
     (tmp_path / "a.safetensors").unlink()
-    with refused("cannot be read"):
+    with assert_refused("cannot be read"):
         load_model(tmp_path / "a.json", LAWS)
     document = json.loads((tmp_path / "b.json").read_text())
     document["theta"]["file"] = "../b.safetensors"
     (tmp_path / "b.json").write_text(json.dumps(document))
-    with refused("beside it"):
+    with assert_refused("beside it"):
         load_model(tmp_path / "b.json", LAWS)

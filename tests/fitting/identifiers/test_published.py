@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.paths import DATA
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 from frictionid.comparison.suite import identifier_named
@@ -41,7 +41,7 @@ def test_it_is_the_same_in_every_fold_whatever_data_weights_and_seed():
 )
 def test_friction_of_another_number_of_joints_or_of_many_folds_is_refused(friction, joints):
     problem = synthetic_problem(joints)
-    with refused(rf"theta of shape .*, the data {joints} joints"):
+    with assert_refused(rf"theta of shape .*, the data {joints} joints"):
         Published(friction).fit(problem, synthetic_weights(problem), 0)
 
 

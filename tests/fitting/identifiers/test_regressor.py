@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.dummy import DummyRegressor
 from sklearn.kernel_ridge import KernelRidge
@@ -117,7 +117,7 @@ def test_with_other_inputs_it_is_not_saved(tmp_path):
     torque = along(found, problem.nodes)
     for f in range(len(torque)):
         assert_array_equal(along(found[f], problem.nodes), torque[f])
-    with refused("cannot be saved: regressors of more than the velocity"):
+    with assert_refused("cannot be saved: regressors of more than the velocity"):
         save_model(found, tmp_path / "model.json", LAWS)
     assert not list(tmp_path.iterdir())
 
@@ -126,13 +126,13 @@ def test_a_joint_that_never_slides_is_refused():
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[:, :, 1] = 0.0
-    with refused("joint 2 slides in no row of fold 0"):
+    with assert_refused("joint 2 slides in no row of fold 0"):
         fit(replace(problem, G=G))
 
 
 @pytest.mark.parametrize(("neighbours", "bins"), [(1000, 200), (9, 2)])
 def test_what_an_estimator_says_only_when_it_learns_is_one_line_too(neighbours, bins):
-    with refused(r"cannot learn from \d+ samples: .*n_neighbors"):
+    with assert_refused(r"cannot learn from \d+ samples: .*n_neighbors"):
         fit(synthetic_problem(1), KNeighborsRegressor(neighbours), bins=bins)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
@@ -189,7 +189,7 @@ def test_recordings_shorter_than_the_history_give_no_rows_and_none_at_all_is_an_
     recordings, states = three(np.random.default_rng(12))
     problem = build(plant_of(3), recordings, states, history=17)
     assert set(problem.recording) == {1}
-    with refused("no recording is longer than the 24 samples of history"):
+    with assert_refused("no recording is longer than the 24 samples of history"):
         build(plant_of(3), recordings, states, history=24)
 
 

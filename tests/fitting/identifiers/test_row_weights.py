@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, explained_by, standard_errors
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import LeastSquares
@@ -60,7 +60,7 @@ def test_one_row_that_weighs_enormously_is_met_exactly():
     ],
 )
 def test_weights_that_mean_nothing_are_refused(weights, complaint):
-    with refused(complaint):
+    with assert_refused(complaint):
         fit(CoulombViscous(), synthetic_problem(1), weights)
 
 
@@ -120,5 +120,5 @@ def test_joints_that_rest_most_of_the_time_do_not_shrink_the_deviation():
 
 @pytest.mark.parametrize("clip", [0.0, -1.0, float("nan")])
 def test_a_robust_fit_needs_a_positive_number_of_deviations(clip):
-    with refused("robust: it should be"):
+    with assert_refused("robust: it should be"):
         LeastSquares(Stribeck(), robust=clip)

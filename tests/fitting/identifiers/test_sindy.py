@@ -8,7 +8,7 @@ import pytest
 from fixtures.driven_pendulum import driven_pendulum
 from fixtures.exact_problems import cost, everything, explained_by, half_widths
 from fixtures.paths import DATA
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from pysindy import FourierLibrary, PolynomialLibrary
 
@@ -243,5 +243,5 @@ def test_a_soft_sign_and_a_level_at_rest_exclude_each_other():
 
 def test_problems_without_motion_are_refused():
     problem = synthetic_problem(1)
-    with refused("no joint slides in the rows of fold 0"):
+    with assert_refused("no joint slides in the rows of fold 0"):
         fit(replace(problem, G=0.0 * problem.G))

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.black_box_pendulum import LENGTH, MASS, VISCOUS, acceleration, pendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.fit_model import fit_model
@@ -81,7 +81,7 @@ def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path):
     save_model(found(), tmp_path / "box.json", LAWS)
     text = (tmp_path / "box.json").read_text()
     (tmp_path / "box.json").write_text(text.replace('"mechanism": "unit"', '"mechanism": "moon"'))
-    with refused("mechanism = 'moon' must be"):
+    with assert_refused("mechanism = 'moon' must be"):
         load_model(tmp_path / "box.json", LAWS)
 
 

@@ -8,7 +8,7 @@ import torch
 from fixtures.exact_problems import cost
 from fixtures.learned_laws import costs_of_rows, drawn
 from fixtures.paths import ROOT
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from own_network import OwnLaw, own_network
 
@@ -172,7 +172,7 @@ def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
     save_model(found, tmp_path / "model.json", LAWS)
     again = load_model(tmp_path / "model.json", {**LAWS, "OwnLaw": OwnLaw})
     assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
-    with refused("law 'OwnLaw' is unknown"):
+    with assert_refused("law 'OwnLaw' is unknown"):
         load_model(tmp_path / "model.json", LAWS)
     check_law(TorchModule(torch.nn.Linear(2, 1)))
 

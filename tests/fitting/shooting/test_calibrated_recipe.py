@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
@@ -136,7 +136,7 @@ def test_a_sparse_sum_is_refined_with_the_terms_that_corrected_data_choose(alike
     assert last.calibration.delay == pytest.approx(LATE, abs=1e-3)
     (named,) = recipes_of([RecipeEntry(name="calibrated", by="shooting")])
     assert isinstance(named, Shooting)  # a name does not make a recipe of it
-    with refused("like = 'calibrated' must be a one-step recipe"):
+    with assert_refused("like = 'calibrated' must be a one-step recipe"):
         recipes_of([RecipeEntry(name="twice", like="calibrated", calibration={})])
 
 
@@ -190,9 +190,9 @@ def test_sindy_finds_the_terms_once_the_clock_is_right(results):
 
 
 def test_only_parts_that_are_free_can_correct():
-    with refused("use = 'inertia' must be one of delay"):
+    with assert_refused("use = 'inertia' must be one of delay"):
         CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=("inertia",))
-    with refused("use must name a part"):
+    with assert_refused("use must name a part"):
         CalibratedRecipe("c", INTEGRAL, BY, RUBS, use=())
     both = Shooting(blocks=(FrictionBlock(), DelayBlock(), BiasBlock()))
     assert CalibratedRecipe("c", INTEGRAL, both, RUBS, use=("bias",)).use == ("bias",)
@@ -261,5 +261,5 @@ def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
     folder.mkdir(exist_ok=True)
     recipe = {key: value for key, value in recipe.items() if value is not None}
     file = tiny.write_suite(folder, changed(recipe, **entry))
-    with refused(words):
+    with assert_refused(words):
         tiny.tasks_in(file)

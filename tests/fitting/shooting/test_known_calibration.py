@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.fit_model import fit_model
@@ -81,11 +81,11 @@ def test_a_one_step_fit_under_a_known_calibration_is_that_of_the_calibrated_reci
 
 
 def test_calibrations_of_no_machine_or_another_one_are_refused():
-    with refused("one-step has no calibration: fit it by shooting"):
+    with assert_refused("one-step has no calibration: fit it by shooting"):
         known_calibration(fit_model(data(0, 4), FIT), "one-step")
     known = known_calibration(first_fit(), "model")
     other = replace(known, calibration=replace(known.calibration, base=np.ones(3)))
-    with refused("1 joints with 3 base parameters, pendulum has 1 and 2"):
+    with assert_refused("1 joints with 3 base parameters, pendulum has 1 and 2"):
         fit_model(data(0, 4), FIT, Shooting(blocks=FRICTION, settings=SHORT, held=other))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.exact_problems import everything, explained_by
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import LeastSquares
@@ -213,7 +213,7 @@ def test_tolerances_reach_the_base_parameters_to_first_order():
     [({"mas": 1.0}, "did you mean 'mass'"), ({"mass": -1.0}, "must be a positive number, in %")],
 )
 def test_wrong_tolerances_are_refused(tolerances, words):
-    with refused(words):
+    with assert_refused(words):
         mechanism_of({"kind": "pendulum", "tolerances": tolerances})
 
 
@@ -226,5 +226,5 @@ def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
 
     monkeypatch.setattr(stages, "solve", astray)
     start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
-    with refused("went astray, and predicts no window"):
+    with assert_refused("went astray, and predicts no window"):
         refine(start, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)

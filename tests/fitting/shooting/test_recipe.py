@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.result_folders import leave_blank
 from numpy.testing import assert_allclose
 
@@ -139,7 +139,7 @@ def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeyp
 )
 def test_recipes_that_make_no_sense_are_refused_in_one_line(change, words):
     table = {"name": "ours", "by": "shooting", **change}
-    with refused(words):
+    with assert_refused(words):
         recipe_of(RecipeEntry(**table))
 
 
@@ -166,11 +166,11 @@ def test_shooting_may_begin_with_a_one_step_recipe_of_its_suite():
     ours = {"name": "ours", "by": "shooting"}
     first, second = recipes_of([slow, RecipeEntry(**ours, start="slow")])
     assert second.start == first and first.velocity_threshold == 0.01
-    with refused("recipe 'slo' is unknown; did you mean 'slow'"):
+    with assert_refused("recipe 'slo' is unknown; did you mean 'slow'"):
         recipes_of([slow, RecipeEntry(**ours, start="slo")])
 
 
 def test_unknown_parameters_to_fix_are_named():
     recipe = recipe_of(RecipeEntry(name="ours", by="shooting", fixed=["friction.viscos"]))
-    with refused("has no parameter 'viscos' to fix"):
+    with assert_refused("has no parameter 'viscos' to fix"):
         run(benchmark(), LeastSquares(CoulombViscous()), recipe)

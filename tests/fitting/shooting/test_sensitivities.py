@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -152,7 +152,7 @@ def test_what_no_data_can_tell_apart_is_refused_with_a_way_out(healthy):
     )
     for data, blocks, words in cases:
         way_out = f"{words}.*fix one base parameter that you are sure of, such as 'gravity'"
-        with refused(way_out):
+        with assert_refused(way_out):
             refine(BEGIN, data, blocks, SHORT)
 
 
@@ -173,7 +173,7 @@ NOISE = np.random.default_rng(1).normal(size=(150, 1))
     ids=["ten samples", "a joint at rest", "a dead sensor", "wrapped"],
 )
 def test_data_that_cannot_tell_friction_are_refused(fault, words, healthy):
-    with refused(words):
+    with assert_refused(words):
         refine(BEGIN, fault(healthy), (FrictionBlock(),), SHORT)
 
 

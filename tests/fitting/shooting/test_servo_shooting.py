@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -263,10 +263,10 @@ def test_what_no_data_can_tell_is_refused_in_one_line():
         ((*driven(), other), (motor,), "2 different motors"),
     ):
         intervals = intervals_of(replace(both(), recordings=tuple(recordings)))
-        with refused(words):
+        with assert_refused(words):
             prepare_fit(START, intervals, (FrictionBlock(), *blocks), SHORT)
 
 
 def test_an_unknown_constant_to_fix_is_named():
-    with refused("no constant 'Kt' to fix; known are kt, R"):
+    with assert_refused("no constant 'Kt' to fix; known are kt, R"):
         ActuatorBlock(fixed=("Kt",))

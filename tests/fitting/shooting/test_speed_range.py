@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
 
@@ -110,7 +110,7 @@ def test_bounds_and_priors_of_parameters(axis, problem):
 )
 def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
     speeds = DataRange(np.array([0.1]), np.array([5.0]))
-    with refused(words):
+    with assert_refused(words):
         constraints_of(CoulombViscous(), speeds, **settings)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
@@ -111,5 +111,5 @@ def test_mechanisms_without_bodies_are_refused():
     t = np.arange(0.0, 4.0, 0.01)
     one = {"time": t, "angle": np.sin(2 * t), "torque": np.cos(2 * t)}
     data = Dataset.from_arrays({"a": one}, pendulum(mass=0.5, length=0.3))
-    with refused("needs the bodies of a URDF or MJCF"):
+    with assert_refused("needs the bodies of a URDF or MJCF"):
         fitted(data, consistent=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.sines import sines, torque_without_friction
 
 from frictionid.comparison.fit_model import fit_model
@@ -62,7 +62,7 @@ def test_a_known_payload_pins_the_gains_of_unknown_bodies(arm):
     friction = fitted(data, FrictionBlock(), InertiaBlock(), GainBlock())
     assert np.asarray(friction.calibration.gain) == pytest.approx(GAINS, rel=0.03)
     alone = replace(data, recordings=data.recordings[:1])
-    with refused("only ratios of inertia, gravity and friction"):
+    with assert_refused("only ratios of inertia, gravity and friction"):
         fitted(alone, FrictionBlock(), InertiaBlock(), GainBlock())
 
 
@@ -87,7 +87,7 @@ def test_a_slow_vertical_axis_does_not_show_its_gain(tmp_path):
     q += 1e-5 * draw.standard_normal(q.shape)
     arrays = {"a": {"time": t, "angle": q, "torque": u}}
     data = logged(Dataset.from_arrays(arrays, arm, hold="linear"), np.array([1.5, 0.7]))
-    with refused(r"torque gain of turn is not pinned .*gain\.turn"):
+    with assert_refused(r"torque gain of turn is not pinned .*gain\.turn"):
         fitted(data, FrictionBlock(), GainBlock())
     blocks = blocks_of(["friction", "gain"], ["gain.turn"], {}, "here")
     friction = fitted(data, *blocks)
@@ -95,5 +95,5 @@ def test_a_slow_vertical_axis_does_not_show_its_gain(tmp_path):
 
 
 def test_a_joint_that_is_not_there_cannot_be_kept(arm):
-    with refused("no joint 'elbow' to fix; known are one, two, three"):
+    with assert_refused("no joint 'elbow' to fix; known are one, two, three"):
         fitted(wrist.dataset(arm, wrist.frame(arm)), FrictionBlock(), GainBlock(fixed=("elbow",)))

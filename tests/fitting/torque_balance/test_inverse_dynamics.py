@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from fixtures.sines import sines
 
 from frictionid.arrays import times
@@ -217,20 +217,20 @@ def test_folds_do_not_see_what_they_hold_out():
     ],
 )
 def test_what_it_cannot_show_is_refused(clean, method, says):
-    with refused(says):
+    with assert_refused(says):
         fit_model(clean, COULOMB, method)
 
 
 def test_a_loss_of_the_motor_s_torque_needs_known_inertias(clean):
     loss = LeastSquares(MotorLoad())
-    with refused("explains any torque by itself"):
+    with assert_refused("explains any torque by itself"):
         fit_model(clean, loss, InverseDynamics())
     friction = fit_model(clean, loss, InverseDynamics(blocks=(FrictionBlock(),)))
     assert np.isfinite(friction.theta).all()
 
 
 def test_networks_are_refused(clean):
-    with refused("networks"):
+    with assert_refused("networks"):
         fit_model(clean, identifier_named("mlp", {}), InverseDynamics())
 
 
@@ -240,7 +240,7 @@ def test_a_joint_without_motor_shows_no_inertia(clean):
         for r in clean.recordings
     )
     undriven = double_pendulum((False, True)).with_values(TRUE)
-    with refused("joint 1 has no motor"):
+    with assert_refused("joint 1 has no motor"):
         fit_model(
             replace(clean, mechanism=undriven, recordings=passive), COULOMB, InverseDynamics()
         )
@@ -252,7 +252,7 @@ def test_a_given_friction_stays(clean):
 
 
 def test_settings_are_checked():
-    with refused("window = 0"):
+    with assert_refused("window = 0"):
         TorqueSettings(window=0.0)
 
 
@@ -262,9 +262,9 @@ def test_a_suite_names_it():
     assert isinstance(method, InverseDynamics)
     assert (method.name, method.settings.window) == ("torques", 0.1)
     assert [b.name for b in method.blocks] == ["friction"]
-    with refused('windows needs by = "shooting"'):
+    with assert_refused('windows needs by = "shooting"'):
         recipe_of(RecipeEntry(name="torques", by="inverse_dynamics", windows=[0.1]))
-    with refused('window needs by = "inverse_dynamics"'):
+    with assert_refused('window needs by = "inverse_dynamics"'):
         recipe_of(RecipeEntry(name="mine", by="shooting", window=0.1))
 
 

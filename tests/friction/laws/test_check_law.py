@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.friction import Law
 from frictionid.friction.laws import CoulombViscous, check_law
@@ -251,7 +251,7 @@ def test_laws_without_a_gradient_or_a_width_pass():
 
 
 def test_laws_of_ones_own_refuse_a_smoothing_that_means_nothing():
-    with refused("Plain: width = -1.0 rad/s must be positive and finite"):
+    with assert_refused("Plain: width = -1.0 rad/s must be positive and finite"):
         Plain(width=-1.0)
-    with refused("shape = 'step' is unknown; known are tanh, arctan"):
+    with assert_refused("shape = 'step' is unknown; known are tanh, arctan"):
         described(shape="step")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
 import frictionid as fid
@@ -60,5 +60,5 @@ def test_cogging_above_friction_sets_a_joint_in_motion_and_below_it_does_not():
 
 
 def test_harmonics_must_differ():
-    with refused(r"cogging: harmonics = \[3, 3\] must differ"):
+    with assert_refused(r"cogging: harmonics = \[3, 3\] must differ"):
         Cogging((3, 3))

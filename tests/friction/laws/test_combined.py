@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -108,9 +108,9 @@ def test_a_joint_may_have_no_friction(two_joints):
 
 
 def test_as_many_laws_as_joints(two_joints):
-    with refused("3 laws for 2 joints"):
+    with assert_refused("3 laws for 2 joints"):
         fit_model(two_joints, LeastSquares(PerJoint(("stribeck",) * 3)))
-    with refused("laws"):
+    with assert_refused("laws"):
         PerJoint(("stribek",))
     assert identifier_named("per_joint", {"laws": ["none", "stribeck"]}) == LeastSquares(
         PerJoint(("none", "stribeck"))
@@ -174,5 +174,5 @@ def test_truth_in_truth_out():
     ],
 )
 def test_what_is_no_sum_is_refused(laws, words):
-    with refused(words):
+    with assert_refused(words):
         Sum(laws)

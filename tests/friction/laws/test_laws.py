@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from fixtures.memory_laws import Sampled
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.law import smooth_sign
@@ -204,7 +204,7 @@ def test_with_equal_levels_of_both_directions_it_is_the_symmetric_law(law):
     ],
 )
 def test_laws_refuse_settings_that_mean_nothing(law, settings, complaint):
-    with refused(complaint):
+    with assert_refused(complaint):
         law(**settings)
 
 

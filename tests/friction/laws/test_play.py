@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.exact_problems import assert_recovered
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.dynamics.rollout import rollout
@@ -116,14 +116,14 @@ def test_truth_in_truth_out(gap):
 
 @pytest.mark.parametrize("name", ["lugre", "film_lag"])
 def test_laws_with_a_memory_of_their_own_are_refused(name):
-    with refused(f"play: '{name}' has a memory"):
+    with assert_refused(f"play: '{name}' has a memory"):
         Play(name)
-    with refused(f"play: '{name}' has a memory"):
+    with assert_refused(f"play: '{name}' has a memory"):
         Play(joint=name)
 
 
 def test_no_friction_behind_the_gap_is_refused():
-    with refused("'none' is no friction behind"):
+    with assert_refused("'none' is no friction behind"):
         Play("none")
 
 

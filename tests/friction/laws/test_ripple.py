@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
@@ -99,5 +99,5 @@ def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_i
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with refused(rule):
+    with assert_refused(rule):
         Ripple(**settings)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from scipy.interpolate import BSpline
 
 from frictionid.comparison.registry import LAWS
@@ -115,9 +115,9 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with refused(rule):
+    with assert_refused(rule):
         Spline(**settings)
     document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
     document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
-    with refused(rule):
+    with assert_refused(rule):
         read_model(document, LAWS, "model.json")

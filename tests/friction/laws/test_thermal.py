@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 
 import frictionid as fid
 from frictionid.friction import Friction, at_rest
@@ -141,22 +141,22 @@ def with_temperature(values):
     ],
 )
 def test_a_temperature_that_is_none_is_refused_in_one_line(data, match):
-    with refused(match):
+    with assert_refused(match):
         fid.fit(data(), "thermal")
 
 
 def test_what_knows_no_temperature_says_so(tmp_path):
     data = dataset(frames(3))
     fit = fid.fit(data, "thermal", method="one_step")
-    with refused("an export knows no temperature"):
+    with assert_refused("an export knows no temperature"):
         fit.export("c", tmp_path / "friction.c")
-    with refused("knows no temperature, on which this friction depends"):
+    with assert_refused("knows no temperature, on which this friction depends"):
         fid.Simulator(data.mechanism, fit, dt=0.002)
     without = replace(data.recordings[0], name="b", covariates={})
-    with refused("not all recordings have one"):
+    with assert_refused("not all recordings have one"):
         fit.predict(replace(data, recordings=(without,)))
     for law in ("none", "lugre"):
-        with refused("name a static law"):
+        with assert_refused("name a static law"):
             Thermal(law)
     assert Friction(LuGre(), np.ones((1, 7))).at_temperature(30.0).law == LuGre()
 
@@ -170,5 +170,5 @@ def test_an_export_is_that_of_the_ordinary_friction_at_its_temperature(tmp_path)
         fid.export(own, "c", tmp_path / name / "f.c", temperature=temperature)
     first, second = ((tmp_path / name / "f.c").read_text() for name in "ab")
     assert first == second
-    with refused("does not depend on it"):
+    with assert_refused("does not depend on it"):
         fid.export(there, "c", tmp_path / "c.c", temperature=40.0)

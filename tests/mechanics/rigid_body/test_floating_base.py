@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fixtures import floating_legs as legs
 from fixtures.random_robots import motions, random_robot, urdf_text
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from test_tree_engines import close
 
 from frictionid.arrays import times
@@ -146,7 +146,7 @@ def test_a_free_joint_is_held_or_its_child_floats(tmp_path):
     )
     assert (held.floating, floating.floating) == (False, True)
     assert floating.table["floating"] is True and held != floating
-    with refused("floating = true"):
+    with assert_refused("floating = true"):
         legs.mechanism(tmp_path)
-    with refused("must be true or false"):
+    with assert_refused("must be true or false"):
         legs.mechanism(tmp_path, floating="yes")

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 from fixtures.random_robots import motions, random_robot, urdf_text
-from fixtures.refusals import refused
+from fixtures.refusals import assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -41,7 +41,7 @@ ARM = (
     joint("shoulder", "base", "upper"),
     joint("elbow", "upper", "fore", "prismatic", '<axis xyz="0 1 1"/>'),
     joint("wrist", "fore", "hand", "fixed"),
-    joint("grip", "hand", "finger", "continuous"),
+    joint("gripper", "hand", "finger", "continuous"),
 )
 TEXT = text(*ARM)
 
@@ -63,7 +63,7 @@ def dynamics(mechanism, q, w):
 
 def test_every_joint_that_can_move_does(read):
     arm = read(TEXT)
-    assert arm.joints == ("shoulder", "elbow", "grip")
+    assert arm.joints == ("shoulder", "elbow", "gripper")
     assert arm.position_units == ("rad", "m", "rad")
     assert arm.torque_units == ("N m", "N", "N m")
     assert arm.driven == (True,) * 3
@@ -71,7 +71,7 @@ def test_every_joint_that_can_move_does(read):
 
 def test_locked_joints_stand_where_they_are_locked(read):
     whole = read(TEXT)
-    part = read(TEXT, joints=["shoulder", "elbow"], locked={"grip": 0.7})
+    part = read(TEXT, joints=["shoulder", "elbow"], locked={"gripper": 0.7})
     q, w, _ = motions(np.random.default_rng(0), (20, 3))
     q[:, 2], w[:, 2] = 0.7, 0.0
     (M, h), (small, force) = dynamics(whole, q, w), dynamics(part, q[:, :2], w[:, :2])
@@ -85,7 +85,7 @@ def test_beyond_a_base_link_the_rest_is_left_out(read):
     part = read(TEXT, base="fore", gravity=[0.0, 3.0, -9.0])
     alone = text(link("fore"), *ARM[3:5], *ARM[7:])
     other = read(alone, "other.urdf", gravity=[0.0, 3.0, -9.0])
-    assert part.joints == ("grip",)
+    assert part.joints == ("gripper",)
     assert part == other
     q, w, _ = motions(np.random.default_rng(0), (20, 1))
     for ours, theirs in zip(dynamics(part, q, w), dynamics(other, q, w), strict=True):
@@ -102,7 +102,7 @@ def test_a_mechanism_is_what_its_file_says_and_how_it_is_read(read):
 
 
 def test_its_table_is_the_mechanism_again(read):
-    arm = read(TEXT, joints=["shoulder", "elbow"], locked={"grip": 0.2}, payload="finger")
+    arm = read(TEXT, joints=["shoulder", "elbow"], locked={"gripper": 0.2}, payload="finger")
     arm = arm.with_values({"rotor_elbow": 0.1, "payload_mass": 0.3})
     again = mechanism_of(arm.table)
     assert again == arm and again.values == arm.values
@@ -143,12 +143,12 @@ CONTENTS = [
     (text(), "no <link>"),
     (text(link("a")), "no joint moves"),
     (text(*ARM, link("hand")), "two links are called 'hand'"),
-    (text(*ARM, joint("grip", "base", "hand")), "two joints"),
+    (text(*ARM, joint("gripper", "base", "hand")), "two joints"),
     (text(*ARM, joint("more", "base", "hand")), "closed chain"),
     (text(*ARM, joint("more", "hand", "base")), "none is the root"),
     (text(*ARM, link("table")), "are not connected"),
     (text(*ARM, joint("more", "nand", "hand")), "'nand'"),
-    (text(*ARM[:8], joint("grip", "hand", "finger", inside=MIMIC)), "mimic"),
+    (text(*ARM[:8], joint("gripper", "hand", "finger", inside=MIMIC)), "mimic"),
 ]
 EDITS = [
     ("prismatic", "screw", "type 'screw'"),
@@ -162,12 +162,12 @@ EDITS = [
 OPTIONS = [
     ({"joints": ["elbo"]}, "there is no joint 'elbo'.*elbow"),
     ({"joints": ["wrist"]}, "is fixed"),
-    ({"joints": ["grip", "grip"]}, "named twice"),
+    ({"joints": ["gripper", "gripper"]}, "named twice"),
     ({"joints": ["elbow", "shoulder"]}, "name it first"),
     ({"joints": "elbow"}, "list of names"),
     ({"base": "bass"}, "is no link.*base"),
     ({"locked": {"elbow": 0.1}}, "it moves"),
-    ({"joints": ["elbow"], "locked": {"grip": "x"}}, "must be a number"),
+    ({"joints": ["elbow"], "locked": {"gripper": "x"}}, "must be a number"),
     ({"gravity": [0.0, -9.81]}, "three numbers"),
     ({"payload": "hat"}, "is no link"),
     ({"payload": "base"}, "does not move"),
@@ -178,7 +178,7 @@ WRONG = [
     *((TEXT.replace(old, new), {}, said) for old, new, said in EDITS),
     *((TEXT, options, said) for options, said in OPTIONS),
     (text(*ARM, joint("m", "hand", "base")), {"base": "base"}, "closes a loop"),
-    (TEXT.replace("prismatic", "planar"), {"joints": ["grip"]}, "nothing holds"),
+    (TEXT.replace("prismatic", "planar"), {"joints": ["gripper"]}, "nothing holds"),
 ]
 
 
@@ -187,16 +187,16 @@ def test_what_is_wrong_is_said_in_a_line(tmp_path, content, options, expected):
     path = tmp_path / "robot.urdf"
     if content is not None:
         path.write_text(content)
-    with refused(expected):
+    with assert_refused(expected):
         urdf(path, **options).nominal()
 
 
 def test_a_mechanism_is_of_one_file_or_kind():
-    with refused("urdf and kind"):
+    with assert_refused("urdf and kind"):
         mechanism_of({"urdf": "arm.urdf", "kind": "pendulum"})
-    with refused("urdf = 3 must be a file"):
+    with assert_refused("urdf = 3 must be a file"):
         mechanism_of({"urdf": 3})
-    with refused("no option 'joint'"):
+    with assert_refused("no option 'joint'"):
         mechanism_of({"urdf": "arm.urdf", "joint": ["a"]})
 
 
@@ -215,7 +215,7 @@ def test_mjcf_that_is_none_is_said_in_a_line(tmp_path):
     ):
         if content is not None:
             path.write_text(content)
-        with refused(expected):
+        with assert_refused(expected):
             mjcf(path)
 
 
@@ -235,13 +235,13 @@ def test_shapes_and_a_free_root_do_not_matter_where_inertias_are_stated(tmp_path
     bare, full = tmp_path / "bare.xml", tmp_path / "full.xml"
     bare.write_text(body.format(rule="auto", assets="", root="", shape=""))
     full.write_text(body.format(rule="auto", assets=assets, root="<freejoint/>", shape=shape))
-    with refused("where the machine is held: base = 'trunk'"):
+    with assert_refused("where the machine is held: base = 'trunk'"):
         mjcf(full)
     held, legs = mjcf(full, base="trunk"), mjcf(bare)
     assert held.joints == legs.joints == ("hip",)
     assert_array_equal(held.tree.inertia, legs.tree.inertia)
     full.write_text(body.format(rule="true", assets=assets, root="", shape=shape))
-    with refused(r"gone\.obj"):
+    with assert_refused(r"gone\.obj"):
         mjcf(full)
 
 
