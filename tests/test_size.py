@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 565_780, 400, 594, 73
-TEST_TOKENS, WORDS = 431_709, 27_993
+TEST_TOKENS, WORDS = 432_046, 27_993
 
 
 def tokens(path):

@@ -16,11 +16,11 @@ def seen(angles, lengths, pivot=(300.0, 200.0)):
     return np.concatenate([start, start + np.cumsum(link, axis=1)], axis=1)
 
 
-def swinging(rng, joints):
+def swinging(rng, joints, turns=3.0):
     """Smooth joint angles (300, n) that go round several times."""
     time = np.linspace(0.0, 1.0, 300)[:, None]
     start = rng.uniform(-3.0, 3.0, joints)
-    return start + rng.normal(size=joints) * 6 * np.pi * time + 0.3 * np.sin(9 * time)
+    return start + rng.normal(size=joints) * turns * 2 * np.pi * time + 0.3 * np.sin(9 * time)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
@@ -36,11 +36,17 @@ def test_angles_come_back_from_their_markers(seed, joints):
 @given(st.integers(0, 2**32 - 1))
 def test_angles_depend_on_no_scale_place_or_shaking_camera_and_a_mirror_flips_them(seed):
     rng = np.random.default_rng(seed)
-    markers = seen(swinging(rng, 2), [600.0, 460.0])
+    markers = seen(swinging(rng, 3), [600.0, 460.0, 50.0])
     shaken = markers + rng.normal(scale=3.0, size=(len(markers), 1, 2))
     found = link_angles(markers)
     assert_allclose(link_angles(0.2 * shaken), found, atol=1e-9)
     assert_allclose(link_angles(mirror(markers)), -found, atol=1e-9)
+
+
+def test_angles_of_many_turns_never_jump():
+    found = link_angles(seen(swinging(np.random.default_rng(5), 2, turns=20.0), [600.0, 460.0]))
+    assert np.abs(np.diff(found, axis=0)).max() < np.pi
+    assert np.ptp(found) > 30.0
 
 
 def test_down_is_zero_and_right_in_the_picture_is_positive():

@@ -35,6 +35,22 @@ def test_double_pendulum_without_a_second_link_is_a_pendulum():
     assert_close(a.energy, b.energy)
 
 
+def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
+    rng = np.random.default_rng(18)
+    double, single = double_pendulum((False, False)), pendulum()
+    v = physical(double, rng)
+    mass = v["m1"] + v["m2"]
+    length = (v["m1"] * v["r1"] + v["m2"] * (v["l1"] + v["r2"])) / mass
+    about_joint = v["I1"] + v["I2"] + v["m2"] * ((v["l1"] + v["r2"]) ** 2 - v["r2"] ** 2)
+    same = {"mass": mass, "length": length, "inertia": about_joint - mass * length**2, "g": v["g"]}
+    q, w = states(single, rng)
+    a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
+    b = single.terms(single.base(same), q, w)
+    assert_close(a.M[:, :1, :1], b.M)
+    assert_close(a.h[:, :1], b.h)
+    assert_close(a.energy, b.energy)
+
+
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])
 def test_acrobot_is_a_double_pendulum_driven_at_the_elbow(inertias):
     a, d = acrobot(inertias), double_pendulum((False, True))
