@@ -25,6 +25,10 @@ class InputError(ValueError):
         super().__init__(text if len(text) <= _LONGEST else f"{text[:half]} [...] {text[-half:]}")
 
 
+class NoFitError(InputError):
+    """A model that cannot be fitted to data which others may well be fitted to."""
+
+
 @contextmanager
 def located(where: str) -> Iterator[None]:
     """What is wrong inside is said behind where it stands.
@@ -38,7 +42,7 @@ def located(where: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise type(error)(f"{where}: {error}") from None
 
 
 @contextmanager

@@ -17,12 +17,19 @@ EXTRAS = {
     "page": ("plotly",),
     "dask": ("dask", "distributed"),
 }
+DISTRIBUTIONS = (
+    *("torch", "safetensors", "array-api-compat", "pysindy", "scikit-learn", "optuna", "pyarrow"),
+    *("opencv-python-headless", "pyserial", "openpyxl", "pooch", "plotly", "dask", "distributed"),
+)
 # an interpreter in which none of these packages can be found
 BARE = f"""
 import sys
 from importlib.machinery import PathFinder
 class Bare:
-    find_distributions = PathFinder.find_distributions
+    @staticmethod
+    def find_distributions(context):
+        missing = context.name in {DISTRIBUTIONS!r}
+        return () if missing else PathFinder.find_distributions(context)
     invalidate_caches = PathFinder.invalidate_caches
     @staticmethod
     def find_spec(name, path=None, target=None):

@@ -21,7 +21,7 @@ from frictionid.comparison.results import (
 )
 from frictionid.comparison.suite import NamedIdentifier
 from frictionid.comparison.suite_tasks import tasks_on
-from frictionid.comparison.tasks import Task, results_of
+from frictionid.comparison.tasks import Outcome, Task, results_of
 from frictionid.comparison.usual_method import usual_recipe, usual_sample_time
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
@@ -152,14 +152,15 @@ def compare(
             done=lambda t: report(t.name),
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
-    by_model: dict[tuple[str, str], tuple[Task, Result]] = {}
+    by_model: dict[tuple[str, str], tuple[Task, Outcome]] = {}
     with counted(len(tasks), "comparing", done) as step:
         for task, result in results_of(tasks, prepared, jobs=jobs, dask=dask):
             by_model[task.name, task.recipe.name] = task, result
             step(task.name)
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
     results = results_in_memory(dataset.name, settings, ordered, prepared, LAWS)
-    return Comparison(results, dataset, fitted={key: r for key, (_, r) in by_model.items()})
+    fitted = {key: r for key, (_, r) in by_model.items() if isinstance(r, Result)}
+    return Comparison(results, dataset, fitted=fitted)
 
 
 def _methods(

@@ -55,7 +55,7 @@ def run_in_folder(
     Raises
     ------
     InputError
-        Where a task fails, or the folder holds what is not to be replaced.
+        Where no model can be fitted, or the folder holds what is not to be replaced.
     """
     with lock(folder):
         files = [task.file for task in tasks]
@@ -136,7 +136,7 @@ def run_suite(
     Raises
     ------
     InputError
-        Where the suite is wrong, a task fails, or the folder holds what is not to be replaced.
+        Where the suite is wrong, no model can be fitted, or the folder is not to be replaced.
     """
     table, path, folder, tables = open_suite(suite, data, out)
     tasks = tasks_of(table, path, tables, device, trust=trust)

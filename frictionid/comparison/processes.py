@@ -9,9 +9,9 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, TypeVar
@@ -100,8 +100,12 @@ def one_torch_thread() -> None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, this package, and those that its numbers come from."""
-    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+    """Versions of Python, this package, and those installed that its numbers come from."""
+    versions = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        with suppress(PackageNotFoundError):  # of an extra
+            versions[name] = version(name)
+    return versions
 
 
 @cache

@@ -41,7 +41,7 @@ from frictionid.fitting.fit import recordings_own
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import Provenance, read_provenance
 
-from .cross_validate import PreparedBenchmark, Result
+from .cross_validate import PreparedBenchmark
 from .processes import versions
 from .result_folder import (
     DATASETS,
@@ -51,7 +51,7 @@ from .result_folder import (
     task_file,
     write_sealed,
 )
-from .tasks import Task, content_of, file_name
+from .tasks import Outcome, Task, content_of, file_name
 
 COLUMNS = ("suite", "dataset", "identifier", "fit", *SCORE_COLUMNS, "seed")  # of scores.csv
 _LEVELS = (0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
@@ -196,6 +196,7 @@ class Results:
     provenance, datasets : documents of provenance.json and datasets.json
     tasks : documents of the finished tasks, in the order of the suite
     missing : names of the files of unfinished tasks
+    not_fitted : which models could not be fitted, and why, a text each
     scores : all scores, one per row; columns as in scores.csv (`COLUMNS`), the index is the
         position of the row's task in `tasks`
     """
@@ -205,17 +206,24 @@ class Results:
     datasets: Mapping[str, Mapping[str, Any]]
     tasks: tuple[Mapping[str, Any], ...]
     missing: tuple[str, ...]
+    not_fitted: tuple[str, ...]
     scores: pd.DataFrame
 
 
 def results_in_memory(
     title: str,
     settings: Any,
-    results: Sequence[tuple[Task, Result]],
+    results: Sequence[tuple[Task, Outcome]],
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
     laws: Mapping[str, type],
 ) -> Results:
-    """Results of tasks as their folder would have them, without one."""
+    """Results of tasks as their folder would have them, without one.
+
+    Raises
+    ------
+    InputError
+        If no model could be fitted.
+    """
     tasks = [task for task, _ in results]
     document = {
         "provenance": provenance_of(title, title, settings, tasks),
@@ -223,8 +231,7 @@ def results_in_memory(
         "tasks": [content_of(task, result, laws) for task, result in results],
     }
     provenance, datasets, contents = json.loads(json_text(document)).values()
-    table = _score_frame(title, contents)
-    return Results(Path(), provenance, datasets, tuple(contents), (), table)
+    return _results(Path(), provenance, datasets, contents, ())
 
 
 def load_results(folder: Path) -> Results:
@@ -233,17 +240,31 @@ def load_results(folder: Path) -> Results:
     Raises
     ------
     InputError
-        If the folder holds no comparison, none of its tasks is finished, or a file was changed.
+        If the folder holds no comparison, none of its tasks is finished, no model could be fitted,
+        or a file was changed.
     """
     provenance, datasets = described(folder, PROVENANCE), described(folder, DATASETS)
     paths = [task_file(folder, name) for name in provenance["tasks"]]
     documents = {path: read_sealed(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
-    tasks = tuple(documents.values())
     missing = tuple(path.name for path in paths if path not in documents)
+    return _results(folder, provenance, datasets, [*documents.values()], missing)
+
+
+def _results(
+    folder: Path,
+    provenance: Mapping[str, Any],
+    datasets: Mapping[str, Mapping[str, Any]],
+    documents: Sequence[Mapping[str, Any]],
+    missing: tuple[str, ...],
+) -> Results:
+    tasks = tuple(task for task in documents if "not_fitted" not in task)
+    why = tuple(str(task["not_fitted"]) for task in documents if "not_fitted" in task)
+    if not tasks:
+        raise InputError(why[0])
     table = _score_frame(provenance["suite"], tasks)
-    return Results(folder, provenance, datasets, tasks, missing, table)
+    return Results(folder, provenance, datasets, tasks, missing, why, table)
 
 
 def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

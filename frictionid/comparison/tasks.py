@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import cpu_count
 
-from frictionid.errors import InputError, located
+from frictionid.errors import InputError, NoFitError, located
 from frictionid.evaluation import HorizonErrors
 from frictionid.fitting.fit import own_base
 from frictionid.fitting.identifier import Identifier
@@ -39,6 +39,8 @@ from .result_folder import finished, write_sealed
 
 FORMAT = 1  # of the result files
 _DIGITS = 7
+
+Outcome = Result | NoFitError  # of a task
 
 
 class Task(NamedTuple):
@@ -132,6 +134,8 @@ def run_tasks(
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
+    A model that cannot be fitted leaves a file that says why.
+
     jobs, dask : see `results_of`
     kept : folders with earlier results: those of the same digest, and unchanged, count
     done : called with each task that is finished
@@ -139,7 +143,7 @@ def run_tasks(
     Raises
     ------
     InputError
-        Where a task fails, with its name.
+        Where data or settings are wrong, with the task's name.
     """
     report = done or (lambda _: None)
     left = []
@@ -164,8 +168,10 @@ def results_of(
     *,
     jobs: int = 0,
     dask: str | None = None,
-) -> Iterator[tuple[Task, Result]]:
+) -> Iterator[tuple[Task, Outcome]]:
     """Results of the tasks as they are finished, `jobs` at a time on one thread each.
+
+    In place of the result of a model that cannot be fitted there is the error that says why.
 
     Those that take longest begin first, so that all processes end together.
 
@@ -175,7 +181,7 @@ def results_of(
     Raises
     ------
     InputError
-        Where a task fails, with its name.
+        Where data or settings are wrong, with the task's name.
     """
     groups = sorted(_alike(tasks), key=lambda group: _effort(group[0]), reverse=True)
     firsts = [group[0] for group in groups]
@@ -191,7 +197,7 @@ def results_of(
 
 def _on_cluster(
     calls: Sequence[tuple[Task, PreparedBenchmark]], dask: str
-) -> Iterator[tuple[int, Result]]:
+) -> Iterator[tuple[int, Outcome]]:
     """What `_run` gives; tasks of one benchmark share its data."""
     try:
         from .cluster import on_cluster
@@ -204,7 +210,7 @@ def _on_cluster(
     return on_cluster(_run_apart, separate, dask)
 
 
-def _run_apart(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Result:
+def _run_apart(data: tuple[Benchmark, PreparedBenchmark], *settings: Any) -> Outcome:
     benchmark, shared = data
     return _run(Task(benchmark, *settings), shared)
 
@@ -236,18 +242,23 @@ def _effort(task: Task) -> tuple[bool, bool, int]:
     return not task.identifier.fixed, shoots, weights
 
 
-def _run(task: Task, shared: PreparedBenchmark) -> Result:
-    with located(f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"):
-        return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
+def _run(task: Task, shared: PreparedBenchmark) -> Outcome:
+    try:
+        with located(f"{task.benchmark.dataset.name}, {task.name} by {task.recipe.name}"):
+            return run(task.benchmark, task.identifier, task.recipe, task.seed, shared)
+    except NoFitError as error:
+        return error
 
 
-def document(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
+def document(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[str, Any]:
     """JSON document of a result, and the digest of all that it depends on."""
     return {"digest": task.digest, **content_of(task, result, laws)}
 
 
-def content_of(task: Task, result: Result, laws: Mapping[str, type]) -> dict[str, Any]:
+def content_of(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[str, Any]:
     """All of a result that tables and figures need, as a JSON document."""
+    if isinstance(result, NoFitError):
+        return {"not_fitted": str(result)}
     dataset = task.benchmark.dataset
     frames = {dataset.name: result.scores, **result.tests}
     rows = {name: [list(row) for row in f.itertuples(index=False)] for name, f in frames.items()}

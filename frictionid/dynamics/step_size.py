@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, like, plain
-from frictionid.errors import InputError
+from frictionid.errors import NoFitError
 from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.coordinates import at_places, mobility, turns_of
 from frictionid.mechanics import Plant, configurations
@@ -29,10 +29,6 @@ class StepSize(NamedTuple):
     parts: int
 
 
-class TooSteepError(InputError):
-    """Friction whose slope no reasonable number of substeps resolves."""
-
-
 def step_size_of(
     plant: Plant, friction: Friction, dt: float, *, longest: float = _LONGEST
 ) -> StepSize:
@@ -43,12 +39,12 @@ def step_size_of(
 
     Raises
     ------
-    TooSteepError
+    NoFitError
         When the law is so steep that no reasonable number of substeps resolves it.
     """
     rate = stiffness(plant, friction)
     if rate > _FASTEST:
-        raise TooSteepError(
+        raise NoFitError(
             f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
             f"in {1 / rate:.1g} s and needs {np.ceil(dt * rate / _STABLE):.0f} substeps in "
             f"{dt:.3g} s: widen the law's smoothing, or check its parameters"

@@ -24,6 +24,7 @@ from frictionid.arrays import Array
 
 MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
 _FIRST, _DAMPING = 1e-6, (1e-9, 1e9)  # of unit diagonals: at first, least and most
+_NOTHING = 1e-200  # information below this leaves no trace: its inverse would be no number
 _CLEAR = 1e-8  # a change of slope above rounding
 _CONVEX = 1e-9  # of unit diagonals: a curvature that is negative by rounding
 
@@ -224,9 +225,23 @@ def box_step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Arr
 
 
 def _size(H: Array) -> Array:
-    """Diagonals (B, N) of H (B, N, N); one where there is nothing."""
-    diagonal = np.einsum("fii->fi", H)
-    return np.where(diagonal > 0, diagonal, 1.0)
+    """Diagonals (..., N) of H (..., N, N); one where there is nothing, or what underflows."""
+    diagonal = np.einsum("...ii->...i", H)
+    return np.where(diagonal > _NOTHING, diagonal, 1.0)
+
+
+def scaled_inverse(H: Array, smallest: float) -> Array:
+    """H^-1 of a normal matrix (N, N) by units in which its diagonals are one; zero where singular.
+
+    smallest : of the largest singular value in these units, one that counts
+
+    >>> scaled_inverse(np.array([[4e8, 0.0], [0.0, 1e-310]]), 1e-9)
+    array([[2.5e-09, 0.0e+00],
+           [0.0e+00, 0.0e+00]])
+    """
+    scale = np.sqrt(_size(H))
+    scale = scale[:, None] * scale
+    return np.asarray(np.linalg.pinv(H / scale, rcond=smallest, hermitian=True) / scale)
 
 
 _BLOCKS = 5  # turns in which all parameters may change sides together

@@ -25,8 +25,7 @@ from frictionid.comparison.usual_method import time_between_samples
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
-from frictionid.dynamics.step_size import TooSteepError
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
 from frictionid.evaluation.prepared import usual_interval
@@ -136,7 +135,7 @@ def _compared(
                 raise
     results = {}
     for law in plan.laws:
-        with suppress(TooSteepError):  # a law that no step can follow is no candidate
+        with suppress(NoFitError):  # such a law is no candidate
             identifier = identifier_named(law.kind, law.table)
             results[law.label] = run(benchmark, identifier, recipe, 0, shared)
         done(law.label)

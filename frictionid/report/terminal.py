@@ -57,6 +57,8 @@ def show_summary(results: Results) -> None:
             left = torque_sentence(torque_frames(data))
             if left:
                 say(left)
+    for text in results.not_fitted:
+        say(f"not fitted: {text}")
     for section in sections:
         words = verdict(section)
         say(f"{section.dataset}\n{words}\n" if len(sections) > 1 else f"{words}\n")

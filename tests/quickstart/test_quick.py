@@ -21,7 +21,7 @@ from frictionid.comparison import cross_validate
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
 from frictionid.data.servo import open_loop
-from frictionid.dynamics.step_size import TooSteepError
+from frictionid.errors import NoFitError
 from frictionid.friction.laws import Spline
 from frictionid.quickstart.plan import BY_ANGLES, plan_for
 from frictionid.quickstart.quick import quick, shortened
@@ -202,10 +202,10 @@ def test_unusable_data_get_no_verdict(tmp_path, run):
     assert "No law was fitted" in out and not (tmp_path / "quick.png").exists()
 
 
-def test_a_law_that_no_step_can_follow_is_no_candidate(monkeypatch):
+def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
     def run(benchmark, identifier, *rest):
         if isinstance(getattr(identifier, "law", None), Spline):
-            raise TooSteepError("spline: too steep")
+            raise NoFitError("spline: too steep")
         return cross_validate.run(benchmark, identifier, *rest)
 
     laws = tuple(law for law in BY_ANGLES.laws if law.kind in ("none", "coulomb_viscous", "spline"))

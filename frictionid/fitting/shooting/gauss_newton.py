@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.dynamics.step_size import TooSteepError
+from frictionid.errors import NoFitError
 from frictionid.progress import report_step
 
-from ..gauss_newton import MAD, box_step
+from ..gauss_newton import MAD, box_step, scaled_inverse
 from ..parameters.parameter_block import (
     Estimate,
     Parameter,
@@ -50,6 +50,7 @@ _NEAR = 0.5  # [standard errors]: steps with which those end
 _STRAY = 1.0  # [standard errors]: so far steps to and fro may go
 _ONWARD = 0.25  # [standard errors]: so far their mean may get on
 _COARSE = 3.0  # times as long are their substeps near rest
+_ROUNDING = 1e-15  # of the largest singular value
 _TRACE = 1e-12  # of the information on the best known parameter
 
 
@@ -199,7 +200,7 @@ def _solve_stage(
     while count < settings.iterations and not _converged(problem, step, begins):
         try:
             point, damping = _accepted_or_last(problem, step)
-        except TooSteepError:
+        except NoFitError:
             if (begins[0].values == begins[-1].values).all():
                 raise
             return _taken_back(step)._replace(iterations=count)
@@ -264,7 +265,7 @@ def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, flo
     shorter = last, max(step.damping, 1e-4) * 10.0
     try:
         point = linearised_at(problem, s.windows, s.estimate, s.nodes, s.sigma)
-    except TooSteepError:
+    except NoFitError:
         if step.damping >= _DAMPING[1]:
             raise
         return shorter
@@ -377,10 +378,7 @@ def _errors(solution: Solution, H: Array, precision: Array) -> Array:
         H^-1 (sum_w s_w s_w') H^-1,    s_w = g_w - H_w move
     """
     free, normal = solution.free, solution.normal
-    inner = H[np.ix_(free, free)]
-    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    inverse = np.linalg.pinv(inner / np.outer(scale, scale), hermitian=True)
-    inverse = inverse / np.outer(scale, scale)
+    inverse = scaled_inverse(H[np.ix_(free, free)], _ROUNDING)
     score = (normal.g - normal.H @ solution.move)[:, free] @ inverse
     variance = np.diag(inverse)
     by_data = np.clip(1.0 - precision[free] * variance, 0.0, 1.0)

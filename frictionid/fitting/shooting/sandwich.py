@@ -8,6 +8,7 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 
+from ..gauss_newton import scaled_inverse
 from ..parameters.parameter_block import Parameter, limits_of
 from .gauss_newton import Solution
 from .problem import ShootingProblem
@@ -95,7 +96,7 @@ def excess_of(groups: Groups, parameters: Sequence[Parameter]) -> Array:
     between = np.zeros(len(H))
     between[keep] = np.diag(sandwich(H, groups))
     curved = np.zeros(len(H))
-    curved[keep] = np.diag(_inverse(H[np.ix_(keep, keep)]))
+    curved[keep] = np.diag(scaled_inverse(H[np.ix_(keep, keep)], SINGULAR))
     out[informed] = np.maximum(between[informed] / np.maximum(curved[informed], 1e-300), 1.0)
     return out
 
@@ -153,8 +154,8 @@ def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
     """
     keep, label = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free)), groups.cluster
     parts = np.stack([groups.H[label == g].sum(axis=0)[keep] for g in np.unique(label)])
-    left = np.stack([_inverse(H[keep] - part) for part in parts])
-    moved, inverse, count = left @ parts, _inverse(H[keep]), len(parts)
+    left = np.stack([scaled_inverse(H[keep] - part, SINGULAR) for part in parts])
+    moved, inverse, count = left @ parts, scaled_inverse(H[keep], SINGULAR), len(parts)
     trace, square = np.zeros(len(inverse)), np.zeros(len(inverse))
     for k in range(len(inverse)):  # one (G, G) at a time: there may be thousands of recordings
         C = -moved[:, k] @ inverse @ moved[:, k].T
@@ -171,10 +172,4 @@ def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
 
 def solve_scaled(H: Array, g: Array) -> Array:
     """H^-1 g of a normal matrix H (D, D), least squares where it is singular; g (D, ...)."""
-    return np.asarray(_inverse(H) @ g)
-
-
-def _inverse(H: Array) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(scale, scale), rcond=SINGULAR, hermitian=True)
-    return np.asarray(inverse / np.outer(scale, scale))
+    return np.asarray(scaled_inverse(H, SINGULAR) @ g)

@@ -14,7 +14,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.fitting.one_step.one_step_fit import CLEAR
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
@@ -115,7 +115,7 @@ def _fitted(stage: Stage, intervals: Intervals, settings: Settings, use: Array) 
         estimate = with_values(estimate, problem.blocks, values)
     solution = solve(problem, estimate, use, before)
     if not solution.closed.any():
-        raise InputError(
+        raise NoFitError(
             f"data set {intervals.dataset.name!r}: the fit went astray, and predicts no window of "
             "the recordings: free less, or begin with a model that predicts them"
         )

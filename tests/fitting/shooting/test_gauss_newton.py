@@ -5,7 +5,7 @@ import pytest
 from fixtures.tiny_pendulums import dataset
 from numpy.testing import assert_array_equal
 
-from frictionid.dynamics.step_size import TooSteepError
+from frictionid.errors import NoFitError
 from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import Settings, gauss_newton, refine
 from frictionid.friction import Friction
@@ -36,7 +36,7 @@ def steep_at(calls, monkeypatch):
     def refusing(*arguments):
         count[0] += 1
         if count[0] in calls:
-            raise TooSteepError("too steep")
+            raise NoFitError("too steep")
         return linearised_at(*arguments)
 
     monkeypatch.setattr(gauss_newton, "linearised_at", refusing)
@@ -53,6 +53,6 @@ def test_steps_into_friction_too_steep_are_taken_back_and_the_fit_ends_where_it_
 
 def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypatch):
     for calls in ({1}, set(range(2, 40))):
-        with monkeypatch.context() as patch, pytest.raises(TooSteepError, match="steep"):
+        with monkeypatch.context() as patch, pytest.raises(NoFitError, match="steep"):
             steep_at(calls, patch)
             refine(START, dataset(), (FrictionBlock(),), Settings())
