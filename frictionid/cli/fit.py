@@ -55,7 +55,7 @@ def fit(
     recipe : One-step recipe: integral, study or calibrated.
     seed : Seed of the fit.
     by : shooting; inverse_dynamics, on torques; or one_step, fast, which takes masses, gains and
-        clocks as given [shooting, or of arms inverse_dynamics].
+        clocks as given [shooting; from three joints with measured torques on inverse_dynamics].
     free : Free blocks: friction,inertia,delay,gain,bias,offset,actuator,target_delay,backlash,
         envelope [friction, and of inertia, delay and bias what the data tell].
     fixed : A parameter that is not free, e.g. inertia.gravity_2; repeatable.

@@ -102,6 +102,7 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
     import tomllib
 
     from frictionid.files import json_text, write_text
+    from frictionid.quickstart.describe_tables import GAINS
 
     # the suite first: a folder with a dataset.toml is done
     write_text(tables.folder / "suite.toml", described.suite_toml)
@@ -117,7 +118,8 @@ def _write(tables: Tables, described: Described, json: bool) -> None:
     for text in described.missing:
         print(f"missing: {text}")
     command = "check" if described.draft.machine.kind in ("urdf", "mjcf") else "quick"
-    print(f"next: frictionid {command} {tables.folder}")
+    first = "write the gains into dataset.toml, then " if GAINS in described.missing else ""
+    print(f"next: {first}frictionid {command} {tables.folder}")
 
 
 # --- What is not given ------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 
 from .column_names import RUNS, is_measured, is_sensed, quantity_of, unit_of, words
 
+LEFT_OVER = "a guess, as no other column is left; "
 _RUN = 20  # rows of a run at least, on average
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
@@ -142,11 +143,11 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     called = [name for name in increasing if quantity_of(name) == "time"]
     again = [n for n, c in table.columns.items() if quantity_of(n) == "time" and _runs(c)]
     candidates = list(named or called or again or increasing)
+    for name in candidates or [n for n in table.columns if quantity_of(n) == "time"]:
+        _check_order(table, name)
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
-    if not _runs(table.columns[name]):
-        raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
     steps = np.diff(table.columns[name])
     step = float(np.median(steps[steps > 0]))
     unit = unit_of(name, "time") or _time_unit(step)
@@ -156,12 +157,28 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     return Guess((name,), unit, f"increases in {where}, at {rate:.4g} Hz")
 
 
+def _check_order(table: Table, name: str) -> None:
+    column = table.columns[name]
+    back = np.flatnonzero(np.diff(column) < 0)
+    if len(back) and not _runs(column):
+        before, after = column[back[0] : back[0] + 2]
+        raise InputError(
+            f"{table.file}, row {table.rows[back[0] + 1]}: {name!r} goes back from {before:g} to "
+            f"{after:g}: put the rows into the order of time, or name another column with --time"
+        )
+
+
 def _runs(column: Array) -> int:
-    """Number of runs in which a column rises, but for repeated rows; 0 where it does not."""
+    """Number of runs in which a column rises, but for repeated rows; 0 where it does not.
+
+    A run starts near the time where the one before started.
+    """
     step = np.diff(column)
-    runs = 1 + int((step < 0).sum())
-    increases = step.any() and np.isfinite(column).all()
-    return runs if increases and (runs == 1 or len(column) >= _RUN * runs) else 0
+    back = np.flatnonzero(step < 0)
+    starts = column[np.concatenate([[0], back + 1])]
+    again = 2 * (starts[1:] - starts[:-1]) <= column[back] - starts[:-1]
+    increases = step.any() and np.isfinite(column).all() and again.all()
+    return len(starts) if increases and (not len(back) or len(column) >= _RUN * len(starts)) else 0
 
 
 def _split(table: Table, clock: str) -> Guess | None:
@@ -288,7 +305,7 @@ def _torque(
     rest = _nameless(free)
     rest, why = [n for n in rest if unit_of(n, "torque")] or rest, ""
     if not columns and not named and len(rest) == motors:
-        columns, why = rest, "a guess, as no other column is left; "
+        columns, why = rest, LEFT_OVER
     if named and len(named) == len(driven):
         columns = [name for name, motor in zip(named, driven, strict=True) if motor]
     if len(columns) < motors:

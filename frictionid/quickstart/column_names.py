@@ -17,7 +17,7 @@ WORDS: Mapping[str, frozenset[str]] = {
     "time": frozenset("time t timestamp stamp zeit clock seconds".split()),
     "velocity": frozenset("w qd dq vel velocity omega speed rate qdot thetadot dtheta".split()),
     "current": frozenset("i iq current cur amps ampere amperes strom".split()),
-    "torque": frozenset("u tau torque tq moment effort force drehmoment".split()),
+    "torque": frozenset("u tau torque tq trq moment effort eff force drehmoment".split()),
     "angle": frozenset("q angle theta phi alpha pos position encoder enc winkel x".split()),
 }
 # Not measured: commands and references, and the truth of simulations.

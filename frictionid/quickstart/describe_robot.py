@@ -19,8 +19,8 @@ from frictionid.mechanics.mechanism_table import mechanism_options
 from frictionid.mechanics.rigid_body.described import FORMATS
 from frictionid.mechanics.rigid_body.robot import Joint
 
-from .column_guesses import ColumnGuesses, guess_columns
-from .column_names import names_of, words
+from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
+from .column_names import names_of, quantity_of, words
 from .describe_tables import (
     GAINS,
     Described,
@@ -53,6 +53,10 @@ _ROTOR = (
 _OFFSET = (
     "joint angles where the motors' are zero (offset in [motor]): without them they are zero, or "
     "the quarter turns that the motion asks for"
+)
+_TORQUE = (
+    "torques or currents (--torque NAME,NAME, a column for each joint): without them all joints "
+    "swing freely"
 )
 _IMU = (
     "where the IMU is in the frame of the base (sensor_position [m], sensor_rotation in [base]): "
@@ -97,6 +101,8 @@ def describe_robot(
     limit = efforts if np.isfinite(efforts).all() else ()
     actuator = actuator_of(columns.target, facts.gains, limit)
     missing = tuple(_missing(machine, motor, actuator, facts))
+    if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
+        missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
     comments = {
         file.format: "meshes are not looked at",
@@ -127,7 +133,7 @@ def describe_robot(
             missing = tuple(said if text == _KT else text for text in missing)
             motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
-    blind = not {_GEAR, _KT, GAINS}.isdisjoint(missing)
+    blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     return described_draft(draft, tables, missing, blind=blind)
 
 
@@ -183,6 +189,9 @@ def _guesses(
         named["torque"] = columns.torque
     driven = [bool(columns.torque)] * machine.n
     guesses = guess_columns(tables.first, driven, machine.position_units, named)
+    if columns.guessed:
+        guess = guesses.torque
+        guesses = replace(guesses, torque=guess._replace(evidence=LEFT_OVER + guess.evidence))
     units = tuple("m" if unit == "m" else columns.unit for unit in machine.position_units)
     unit = units[0] if len(set(units)) == 1 else units
     angle = guesses.angle._replace(unit=unit, evidence=columns.evidence)

@@ -80,6 +80,7 @@ class RobotColumns:
     locked : means of joints whose torque is not measured, and why, in words
     side : "motor" where the angles cannot be those of the joints
     unit : "rad" or "deg" of the angles; evidence : what speaks for these
+    guessed : whether the columns of torque are those that are left over
     """
 
     joints: tuple[Joint, ...]
@@ -94,6 +95,7 @@ class RobotColumns:
     unit: str = "rad"
     evidence: str = ""
     imu: Mapping[str, Any] = field(default_factory=dict)
+    guessed: bool = False
 
 
 def robot_columns(
@@ -134,7 +136,10 @@ def robot_columns(
             f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
             "that moves with --angle, and the joints with --set 'joints=[...]'"
         )
-    pushes = by["torque"] or by["current"]
+    pushes, guessed = by["torque"] or by["current"], False
+    if not (pushes or by["target"]):
+        pushes = _nameless([j for j in movable if j.name in by["angle"]], left, by["angle"])
+        guessed = bool(pushes)
     joints = [j for j in movable if j.name in by["angle"]]
     driven = [j for j in joints if j.name in pushes] if pushes else joints
     silent = _silent(table, [j for j in driven if pushes], pushes)
@@ -155,6 +160,7 @@ def robot_columns(
         unit,
         evidence,
         imu,
+        guessed,
     )
 
 
@@ -212,6 +218,16 @@ def _named_alike(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, s
     each = {j.name: [n for n in plain if tokens(n) == tokens(j.name)] for j in joints}
     alone = all(len(names) == 1 for names in each.values())
     return {joint: names[0] for joint, names in each.items()} if alone else {}
+
+
+def _nameless(
+    joints: Sequence[Joint], columns: Sequence[str], angle: Mapping[str, str]
+) -> dict[str, str]:
+    """Columns that say no quantity, beside those of the angles, one for each joint; or none."""
+    taken = {*angle.values()}
+    left = [n for n in columns if not quantity_of(n) and is_measured(n) and n not in taken]
+    each = _assigned(joints, left)
+    return each if len(each) == len(left) == len(joints) else {}
 
 
 def _silent(table: Table, joints: Sequence[Joint], pushes: Mapping[str, str]) -> list[str]:

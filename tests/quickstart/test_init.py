@@ -113,7 +113,7 @@ MISSING = {
     "no constant": (("arm", *INIT), r"I_motor holds currents \[A\]: .*--kt .*--gear"),
     "unknown column": (("arm", *INIT, "--angle", "pos"), "no column of numbers 'pos'; did you"),
     "a column of words": (("arm", *INIT, "--angle", "state"), "no column of numbers 'state'"),
-    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "--time: 'pos_deg' does not increase"),
+    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "run1.csv, row 3: 'pos_deg' goes back"),
     "two angles": (("arm", *INIT, "--angle", "t_ms,pos_deg"), "--angle names 2 columns"),
     "a word": (("words", *INIT), "run1.csv, row 3: column 'pos_deg' holds 'lost', which is no"),
     "repeated rows": (("repeated", *INIT, "--torque", "u"), "run1.csv, row 3: .* .66 such rows: 3"),
@@ -250,7 +250,9 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
     (tmp_path / "servo" / "dataset.toml").unlink()
     (tmp_path / "servo" / "suite.toml").unlink()
-    assert "missing: gains of the controller" in call("init", "servo", *INIT)[1]
+    out = call("init", "servo", *INIT)[1]
+    assert "missing: gains of the controller" in out
+    assert "next: write the gains into dataset.toml, then frictionid quick" in out
 
 
 def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
@@ -271,6 +273,10 @@ def test_a_sliding_joint_is_in_metres():
 
 UNTOLD = {
     "no time": ({"q": Q, "u": U}, "no column increases.*name it with --time; there are 'q' \\(-"),
+    "two rows the other way round": (
+        {"t": TIME[[*range(9), 10, 9, *range(11, len(TIME))]], "q": Q, "u": U},
+        "a.csv, row 10: 't' goes back from 0.1 to 0.09: put the rows into the order of time",
+    ),
     "no angle": ({"t": TIME, "a": U, "u": U}, "0 columns look like angles.*--angle"),
     "too few angles": ({"t": TIME, "q": Q, "u": U}, "1 columns look like angles, for 2 joints"),
     "one of two": ({"t": TIME, "q": Q, "M": U, "P": W}, "0 columns look like torques"),

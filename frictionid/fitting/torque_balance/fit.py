@@ -8,7 +8,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction, Inputs, Law, along, constraints_of
 from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
@@ -290,7 +290,7 @@ def check_blocks(
             "free it by shooting"
         )
     if free.get("inertia") and not informed and _reads_torque(estimate.friction):
-        raise InputError(
+        raise NoFitError(
             f"data set {name!r}: {estimate.friction.law} follows the motors' torque, and beside "
             "free inertias that explains any torque by itself: leave inertia out, give it a "
             "prior, or choose load_dependent, which follows the motion"
