@@ -36,6 +36,9 @@ BURSTS, CLOSE = 5, 0.1
 # A torque is held whose values stay for one number of rows, this many at most, in this share of its
 # changes, of which there are so many.
 MOST_ROWS, SAME, CHANGES = 10, 0.9, 50
+# A joint jumps that moves so many times farther in one interval than in its fast ones, of which
+# this share is slower, and than in so many before and behind.
+JUMP, FAST, AROUND = 5.0, 0.99, 3
 
 
 def log_findings(measured: Measured, dead: Sequence[int]) -> Iterator[Finding]:
@@ -44,6 +47,7 @@ def log_findings(measured: Measured, dead: Sequence[int]) -> Iterator[Finding]:
     yield from repeated_rows(dataset)
     yield from clock_findings(dataset)
     yield from jittering_stamps(dataset)
+    yield from jumping_angles(dataset)
     yield from (_dead(measured, j) for j in dead)
     yield from unsigned_torques(dataset)
 
@@ -198,6 +202,33 @@ def clock_findings(dataset: Dataset) -> Iterator[Finding]:
         if rows > 1:
             words = {"repeats": 1 - 1 / rows}
             yield finding("held_torque", {"rows": float(rows)}, words, j + 1)
+
+
+def jumping_angles(dataset: Dataset) -> Iterator[Finding]:
+    """A finding for each joint that is elsewhere in the next sample, as where two runs are one."""
+    for j, unit in enumerate(dataset.mechanism.position_units):
+        jumps = [
+            (size, float(r.angle.time[k]), r.name)
+            for r in dataset.recordings
+            for k, size in _jumps(r.angle, j)
+        ]
+        if jumps:
+            size, start, name = max(jumps)
+            numbers = {"jumps": float(len(jumps)), "largest": size, "start": start}
+            yield finding("jumping_angle", numbers, {"unit": unit, "recording": name}, j + 1)
+
+
+def _jumps(angle: Signal, j: int) -> list[tuple[int, float]]:
+    """Samples behind which an angle of a joint jumps, and how far."""
+    interval, step = np.diff(angle.time), np.abs(np.diff(np.asarray(angle.value)[:, j]))
+    if len(step) <= 2 * AROUND:
+        return []
+    even = interval <= GAP * usual_intervals(interval)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(step, AROUND), 2 * AROUND + 1)
+    others = np.delete(around, AROUND, axis=1).max(axis=1)
+    usual = np.quantile(step[even], FAST)
+    at = np.flatnonzero(even & (usual > 0) & (step > JUMP * np.maximum(usual, others)))
+    return [(int(k), float(step[k])) for k in at]
 
 
 def _stamps(dataset: Dataset, chosen: Callable[[Array], Array]) -> list[tuple[float, float, str]]:

@@ -7,7 +7,13 @@ import pytest
 from fixtures.one_joint_sets import Setup, sets
 
 from frictionid.check import check
-from frictionid.check.log_faults import clock_findings, kinks, repeated_rows, unsigned_torques
+from frictionid.check.log_faults import (
+    clock_findings,
+    jumping_angles,
+    kinks,
+    repeated_rows,
+    unsigned_torques,
+)
 from frictionid.check.sensors import coarse_velocities
 from frictionid.data.signals import Signal, taken
 
@@ -107,6 +113,25 @@ def test_all_of_it_is_in_the_verdict_and_gaps_are_counted():
     (gap,) = (f for f in verdict.findings if f.kind == "stamp_gaps")
     assert gap.numbers["longest"] == verdict.clock.longest_gap
     assert repr(recording.name) in gap.text
+
+
+def test_a_second_run_in_a_table_is_named_where_it_begins_and_a_spike_is_none():
+    for data in sets(Setup(), 3, seed=9):
+        recording, *others = data.recordings
+        time, q = recording.angle.time, np.array(recording.angle.value)
+        half = len(q) // 2
+        for later, count in ((slice(half, None), 1), (half, 0)):
+            shifted = q.copy()
+            shifted[later, 0] += 0.5
+            angle = recording.angle._replace(value=shifted)
+            found = list(
+                jumping_angles(replace(data, recordings=(replace(recording, angle=angle), *others)))
+            )
+            assert [f.joint for f in found] == [1] * count
+            for f in found:
+                assert f.numbers["largest"] == pytest.approx(0.5, abs=0.2)
+                assert f.numbers["start"] == time[half - 1]
+        assert list(jumping_angles(data)) == []
 
 
 def test_bursts_of_stamps_and_held_torques_are_named():

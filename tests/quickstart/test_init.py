@@ -113,7 +113,7 @@ MISSING = {
     "no constant": (("arm", *INIT), r"I_motor holds currents \[A\]: .*--kt .*--gear"),
     "unknown column": (("arm", *INIT, "--angle", "pos"), "no column of numbers 'pos'; did you"),
     "a column of words": (("arm", *INIT, "--angle", "state"), "no column of numbers 'state'"),
-    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "run1.csv, row 3: 'pos_deg' goes back"),
+    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "row 3: 'pos_deg' goes back"),
     "two angles": (("arm", *INIT, "--angle", "t_ms,pos_deg"), "--angle names 2 columns"),
     "a word": (("words", *INIT), "run1.csv, row 3: column 'pos_deg' holds 'lost', which is no"),
     "repeated rows": (("repeated", *INIT, "--torque", "u"), "run1.csv, row 3: .* .66 such rows: 3"),

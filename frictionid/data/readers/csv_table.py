@@ -4,8 +4,10 @@ import csv
 import io
 import re
 from array import array
+from codecs import BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,7 @@ def csv_columns(
     read row by row: a wrong row is refused before the next is read. Long texts of nothing but
     numbers are read at once, in a fifth of the time.
     """
+    content = _in_utf8(content)
     lines = _csv_lines(content, file)
     _, header = next(lines)
     names = header if columns is None else columns
@@ -57,6 +60,21 @@ def csv_columns(
                 del cells[name]
     picked = {name: np.array(column) for name, column in cells.items()}
     return np.array(rows, dtype=np.int64), picked, faults
+
+
+def _in_utf8(content: bytes) -> bytes:
+    """A text of Excel, in the code page of western Europe or in UTF-16, in UTF-8; others as is.
+
+    >>> [_in_utf8("Winkel [°]".encode(code)).decode() for code in ("cp1252", "utf-16")]
+    ['Winkel [°]', 'Winkel [°]']
+    """
+    wide = content.startswith(BOM_UTF16_LE)
+    if not wide and (content.isascii() or b"\0" in content):
+        return content
+    for code in ("utf-16",) if wide else ("utf-8", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            return content.decode(code).encode()
+    return content
 
 
 def _numbers_alone(content: bytes, cells: int) -> Array | None:

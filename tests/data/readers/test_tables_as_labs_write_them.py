@@ -47,6 +47,14 @@ def test_amperes_become_torques_at_the_joint_by_constant_and_gear(tmp_path):
     assert_allclose(recording.torque.sigma, [0.1 * 0.05 * 6.0])
 
 
+@pytest.mark.parametrize("code", ["cp1252", "utf-16", "utf-8-sig"])
+def test_what_excel_saves_is_read_whatever_its_code_page(tmp_path, code):
+    document = one_joint(columns={"time": "time", "angle": "q [°]", "torque": "i"})
+    content = text(";", comma=True, header="time{0}q [°]{0}i").decode()
+    recording = load_single(tmp_path, document, a_csv=content.encode(code))
+    assert_array_equal(recording.angle.value[:, 0], ANGLE)
+
+
 def test_motors_of_two_joints_have_constants_of_their_own(tmp_path):
     document = described(
         columns={"time": "time", "angle": ["q", "p"], "torque": ["i", "j"]},
