@@ -4,8 +4,8 @@
 
 Sets of twelve recordings of a pendulum: Coulomb and viscous friction, a Stribeck peak or friction
 that grows with the load beside it, in turn. `compare` has the laws of `quick`, both by shooting.
-They disagree where they name different laws, or where the fit of that law finds a parameter outside
-the interval that `quick` printed.
+They disagree where they name different laws, or where the fit of that law identifies other
+parameters, or finds one outside the interval that `quick` printed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import argparse
 from collections import Counter
 from dataclasses import replace
 
-import numpy as np
 from verdict_rate import TRUTHS
 
 import frictionid as fid
@@ -33,10 +32,16 @@ def answers(data: Dataset) -> tuple[str, str, bool]:
     laws = {law.label: identifier_named(law.kind, law.table) for law in plan.laws}
     second = fid.compare(data, laws, plan.folds, "shooting", horizons=plan.horizons[:1]).verdict
     assert first.chosen is not None and first.refined is not None
-    fitted = fid.fit(data, laws[first.chosen.name], method="shooting").frame
-    said = np.array([e.interval_95 for e in first.refined.parameters if not e.held])
-    within = (said[:, 0] <= fitted.value) & (fitted.value <= said[:, 1])
-    return first.chosen.name, str(second.provisional), bool(within.all())
+    said = {
+        (e.parameter, "" if e.joint is None else f"joint {e.joint + 1}"): e.interval_95
+        for e in first.refined.parameters
+        if e.identified
+    }
+    rows = fid.fit(data, laws[first.chosen.name], method="shooting").frame.itertuples()
+    values = {(row.parameter, row.joint): row.value for row in rows if row.identified}
+    same = said.keys() == values.keys()
+    within = same and all(low <= values[key] <= high for key, (low, high) in said.items())
+    return first.chosen.name, second.provisional or "none", within
 
 
 def main() -> None:

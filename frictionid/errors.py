@@ -10,7 +10,7 @@ class InputError(ValueError):
     r"""A mistake in what the user gave, on one line: rule, value, place and way out.
 
     The command line prints the message without a traceback and exits with status 2. It is raised
-    where data come in (files, settings, constructors), never from inside the numerics.
+    where data come in (files, settings, constructors), and where a fit ends without a result.
 
     Examples
     --------
@@ -42,7 +42,8 @@ def located(where: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise type(error)(f"{where}: {error}") from None
+        kind = NoFitError if isinstance(error, NoFitError) else InputError
+        raise kind(f"{where}: {error}") from None
 
 
 @contextmanager

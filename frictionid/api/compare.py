@@ -25,7 +25,7 @@ from frictionid.comparison.tasks import Outcome, Task, results_of
 from frictionid.comparison.usual_method import usual_recipe, usual_sample_time
 from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
-from frictionid.errors import InputError
+from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_for
 from frictionid.fitting.method import Method
 from frictionid.friction import Law
@@ -109,7 +109,7 @@ def compare(
     Raises
     ------
     InputError
-        Where data, models and folds do not fit together, or a fit fails.
+        Where data, models and folds do not fit together, or no model can be fitted.
 
     Examples
     --------
@@ -259,6 +259,8 @@ def _prepared(
         tried = with_changes(benchmark, protocol=protocol)
         try:
             return tried, prepare_benchmark(tried, methods, jobs)
+        except NoFitError:  # of a calibration, over whatever horizon
+            raise
         except InputError as error:
             first = first or error
             if not fewer:

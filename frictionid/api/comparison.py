@@ -133,7 +133,8 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         if len(hits) != 1:
             candidates = ", ".join(repr(k if len(hits) else k[0]) for k in hits or self._tasks)
             rule = "has several recipes; name one" if hits else "is no model of the comparison"
-            raise InputError(f"{key!r} {rule}: {candidates}")
+            reasons = "".join(f"; not fitted: {text}" for text in self.results.not_fitted)
+            raise InputError(f"{key!r} {rule}: {candidates}{reasons}")
         return self._model(hits[0])
 
     def __contains__(self, key: object) -> bool:
@@ -297,6 +298,7 @@ def load_comparison(folder: str | Path, laws: Sequence[type[Law]] = ()) -> Compa
     Raises
     ------
     InputError
-        If the folder holds no comparison, none of its tasks is finished, or a file is damaged.
+        If the folder holds no comparison, none of its tasks is finished, no model could be fitted,
+        or a file is damaged.
     """
     return Comparison(load_results(Path(folder)), laws=tuple(laws))

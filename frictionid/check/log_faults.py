@@ -221,7 +221,7 @@ def jumping_angles(dataset: Dataset) -> Iterator[Finding]:
 def _jumps(angle: Signal, j: int) -> list[tuple[int, float]]:
     """Samples behind which an angle of a joint jumps, and how far.
 
-    A sensor that was frozen jumps as well: it stands still on one side only.
+    But for the end of a standstill, where it may be the sensor that was frozen.
     """
     interval, step = np.diff(angle.time), np.abs(np.diff(np.asarray(angle.value)[:, j]))
     if len(step) <= 2 * AROUND:
@@ -229,7 +229,7 @@ def _jumps(angle: Signal, j: int) -> list[tuple[int, float]]:
     even = interval <= GAP * usual_intervals(interval)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(step, AROUND), 2 * AROUND + 1)
     before, behind = around[:, :AROUND].max(axis=1), around[:, AROUND + 1 :].max(axis=1)
-    frozen = (before > 0) != (behind > 0)
+    frozen = (before == 0) & (behind > 0)
     usual = np.maximum(np.quantile(step[even], FAST), np.maximum(before, behind))
     at = np.flatnonzero(even & ~frozen & (usual > 0) & (step > JUMP * usual))
     return [(int(k), float(step[k])) for k in at]

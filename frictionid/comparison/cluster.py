@@ -132,10 +132,10 @@ def check_equal(environment: Mapping[str, str], wanted: Mapping[str, str], proce
         At the first difference.
     """
     for name, version in wanted.items():
-        if environment[name] != version:
+        there = environment.get(name, "missing")
+        if there != version:
             raise InputError(
-                f"{process}: {name} is {environment[name]} there and {version} here: install the "
-                "same there"
+                f"{process}: {name} is {there} there and {version} here: install the same there"
             )
     if environment["threads"] != "1":
         raise InputError(

@@ -100,12 +100,12 @@ def one_torch_thread() -> None:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, this package, and those installed that its numbers come from."""
-    versions = {"python": platform.python_version()}
+    """Versions of Python, this package, and the installed ones that its numbers come from."""
+    out = {"python": platform.python_version()}
     for name in _PACKAGES:
         with suppress(PackageNotFoundError):  # of an extra
-            versions[name] = version(name)
-    return versions
+            out[name] = version(name)
+    return out
 
 
 @cache

@@ -260,9 +260,10 @@ def _results(
     missing: tuple[str, ...],
 ) -> Results:
     tasks = tuple(task for task in documents if "not_fitted" not in task)
-    why = tuple(str(task["not_fitted"]) for task in documents if "not_fitted" in task)
+    texts = (str(task["not_fitted"]) for task in documents if "not_fitted" in task)
+    why = tuple(dict.fromkeys(texts))  # several seeds may have one
     if not tasks:
-        raise InputError(why[0])
+        raise InputError("; ".join(why))
     table = _score_frame(provenance["suite"], tasks)
     return Results(folder, provenance, datasets, tasks, missing, why, table)
 

@@ -143,10 +143,11 @@ def run_tasks(
     Raises
     ------
     InputError
-        Where data or settings are wrong, with the task's name.
+        Where data or settings are wrong, with the task's name, or no model can be fitted to one of
+        the data sets.
     """
     report = done or (lambda _: None)
-    left = []
+    left, reasons = [], dict[str, list[str]]()
     for task in tasks:
         if _is_kept(task, kept):
             report(task)
@@ -154,12 +155,24 @@ def run_tasks(
             left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
         write_sealed(folder / task.file, document(task, result, laws))
+        if isinstance(result, NoFitError):
+            reasons.setdefault(task.benchmark.dataset.name, []).append(str(result))
         report(task)
+    places = (folder, *kept)
+    for name, texts in reasons.items():
+        if not any(_is_fitted(t, places) for t in tasks if t.benchmark.dataset.name == name):
+            raise InputError("; ".join(dict.fromkeys(texts)))
 
 
 def _is_kept(task: Task, kept: Sequence[Path]) -> bool:
     """Whether a folder has the task's result, of the same digest, and unchanged."""
     return any(finished(place / task.file, task.digest) for place in kept)
+
+
+def _is_fitted(task: Task, places: Sequence[Path]) -> bool:
+    """Whether a folder has the task's result, and not the reason why there is none."""
+    documents = (finished(place / task.file, task.digest) for place in places)
+    return any("not_fitted" not in document for document in documents if document)
 
 
 def results_of(

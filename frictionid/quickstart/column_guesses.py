@@ -8,6 +8,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frictionid.arrays import Array
 from frictionid.config import nearest
@@ -19,7 +20,7 @@ from frictionid.errors import InputError
 from .column_names import RUNS, is_measured, is_sensed, quantity_of, unit_of, words
 
 LEFT_OVER = "a guess, as no other column is left; "
-_RUN = 20  # rows of a run at least, on average
+_RUN, _SHORTEST = 20, 5  # rows of a run at least, on average and each
 _RATES = (4.0, 20e3)  # [Hz] at which machines are recorded
 _TURNS = 2.0 * 2 * np.pi  # [rad]: joints rarely turn further, unless these are degrees
 _LENGTHS = ("m", "mm")
@@ -142,12 +143,16 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
     increasing = [n for n, c in table.columns.items() if _runs(c) and (np.diff(c) > 0).all()]
     called = [name for name in increasing if quantity_of(name) == "time"]
     again = [n for n, c in table.columns.items() if quantity_of(n) == "time" and _runs(c)]
-    candidates = list(named or called or again or increasing)
-    for name in candidates or [n for n in table.columns if quantity_of(n) == "time"]:
+    clocks = [name for name in table.columns if quantity_of(name) == "time"]
+    candidates = list(named or called or again)
+    for name in candidates[:1] or clocks[:1]:
         _check_order(table, name)
+    candidates = candidates or increasing
     if not candidates:
         raise _unknown(table, "time", "no column increases from row to row, as time does")
     name = candidates[0]
+    if not _runs(table.columns[name]):
+        raise InputError(f"--time: {name!r} does not increase from row to row, as time does")
     steps = np.diff(table.columns[name])
     step = float(np.median(steps[steps > 0]))
     unit = unit_of(name, "time") or _time_unit(step)
@@ -159,26 +164,34 @@ def _time(table: Table, named: Sequence[str] | None) -> Guess:
 
 def _check_order(table: Table, name: str) -> None:
     column = table.columns[name]
-    back = np.flatnonzero(np.diff(column) < 0)
+    back, again = _restarts(column)
     if len(back) and not _runs(column):
-        before, after = column[back[0] : back[0] + 2]
+        k = int(back[~again][0] if not again.all() else back[0])
+        before, after = column[k : k + 2]
         raise InputError(
-            f"{table.file}, row {table.rows[back[0] + 1]}: {name!r} goes back from {before:g} to "
+            f"{table.file}, row {table.rows[k + 1]}: {name!r} goes back from {before:g} to "
             f"{after:g}: put the rows into the order of time, or name another column with --time"
         )
 
 
 def _runs(column: Array) -> int:
-    """Number of runs in which a column rises, but for repeated rows; 0 where it does not.
+    """Number of runs in which a column rises, but for repeated rows; 0 where it does not."""
+    back, again = _restarts(column)
+    runs = 1 + len(back)
+    increases = np.diff(column).any() and np.isfinite(column).all() and again.all()
+    return runs if increases and (runs == 1 or len(column) >= _RUN * runs) else 0
 
-    A run starts near the time where the one before started.
+
+def _restarts(column: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Rows (K,) behind which a column falls, and whether a run of some rows starts anew there.
+
+    It does where it falls to near the start of the run before.
     """
-    step = np.diff(column)
-    back = np.flatnonzero(step < 0)
-    starts = column[np.concatenate([[0], back + 1])]
-    again = 2 * (starts[1:] - starts[:-1]) <= column[back] - starts[:-1]
-    increases = step.any() and np.isfinite(column).all() and again.all()
-    return len(starts) if increases and (not len(back) or len(column) >= _RUN * len(starts)) else 0
+    back = np.flatnonzero(np.diff(column) < 0)
+    starts = np.concatenate([[0], back + 1])
+    first, rows = column[starts], np.diff(starts)
+    near = 2 * (first[1:] - first[:-1]) <= column[back] - first[:-1]
+    return back, near & (rows >= _SHORTEST)
 
 
 def _split(table: Table, clock: str) -> Guess | None:

@@ -27,6 +27,11 @@ COMMANDED = frozenset(
 UNMEASURED = COMMANDED | {"true", "truth"}
 # Said to tell runs in one table apart.
 RUNS = frozenset("run trial episode experiment test repetition rep session versuch".split())
+# Said to be no torque, though it is no other quantity either.
+OTHERS = RUNS | frozenset(
+    "acc acceleration ddq qdd qddot temp temperature warm volt voltage supply rpm counter count "
+    "index sample frame sec".split()
+)
 # Said to be a sensor's.
 SENSED = frozenset("meas measured act actual sensor sensed ist".split())
 

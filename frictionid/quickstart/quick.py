@@ -71,7 +71,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         return Quick(verdict)
     plan = plan_for(dataset)
     part, sample_time = shortened(dataset, plan.samples)
-    horizon, results = _compared(part, plan, sample_time, report)
+    horizon, results, not_fitted = _compared(part, plan, sample_time, report)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     least = 0.0 if plan.by_torque else _ABOVE * float(noise)
@@ -89,6 +89,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
         friction=result.overall,
         refined=chosen.refined,
         velocity=result.grid,
+        not_fitted=not_fitted,
     )
 
 
@@ -121,8 +122,11 @@ def _compared(
     plan: Plan,
     sample_time: float | None,
     done: Callable[[str], None],
-) -> tuple[float, dict[str, Result]]:
-    """The longest horizon that the folds hold out, NaN of torques, and the results of all laws."""
+) -> tuple[float, dict[str, Result], tuple[str, ...]]:
+    """The longest horizon that the folds hold out, NaN of torques, and the results of all laws.
+
+    The last part says which laws cannot be fitted, and why.
+    """
     recipe, folds = recipe_of(plan.recipe), _folds(dataset, plan.folds)
     for horizon in plan.horizons:
         protocol = Protocol(horizons=(horizon,), sample_time=sample_time)
@@ -133,13 +137,18 @@ def _compared(
         except InputError:  # no fold holds out so much motion
             if horizon == plan.horizons[-1]:
                 raise
-    results = {}
+    results, errors = {}, {}
     for law in plan.laws:
-        with suppress(NoFitError):  # such a law is no candidate
+        try:
             identifier = identifier_named(law.kind, law.table)
             results[law.label] = run(benchmark, identifier, recipe, 0, shared)
+        except NoFitError as error:
+            errors[law.label] = error
         done(law.label)
-    return float("nan") if plan.by_torque else horizon, results
+    if plan.laws[0].label in errors or len(results) < 2:  # no friction, or no law with it
+        raise next(iter(errors.values()))
+    reasons = tuple(f"{name}: {error}" for name, error in errors.items())
+    return float("nan") if plan.by_torque else horizon, results, reasons
 
 
 def _folds(dataset: Dataset, most: int) -> Folds:

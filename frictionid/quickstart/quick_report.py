@@ -87,6 +87,7 @@ class Quick:
     friction : Friction or None, the chosen law fitted to all data
     refined : what that fit estimated
     velocity : array, shape (V, n), at which curves stand
+    not_fitted : tuple of str, which laws could not be fitted, and why
     """
 
     check: Verdict
@@ -99,6 +100,7 @@ class Quick:
     friction: Friction | None = None
     refined: Estimates | None = None
     velocity: Array | None = None
+    not_fitted: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return printed(partial(show_quick, self)).rstrip("\n")
@@ -145,7 +147,7 @@ def show_quick(result: Quick) -> None:
     if result.chosen is None:
         say("No law was fitted: correct the data first.")
         return
-    say(_table(result), *verdict(result))
+    say(_table(result), *(f"not fitted: {text}" for text in result.not_fitted), *verdict(result))
     if result.measure.is_torque:
         say("")
         show_torque_left({result.chosen.name: result.chosen.torque}, _mechanism(result).joints)
@@ -231,6 +233,7 @@ def quick_json(result: Quick) -> str:
             }
             for c in result.candidates
         ],
+        "not_fitted": result.not_fitted,
         "chosen": result.chosen and result.chosen.name,
         "verdict": verdict(result),
         "fit": result.refined.document() if result.refined else {},

@@ -19,6 +19,7 @@ from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, ro
 
 from .column_guesses import check_named
 from .column_names import (
+    OTHERS,
     UNMEASURED,
     WORDS,
     imu_columns,
@@ -138,7 +139,9 @@ def robot_columns(
         )
     pushes, guessed = by["torque"] or by["current"], False
     if not (pushes or by["target"]):
-        pushes = _nameless([j for j in movable if j.name in by["angle"]], left, by["angle"])
+        taken = {*by["angle"].values(), *named.get("time", ())}
+        free = [n for n in left if n not in taken and not (np.diff(table.columns[n]) > 0).all()]
+        pushes = _nameless([j for j in movable if j.name in by["angle"]], free)
         guessed = bool(pushes)
     joints = [j for j in movable if j.name in by["angle"]]
     driven = [j for j in joints if j.name in pushes] if pushes else joints
@@ -220,13 +223,10 @@ def _named_alike(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, s
     return {joint: names[0] for joint, names in each.items()} if alone else {}
 
 
-def _nameless(
-    joints: Sequence[Joint], columns: Sequence[str], angle: Mapping[str, str]
-) -> dict[str, str]:
-    """Columns that say no quantity, beside those of the angles, one for each joint; or none."""
-    taken = {*angle.values()}
-    left = [n for n in columns if not quantity_of(n) and is_measured(n) and n not in taken]
-    each = _assigned(joints, left)
+def _nameless(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+    """Columns that say nothing of what they are, one for each joint; or none."""
+    left = [n for n in columns if not quantity_of(n) and is_measured(n)]
+    each = {} if any(OTHERS & {*words(n)} for n in left) else _assigned(joints, left)
     return each if len(each) == len(left) == len(joints) else {}
 
 

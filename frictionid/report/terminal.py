@@ -86,6 +86,7 @@ def results_json(results: Results) -> str:
             for section in sections
             for data in section.data
         ],
+        "not_fitted": results.not_fitted,
     }
     return json.dumps(plain(document, infinity=None), indent=1, allow_nan=False)
 

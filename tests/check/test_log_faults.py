@@ -132,6 +132,10 @@ def test_a_second_run_in_a_table_is_named_where_it_begins_and_a_spike_is_none():
                 assert f.numbers["largest"] == pytest.approx(0.5, abs=0.2)
                 assert f.numbers["start"] == time[half - 1]
         assert list(jumping_angles(data)) == []
+        q[: half + 5, 0] = q[half, 0] + 0.5  # a sensor that was frozen
+        angle = recording.angle._replace(value=q)
+        data = replace(data, recordings=(replace(recording, angle=angle), *others))
+        assert list(jumping_angles(data)) == []
 
 
 def test_bursts_of_stamps_and_held_torques_are_named():

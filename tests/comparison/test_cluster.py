@@ -134,6 +134,8 @@ def test_workers_that_would_find_other_numbers_are_refused():
     check_equal(found, {"numpy": "2.0"}, "worker a")
     with assert_refused("worker a: numpy is 2.0 there and 2.1 here: install"):
         check_equal(found, {"numpy": "2.1"}, "worker a")
+    with assert_refused("worker a: torch is missing there and 2.0 here"):
+        check_equal(found, {"torch": "2.0"}, "worker a")
     with assert_refused("worker a: has 4 threads, .* with --nthreads 1"):
         check_equal({**found, "threads": "4"}, {"numpy": "2.0"}, "worker a")
 

@@ -1,5 +1,6 @@
 """A model that cannot be fitted is named beside the others, whose results stay."""
 
+import json
 from dataclasses import dataclass, replace
 
 import pytest
@@ -8,7 +9,7 @@ from fixtures.tiny_pendulums import dataset
 
 import frictionid as fid
 from frictionid.errors import NoFitError
-from frictionid.report import show
+from frictionid.report import results_json, show
 from frictionid.report.sections import sections_of
 from frictionid.report.write import warning_lines
 
@@ -34,8 +35,13 @@ def test_the_others_are_compared(folder, tmp_path, capsys):
     show(results)
     assert f"not fitted: {why}" in " ".join(capsys.readouterr().out.split())
     assert f"Not fitted: {why}." in warning_lines(results, sections_of(results))
+    assert json.loads(results_json(results))["not_fitted"] == [why]
 
 
-def test_without_any_fit_the_reason_is_what_is_said():
-    with assert_refused("tiny, Lost by integral: too steep"):
-        fid.compare(TINY, [Lost()], **SETTINGS)
+def test_without_any_fit_the_reason_is_what_is_said_and_earlier_results_stay(tmp_path):
+    fid.compare(TINY, ["coulomb_viscous"], folder=tmp_path / "out", **SETTINGS)
+    before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*.json")}
+    for folder in (None, tmp_path / "out"):
+        with assert_refused("tiny, Lost by integral: too steep"):
+            fid.compare(TINY, [Lost()], folder=folder, **SETTINGS)
+    assert {p: p.read_bytes() for p in before} == before

@@ -277,6 +277,10 @@ UNTOLD = {
         {"t": TIME[[*range(9), 10, 9, *range(11, len(TIME))]], "q": Q, "u": U},
         "a.csv, row 10: 't' goes back from 0.1 to 0.09: put the rows into the order of time",
     ),
+    "rows of a counter": (
+        {"n": np.arange(float(len(TIME))), "t": TIME[[1, 0, *range(2, len(TIME))]], "q": Q, "u": U},
+        "a.csv, row 1: 't' goes back from 0.01 to 0",
+    ),
     "no angle": ({"t": TIME, "a": U, "u": U}, "0 columns look like angles.*--angle"),
     "too few angles": ({"t": TIME, "q": Q, "u": U}, "1 columns look like angles, for 2 joints"),
     "one of two": ({"t": TIME, "q": Q, "M": U, "P": W}, "0 columns look like torques"),

@@ -281,9 +281,10 @@ def test_columns_that_are_left_over_are_torques_where_each_joint_has_one(call, e
     angles, torques = named("q_{}", exact[1]), named("m_{}", exact[2])
     document, out = call(angles | torques)
     assert document["columns"]["torque"] == [*torques] and "a guess, as no other column" in out
-    document, out = call(angles | torques | {"warm": exact[1][:, 0]})
-    assert document["mechanism"]["driven"] is False and "missing: torques or currents" in out
-    assert "corrected" not in out  # by how joints fall that nothing drives
+    for others in (torques | {"b": exact[1][:, 0]}, named("qdd_{}", exact[2])):
+        document, out = call(angles | others)
+        assert document["mechanism"]["driven"] is False and "missing: torques or currents" in out
+        assert "corrected" not in out  # by how joints fall that nothing drives
 
 
 def test_a_folder_of_several_robots_asks_for_one(tmp_path):

@@ -13,6 +13,7 @@ import pytest
 from fixtures.lab_tables import MACHINE, recordings, write_lab_tables
 from fixtures.paths import ROOT
 from fixtures.printed import assert_alike
+from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import dataset as tiny
 from fixtures.tiny_pendulums import recordings as recordings_of_tiny
 
@@ -213,7 +214,14 @@ def test_a_law_that_cannot_be_fitted_is_no_candidate(monkeypatch):
     monkeypatch.setattr("frictionid.quickstart.quick.plan_for", lambda _: few_laws)
     monkeypatch.setattr("frictionid.quickstart.quick.run", run)
     few = tiny(recordings=recordings_of_tiny()[:4])
-    assert [c.name for c in quick(few).candidates] == ["none", "coulomb_viscous"]
+    result = quick(few)
+    assert [c.name for c in result.candidates] == ["none", "coulomb_viscous"]
+    assert result.not_fitted == ("spline: spline: too steep",) and "not fitted" in repr(result)
+    monkeypatch.setattr(
+        "frictionid.quickstart.quick.plan_for", lambda _: BY_ANGLES._replace(laws=laws[::2])
+    )
+    with assert_refused("spline: too steep"):
+        quick(few)
 
 
 def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():

@@ -69,12 +69,20 @@ def _in_utf8(content: bytes) -> bytes:
     ['Winkel [°]', 'Winkel [°]']
     """
     wide = content.startswith(BOM_UTF16_LE)
-    if not wide and (content.isascii() or b"\0" in content):
+    head = content.partition(b"\n")[0]
+    if not wide and (content.isascii() or b"\0" in content or _is_utf8(head)):
         return content
     for code in ("utf-16",) if wide else ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
             return content.decode(code).encode()
     return content
+
+
+def _is_utf8(text: bytes) -> bool:
+    """Whether a text has letters beyond ASCII, and in UTF-8."""
+    with suppress(UnicodeDecodeError):
+        return not text.isascii() and bool(text.decode())
+    return False
 
 
 def _numbers_alone(content: bytes, cells: int) -> Array | None:
