@@ -62,9 +62,8 @@ def parse_toml(text: str | bytes, where: str) -> dict[str, Any]:
         return tomllib.loads(text if isinstance(text, str) else text.decode("utf-8"))
     # ValueError: no UTF-8, no TOML, or an integer with thousands of digits
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{where} is no TOML ({error}); correct it, or name another file"
-        ) from None
+        model = "a model stands before the data" if where.endswith(".json") else "correct it"
+        raise InputError(f"{where} is no TOML ({error}); {model}, or name another file") from None
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:

@@ -282,7 +282,7 @@ class Motor(Strict):
     @classmethod
     def _not_zero(cls, values: list[float] | None) -> list[float] | None:
         if 0.0 in (values or ()):
-            raise ValueError(f"{values} must not hold a zero: no reading would count")
+            raise ValueError(f"{values} must not hold a zero (a decimal has a point)")
         return values
 
     @model_validator(mode="after")
