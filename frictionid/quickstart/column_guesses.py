@@ -17,7 +17,7 @@ from frictionid.data.readers.table import Table
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 
-from .column_names import RUNS, is_measured, is_sensed, quantity_of, unit_of, words
+from .column_names import RUNS, is_measured, is_sensed, nameless, quantity_of, unit_of, words
 
 LEFT_OVER = "a guess, as no other column is left; "
 _RUN, _SHORTEST = 20, 5  # rows of a run at least, on average and each
@@ -224,7 +224,7 @@ def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str]
     if len(columns) < n and not named:
         clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
         slopes = _with_slopes(table, free, clock)
-        turning = [name for name in _nameless(free) if unit_of(name, "angle")]
+        turning = [name for name in nameless(free) if unit_of(name, "angle")]
         if len(slopes) >= n:
             columns, evidence = slopes, "another column follows its slope"
         elif len(turning) == n:
@@ -236,15 +236,6 @@ def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str]
     chosen = tuple(columns[:n])
     unit, reason = _by_kind(kinds, chosen, lambda names, kind: _angle_unit(table, names, kind))
     return Guess(chosen, unit, f"{evidence}; {reason}")
-
-
-def _nameless(free: Sequence[str]) -> list[str]:
-    """Columns whose names say no quantity.
-
-    >>> _nameless(["M [Nm]", "P", "q", "P_ref"])
-    ['M [Nm]', 'P']
-    """
-    return [name for name in free if not quantity_of(name) and is_measured(name)]
 
 
 def _by_kind(
@@ -315,7 +306,7 @@ def _torque(
         units = tuple(_TORQUE[kind] for kind in kinds)
         return Guess(("",) * len(driven), units[0] if len(set(units)) == 1 else units, "no motor")
     quantity, columns = _torque_columns(free, motors, named)
-    rest = _nameless(free)
+    rest = nameless(free)
     rest, why = [n for n in rest if unit_of(n, "torque")] or rest, ""
     if not columns and not named and len(rest) == motors:
         columns, why = rest, LEFT_OVER

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,15 @@ def is_measured(name: str) -> bool:
     (True, False)
     """
     return not UNMEASURED & set(words(name))
+
+
+def nameless(names: Iterable[str]) -> list[str]:
+    """Columns whose names say no quantity.
+
+    >>> nameless(["M [Nm]", "P", "q", "P_ref"])
+    ['M [Nm]', 'P']
+    """
+    return [name for name in names if not quantity_of(name) and is_measured(name)]
 
 
 def is_target(name: str) -> bool:

@@ -25,6 +25,7 @@ from .column_names import (
     imu_columns,
     is_measured,
     is_target,
+    nameless,
     names_of,
     quantity_of,
     unit_of,
@@ -141,7 +142,7 @@ def robot_columns(
     if not (pushes or by["target"]):
         taken = {*by["angle"].values(), *named.get("time", ())}
         free = [n for n in left if n not in taken and not (np.diff(table.columns[n]) > 0).all()]
-        pushes = _nameless([j for j in movable if j.name in by["angle"]], free)
+        pushes = _left_over([j for j in movable if j.name in by["angle"]], free)
         guessed = bool(pushes)
     joints = [j for j in movable if j.name in by["angle"]]
     driven = [j for j in joints if j.name in pushes] if pushes else joints
@@ -217,15 +218,15 @@ def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]
 
 def _named_alike(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
     """Columns that say nothing but the name of a joint, for all joints or none."""
-    plain = [n for n in columns if not quantity_of(n) and is_measured(n)]
+    plain = nameless(columns)
     each = {j.name: [n for n in plain if tokens(n) == tokens(j.name)] for j in joints}
     alone = all(len(names) == 1 for names in each.values())
     return {joint: names[0] for joint, names in each.items()} if alone else {}
 
 
-def _nameless(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+def _left_over(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
     """Columns that say nothing of what they are, one for each joint; or none."""
-    left = [n for n in columns if not quantity_of(n) and is_measured(n)]
+    left = nameless(columns)
     each = {} if any(OTHERS & {*words(n)} for n in left) else _assigned(joints, left)
     return each if len(each) == len(left) == len(joints) else {}
 
