@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array, like, namespace
 from frictionid.friction import Friction, Inputs, Memory
-from frictionid.friction.coordinates import at_places, resting_parts, turns_of
+from frictionid.friction.coordinates import at_places, predicted_load, resting_parts, turns_of
 from frictionid.mechanics import Plant
 
 
@@ -86,9 +86,13 @@ def rows_of(x: Array, which: Array, axes: int) -> Array:
 
 def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
     """What friction may depend on at a state (..., m); the load only for laws that use it."""
-    u = torque_in_loop(plant, state, u)
-    load = plant.load(state.q, state.w, u) if friction.law.uses_load else 0.0 * state.w
-    return at_places(plant.mechanism, Inputs(state.q, state.w, u, load, plant.temperature))
+    q, w, u = state.q, state.w, torque_in_loop(plant, state, u)
+    law, theta, mechanism = friction.law, friction.theta, plant.mechanism
+    x = Inputs(q, w, u, 0.0 * w, plant.temperature)
+    if law.uses_load:
+        load = predicted_load(mechanism, law, theta, x, lambda u: plant.load(q, w, u))
+        x = x._replace(load=load)
+    return at_places(mechanism, x)
 
 
 def velocities(plant: Plant, state: State) -> Array:

@@ -22,7 +22,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import GAP
 from frictionid.fitting.shooting import SampleWindows, drive_of, intervals_of, solve_states
 from frictionid.friction import Friction, Inputs, Nodes
-from frictionid.friction.coordinates import at_places, of_last_joints
+from frictionid.friction.coordinates import at_places, of_last_joints, recorded_load
 from frictionid.mechanics import Plant
 
 from .folds import Folds
@@ -281,7 +281,8 @@ def _nodes(dataset: Dataset, states: Sequence[States], plant: Plant) -> Nodes:
     u, load = [], []
     for i, (recording, s) in enumerate(zip(dataset.recordings, states, strict=True)):
         u.append(sample(recording.torque, s.time))
-        load.append(on_recorded_base(plant[i], recording, s.time).load(s.q, s.w, u[-1]))
+        machine = on_recorded_base(plant[i], recording, s.time)
+        load.append(recorded_load(machine, *s.motion, u[-1]))
     time, q, w = (
         np.concatenate(column) for column in zip(*(s.motion for s in states), strict=True)
     )

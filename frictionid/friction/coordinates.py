@@ -4,6 +4,7 @@ At m places parts slide with velocities A w, A = `Mechanism.friction_map` (m, n)
 on the joints with Tf = A' f(A w). Of other mechanisms the places are the joints.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from frictionid.arrays import Array, inverse, like, namespace, times
 from frictionid.mechanics import Mechanism, Plant
 
 from .friction import Friction
-from .law import Inputs
+from .law import Inputs, Law
 
 _RESTING = 1e-9  # of |A| (|w| + 1 rad/s): a part that is slower rests, but for rounding
 
@@ -100,16 +101,52 @@ def recorded_inputs(
 ) -> Inputs:
     """Inputs (S, m) where parts slide along a recorded motion (S, n); samples are every other row.
 
-    The load is that of friction-free motion under u or, where it is the torque of gears, of the
-    recorded motion itself: a load from u would explain friction by itself.
+    The load is that of `recorded_load`.
     """
-    load = u
+    load = recorded_load(plant, time, q, w, u, every=2)
+    return at_places(plant.mechanism, Inputs(q, w, u, load, temperature))
+
+
+def recorded_load(plant: Plant, time: Array, q: Array, w: Array, u: Array, every: int = 1) -> Array:
+    """Load (S, n) along a recorded motion, of which every so many-th row is a sample.
+
+    It is that of friction-free motion under u or, where it is the torque of gears, of the recorded
+    motion itself: a load from u would explain friction by itself.
+    """
+    torque = u
     if plant.mechanism.loads_of_gears and len(time) > 3:
-        rate = np.gradient(w[::2], time[::2], axis=0)
-        a = np.stack([np.interp(time, time[::2], column) for column in rate.T], axis=-1)
+        samples = time[::every]
+        rate = np.gradient(w[::every], samples, axis=0)
+        a = np.stack([np.interp(time, samples, column) for column in rate.T], axis=-1)
         M, h = plant.dynamics(q, w)
-        load = times(M, a) - h
-    return at_places(plant.mechanism, Inputs(q, w, u, plant.load(q, w, load), temperature))
+        torque = times(M, a) - h
+    return plant.load(q, w, torque)
+
+
+def is_coupled_by_load(mechanism: Mechanism, law: Law) -> bool:
+    """Whether friction of a joint depends on that of others, by the load of gears."""
+    return bool(law.uses_load and mechanism.loads_of_gears)
+
+
+_PASSES = 2  # a share k of the load that friction takes leaves an error of k^3 of friction
+
+
+def predicted_load(
+    mechanism: Mechanism, law: Law, theta: Array, x: Inputs, load: Callable[[Array], Array]
+) -> Array:
+    """Load (..., n) at inputs (..., n) of the joints, of which it is the one that is not known.
+
+    Friction takes what it takes off the torque of a gear, on which it depends itself: the fixed
+    point of both is approached from the load without friction, with that of steady motion.
+
+    load : of friction-free motion, by the motor torques (..., n)
+    """
+    out, turns = load(x.u), turns_of(mechanism, x.w)
+    for _ in range(_PASSES if mechanism.loads_of_gears else 0):
+        at = at_places(mechanism, x._replace(load=out))
+        Tf = law.torque(theta, at, law.start(theta, at))
+        out = load(x.u - onto_joints(Tf, turns))
+    return out
 
 
 def with_places(mechanism: Mechanism, r: Array, G: Array) -> tuple[Array, Array]:

@@ -97,7 +97,7 @@ class Plant:
         return self.mechanism.dynamics(self.p, q, w)
 
     def load(self, q: Array, w: Array, u: Array) -> Array:
-        """Bearing force in friction-free motion, shape (..., n) [N]."""
+        """Bearing force, or torque of a gear, in friction-free motion, shape (..., n) [N, N m]."""
         motion = base_motion_of(self.p, len(self.mechanism.base_names))
         moving = () if motion is None else (motion,)
         return self.mechanism.load(self.parameters, q, w, u, *moving)

@@ -61,9 +61,14 @@ class TrueSystem:
         Tf = self.friction.torque(w, y[2], mode)
         if not isinstance(self.friction, LoadFriction):
             return Tf
-        bearing = self.mechanism.load(self.parameters, y[0], y[1], u)
-        load = Load(bearing, u, -self.friction.moment * np.sin(y[0]))
-        return Tf + mode * self.friction.loaded_level(w, load)
+        moment, total = -self.friction.moment * np.sin(y[0]), 0.0 * Tf
+        for _ in range(_ITERATIONS):  # a gear's load is what friction leaves of the motor torque
+            bearing = self.mechanism.load(self.parameters, y[0], y[1], u - total)
+            before, level = total, self.friction.loaded_level(w, Load(bearing, u, moment))
+            total = Tf + mode * level
+            if not self.mechanism.loads_of_gears or np.abs(total - before).max() < _TOLERANCE:
+                break
+        return total
 
 
 def accelerations(M: Array, f: Array, Tf: Array, slips: NDArray[np.bool_]) -> Array:

@@ -15,7 +15,14 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.friction import Inputs, Law
-from frictionid.friction.coordinates import at_places, of_parts, resting_parts, turns_of
+from frictionid.friction.coordinates import (
+    at_places,
+    is_coupled_by_load,
+    of_parts,
+    predicted_load,
+    resting_parts,
+    turns_of,
+)
 from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Program
 from frictionid.programs.trace import traced
@@ -81,6 +88,11 @@ class Row:
     def sharp(self) -> bool:
         """Whether the law's smoothing only stands for a step at w = 0."""
         return is_sharp(self.law)
+
+    @property
+    def coupled_by_load(self) -> bool:
+        """Whether friction of a joint depends on that of others, by the load of their gears."""
+        return is_coupled_by_load(self.mechanism, self.law)
 
     @property
     def turns(self) -> Array | None:
@@ -202,7 +214,13 @@ class Row:
         out = {"M": M, "f": h + u * self.mechanism.motors}
         if self.law.uses_load:
             physical = {k: x.physical[i] for i, k in enumerate(self.mechanism.defaults)}
-            out["load"] = self.mechanism.load(physical, x.at_q, x.at_w, u)
+            out["load"] = predicted_load(
+                self.mechanism,
+                self.law,
+                x.theta.reshape(len(x.slow), -1),
+                Inputs(x.at_q, x.at_w, u, 0.0 * u),
+                lambda u: self.mechanism.load(physical, x.at_q, x.at_w, u),
+            )
         return out
 
     def aim(self, x: Any) -> dict[str, Array]:

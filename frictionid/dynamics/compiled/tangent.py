@@ -112,7 +112,12 @@ class TangentRow:
         return {
             **sizes,
             **{"by_v": m * m, "by_q": m * n, "by_w": m * n, "by_u": m * n, "by_z": e * m},
-            **{"by_theta": F, "by_level": F, "memory_by_z": e * e * m, "memory_by_v": e * m},
+            **{
+                "by_theta": F * (m if self.row.coupled_by_load else 1),
+                "by_level": F,
+                "memory_by_z": e * e * m,
+                "memory_by_v": e * m,
+            },
             **{"memory_by_theta": e * F, "a": n, "moment": n, "memory1": e * m},
             **{"partial_q": n * n, "partial_w": n * n, "partial_p": n * nf},
             **{"change": s * (s + F + nf + n), "by_moment": n * n, "by_base_moment": n * nf},
@@ -152,7 +157,8 @@ class TangentRow:
     def _derivatives(self, function: Any, output: str, inputs: Sequence[str]) -> Program:
         """Program of a function with the derivatives of an output, numbered from 0, in each input.
 
-        "theta" stands for each place that is free, "z" for each entry of the memory, of all parts.
+        "theta" stands for each place that is free, "z" for each entry of the memory, of all parts;
+        "free" for each free entry of theta alone.
         """
         sizes, m = self.sizes, self.sizes["slow"]
         directions: dict[str, Collection[str]] = {}
@@ -164,6 +170,10 @@ class TangentRow:
                 P = sizes["theta"] // m
                 for k in self.places:
                     directions[f"theta {k}"] = [f"theta_{j * P + k + 1}" for j in range(m)]
+            elif name == "free":
+                P = sizes["theta"] // m
+                for k, (joint, place) in enumerate(self.free):
+                    directions[f"free {k}"] = [f"theta_{joint * P + place + 1}"]
             elif name == "each v":
                 directions["each v"] = [f"v_{j + 1}" for j in range(m)]
             else:
@@ -189,12 +199,17 @@ class TangentRow:
         def torque(x: Any) -> dict[str, Array]:
             return self.row.torque(SimpleNamespace(**vars(x) | self.row.dynamics(x)))
 
-        program = self._derivatives(torque, "sliding", ("v", "at_q", "at_w", "u", "z", "theta"))
+        of_theta = "free" if self.row.coupled_by_load else "theta"
+        program = self._derivatives(torque, "sliding", ("v", "at_q", "at_w", "u", "z", of_theta))
         rows = {"by_v": "v", "by_q": "at_q", "by_w": "at_w", "by_u": "u"}
         outputs = {x: self._columns(program, "sliding", name) for x, name in rows.items()}
         memory = [program.outputs[f"sliding by z {i}"] for i in range(self.row.entries)]
         outputs["by_z"] = tuple(value for entry in memory for value in entry)
-        outputs["by_theta"] = self._of_free(program, "sliding")
+        outputs["by_theta"] = (
+            self._columns(program, "sliding", "free")
+            if self.row.coupled_by_load
+            else self._of_free(program, "sliding")
+        )
         outputs["sliding"] = program.outputs["sliding"]
         return needed(replace(program, outputs=outputs))
 
@@ -241,7 +256,11 @@ class TangentRow:
         by_v = x.by_v.reshape(m, m) * moves @ self.row.mechanism.friction_map
         by_q, by_w, by_u = (x.reshape(m, n) for x in (x.by_q, x.by_w, x.by_u))
         by_z = x.by_z.reshape(self.row.entries, m)
-        of_theta = free.of_parts(x.by_theta, m)
+        of_theta = (
+            x.by_theta.reshape(m, len(self.free))
+            if self.row.coupled_by_load
+            else free.of_parts(x.by_theta, m)
+        )
         friction = Slopes(x.sliding, by_q, by_v + by_w, by_u, by_z, of_theta)
         if self.row.sharp or not self.row.breaks:
             return friction

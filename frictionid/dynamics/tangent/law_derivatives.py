@@ -1,14 +1,14 @@
 """How a friction torque changes with what it depends on: the law's own slopes, or differences."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.friction import Friction, Inputs, Law, Memory
-from frictionid.friction.coordinates import of_parts, torque_map, turns_of
+from frictionid.friction.coordinates import is_coupled_by_load, of_parts, torque_map, turns_of
 from frictionid.friction.wrapped import WrappedLaw
 from frictionid.mechanics import Plant
 
@@ -54,7 +54,10 @@ class FreeTheta(NamedTuple):
 
     def of_parts(self, slopes: Array, parts: int) -> Array:
         """Slopes (..., m, D) of all parts, from slopes (..., F) of each entry's own part."""
-        each = slopes[..., None, :] * (self.joint == np.arange(parts)[:, None])
+        return self.combined(slopes[..., None, :] * (self.joint == np.arange(parts)[:, None]))
+
+    def combined(self, each: Array) -> Array:
+        """Slopes (..., m, D) by what is free, from slopes (..., m, F) by its entries."""
         if self.combinations is None:
             return each
         r = self.combinations.shape[1]
@@ -119,8 +122,8 @@ def slopes(
     """Friction torque and its slopes at states (K, n), of parts that slide to their side."""
     theta, memory, law = friction.theta, state.memory, sharpened(friction, stiction)
 
-    def sliding(q: Array, w: Array, u: Array) -> Inputs:
-        x = inputs(plant, friction, State(q, w), u)
+    def sliding(q: Array, w: Array, u: Array, theta: Array = theta) -> Inputs:
+        x = inputs(plant, replace(friction, theta=theta), State(q, w), u)
         least = least_sliding_speed(friction.law)
         return x._replace(w=sliding_velocity(x.w, stiction.direction, least))
 
@@ -151,9 +154,16 @@ def slopes(
             by_q = by_q - by_u * plant.feedback[..., 0, None, :]
             by_w = by_w - by_u * plant.feedback[..., 1, None, :]
     gradient, of_memory = _own_slopes(law, theta, x, memory, len(free.place) > 0)
-    of_theta = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
+    if is_coupled_by_load(plant.mechanism, law):
+        at = (state.q, state.w, u)
+        of_theta = free.combined(
+            _by_theta_of_all(theta, free, lambda t: law.torque(t, sliding(*at, t), memory), here)
+        )
+    else:
+        each = by_theta(theta, free, lambda t: law.torque(t, x, memory), gradient, 0.0 * x.w)
+        of_theta = free.of_parts(each, w.shape[-1])
     entries = np.stack(of_memory, axis=-2) if memory else np.zeros((K, 0, w.shape[-1]))
-    return Slopes(here, by_q, by_w, by_u, entries, free.of_parts(of_theta, w.shape[-1]))
+    return Slopes(here, by_q, by_w, by_u, entries, of_theta)
 
 
 def _difference(
@@ -224,12 +234,29 @@ def by_theta(
     columns = {}
     for place in np.unique(free.place):
         step = np.zeros_like(theta)
-        step[..., place] = _THETA * np.maximum(1e-3, np.abs(theta[..., place]))
+        step[..., place] = _theta_step(theta[..., place])
         rise = function(theta + step) - function(theta - step)
         columns[int(place)] = rise / (2 * step[..., place]) + zero
     chosen = zip(free.place, free.joint, strict=True)
     rows = [columns[int(place)][..., int(joint)] for place, joint in chosen]
     return np.stack(rows, axis=-1) if rows else np.empty((*zero.shape[:-1], 0))
+
+
+def _by_theta_of_all(
+    theta: Array, free: FreeTheta, function: Callable[[Array], Array], zero: Array
+) -> Array:
+    """Slopes (K, m, F) of a function (K, m) of theta in its free entries, in all joints."""
+    rows = [np.empty((*zero.shape, 0))]
+    for joint, place in zip(free.joint, free.place, strict=True):
+        step = np.zeros_like(theta)
+        step[..., joint, place] = _theta_step(theta[..., joint, place])
+        width = 2 * step[..., joint, place, None]
+        rows.append(((function(theta + step) - function(theta - step)) / width)[..., None])
+    return np.concatenate(rows, axis=-1)
+
+
+def _theta_step(value: Array) -> Array:
+    return _THETA * np.maximum(1e-3, np.abs(value))
 
 
 # --- Laws of tensors ------------------------------------------------------------------------------

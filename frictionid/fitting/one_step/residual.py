@@ -25,7 +25,12 @@ from frictionid.data.state_estimators import States, slowest_speeds
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import DataRange, Inputs, Law, Nodes, joined
-from frictionid.friction.coordinates import at_places, recorded_inputs, with_places
+from frictionid.friction.coordinates import (
+    at_places,
+    recorded_inputs,
+    recorded_load,
+    with_places,
+)
 from frictionid.mechanics import Plant
 from frictionid.mechanics.plant import (
     SIMPSON,
@@ -252,7 +257,7 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     terms = plant.terms(q[:-1], w[:-1])
     r = w[:-1] + solve(terms.M, terms.h + times(terms.B, u)) * dt[:, None] - w[1:]
     temperature = temperature_at(recording, time[:-1], plant.mechanism.joints)
-    load = plant.load(q[:-1], w[:-1], u)
+    load = recorded_load(plant, time[:-1], q[:-1], w[:-1], u)
     nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, load, temperature))
     r, G = with_places(plant.mechanism, r, inverse(terms.M) * dt[:, None, None])
     return _Part(nodes, time[:-1], r, G, time[:-1], dt)

@@ -2,7 +2,8 @@
 
 The bearing load [N] is that of `Mechanism.load`: the force that a joint passes on to all bodies
 beyond it, in friction-free motion. Fast swings and heavy tools press joints together, and the more
-they are pressed, the more they rub [Armstrong1994].
+they are pressed, the more they rub [Armstrong1994]. Of trees of rigid bodies the load [N m] is what
+friction and the rotor leave of the motor torque, see `predicted_load`.
 
 A gear rubs the more, the more torque it transmits, by tooth flanks that slide under pressure. What
 presses them is the motor's torque u on one side and the external torque te on the other; what te is
