@@ -114,6 +114,7 @@ def machine_of(mechanism: Mechanism) -> dict[str, Any]:
     table = json.loads(json_text(mechanism.table))
     for name in {"urdf", "mjcf"} & {*table}:
         table[name] = sha256(read_bytes(Path(table[name]))).hexdigest()
+        table["joints"] = list(mechanism.joints)  # said or not
     return dict(table)
 
 
@@ -233,6 +234,8 @@ def check_same_machine(baseline: Baseline, dataset: Dataset, where: str) -> None
             f"{where}: the mechanism of the baseline differs in {', '.join(differ)}: make a "
             "baseline of this machine"
         )
+    if baseline.reference.effects != effects_of(dataset.mechanism, baseline.reference.level):
+        raise InputError(f"{where}: another version made the baseline: make it again")
     carried = dict(zip(baseline.covariates, baseline.changes.covariates.T, strict=True))
     for recording in dataset.recordings:
         for name, value in recording.parameters.items():

@@ -46,7 +46,7 @@ _ROUNDS = 5
 _PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
 _WINDOW = 0.1  # [s], of a disturbance
 _DISTURBED = 1.5  # times the largest residual over it
-_PASSES = 4  # with what they find left out
+_PASSES = 8  # at most, each with what the one before found left out
 
 
 class Reference(NamedTuple):
@@ -224,13 +224,14 @@ _Fitted = tuple[Array, Array, Array, Array]  # value, inverse, excess, peak
 def _undisturbed(rows: _Rows, prior: Array, most: Array) -> tuple[_Fitted, Array]:
     """The fit to what is not disturbed, and which rows (K,) that is."""
     used = np.ones(len(rows.time), dtype=bool)
-    for _ in range(_PASSES):
+    for last in (*(False,) * _PASSES, True):
         value, inverse, excess, left = _fitted(rows, used, prior)
         mean = _local_means(left, rows)
         pushed = np.asarray((np.abs(mean) > most).any(axis=1))
-        if not (pushed & used).any():
+        calm = ~_widened(pushed, rows.time)  # anew: a push bends the first fit elsewhere, too
+        if last or np.array_equal(calm, used):
             break
-        used &= ~_widened(pushed, rows.time)
+        used = calm
     peak = np.abs(mean[used]).max(axis=0, initial=0.0)
     return (value, inverse, excess, peak), used
 

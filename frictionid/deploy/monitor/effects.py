@@ -16,6 +16,7 @@ PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # Standard deviations of priors, wide beside what a recording tells, so that they hardly shrink it:
 # delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
 DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
+_MOMENTS = ("mass", "mx", "my", "mz")
 _NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
 
 
@@ -69,8 +70,8 @@ def causes_of(effects: Sequence[Effect]) -> dict[str, Array]:
 def payloads(mechanism: Mechanism) -> tuple[tuple[str, ...], Array]:
     """Names (I,) of masses, and changes (I, nb) of the base parameters when each one doubles.
 
-    Of a tree of bodies mass and first moments of the last body, where a tool is carried. Masses
-    that act as others do are left out.
+    Of a tree of bodies a mass at the end of the last one, where a tool is carried, and its first
+    moments. Those that act as others do are left out.
     """
     size = np.abs(np.asarray(mechanism.base(mechanism.nominal()), dtype=float)) + 1e-12
     names, rows, basis = [], np.zeros((0, len(size))), np.zeros((0, len(size)))
@@ -93,12 +94,29 @@ def _masses(mechanism: Mechanism) -> list[tuple[str, Array]]:
             heavier = mechanism.base({**values, p.name: 2.0 * values[p.name]})
             out.append((p.name, np.asarray(heavier - mechanism.base(values), dtype=float)))
     if isinstance(mechanism, RigidBodyTree) and not out:
-        first, inertia = 10 * (mechanism.n - 1), mechanism.tree.inertia
-        mass, length = (
-            float(inertia[-1, 0]),
-            max(float(np.abs(mechanism.tree.shift[-1]).max()), 0.1),
-        )
-        for k, name in enumerate(("mass", "mx", "my", "mz")):
-            unit = mass if k == 0 else mass * length
-            out.append((name, unit * mechanism.reduction.regrouping[:, first + k]))
+        moments = _point_masses(mechanism.tree.inertia[-1])
+        acts = mechanism.reduction.regrouping[:, 10 * (mechanism.n - 1) :][:, :10]
+        out += [(name, acts @ row) for name, row in zip(_MOMENTS, moments, strict=True)]
     return out
+
+
+def _point_masses(body: Array) -> Array:
+    """Moments (4, 10) that a mass like a body's adds at its far end, and where it sits farther out.
+
+    The far end is the centre of mass, and a radius of gyration beyond. A mass at r has the second
+    moments of |r|^2 1 - r r'; the last three rows change them as r grows along x, y and z.
+    """
+    mass, centre = float(body[0]), body[1:4] / body[0]
+    xx, _, _, yy, _, zz = body[4:] / mass
+    length = float(np.linalg.norm(centre))
+    gyration = np.sqrt(max((xx + yy + zz) / 2.0 - length**2, 0.0))
+    r = centre * (1.0 + gyration / max(length, 1e-9))
+    size = max(float(np.linalg.norm(r)), 0.1)
+
+    def second(a: Array, b: Array) -> Array:
+        return ((a @ b) * np.eye(3) - np.outer(a, b))[np.triu_indices(3)]
+
+    rows = [np.concatenate([[1.0], r, second(r, r)])]
+    for e in size * np.eye(3):
+        rows.append(np.concatenate([[0.0], e, second(e, r) + second(r, e)]))
+    return mass * np.stack(rows)

@@ -25,7 +25,7 @@ class Explanation(NamedTuple):
     """What explains a difference.
 
     p : probability of a difference like this if nothing has changed
-    p_of_cause : of each cause alone, corrected for their number
+    p_of_cause : of each cause beside those that changed, corrected for their number
     groups : causes that changed; those of a group cannot be separated, the likeliest first
     """
 
@@ -68,19 +68,29 @@ class CauseTests(NamedTuple):
 def explained(test: CauseTests, rate: float) -> Explanation:
     """Causes of a difference, each found with a rate of false alarms over all of them."""
     causes = test.causes
-    count, groups = len(causes), []
-    alone = {cause: min(1.0, count * test.p(cause)) for cause in causes}
+    count = len(causes)
     chosen: list[str] = []
-    while len(chosen) < min(_MOST, count):
-        open_ones = [c for c in causes if c not in chosen]
-        each = {c: test.p(c, chosen) for c in open_ones}
-        best = min(each, key=lambda c: each[c])
-        if each[best] * count > rate:
+
+    def others(cause: str) -> list[str]:
+        return [c for c in chosen if c != cause]
+
+    def p(cause: str) -> float:
+        """Of a cause beside those that are chosen."""
+        return min(1.0, count * test.p(cause, others(cause)))
+
+    first = min(p(cause) for cause in causes)
+    for _ in range(2 * _MOST):
+        best = min((c for c in causes if c not in chosen), key=p, default=None)
+        if best is None or p(best) > rate or len(chosen) == _MOST:
             break
-        rivals = [c for c in open_ones if c != best and test.p(best, [*chosen, c]) > rate]
-        groups.append((best, *sorted(rivals, key=lambda c: each[c])))
-        chosen.append(best)
-    return Explanation(min(alone.values()), alone, tuple(groups))
+        chosen.append(best)  # and what only stood for it is no cause any more
+        chosen = [c for c in chosen if c == best or p(c) <= rate]
+    groups = []
+    for cause in chosen:
+        beside = others(cause)
+        rivals = [c for c in causes if c not in chosen and test.p(cause, [*beside, c]) > rate]
+        groups.append((cause, *sorted(rivals, key=lambda c: test.p(c, beside))))
+    return Explanation(first, {cause: p(cause) for cause in causes}, tuple(groups))
 
 
 def cause_tests(difference: Difference, causes: Mapping[str, Array]) -> CauseTests:

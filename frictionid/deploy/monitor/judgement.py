@@ -49,7 +49,7 @@ class Judgement(NamedTuple):
     answer : "changed" where friction is among what changed, "unchanged", "other" where something
         else changed, "cannot_tell"
     rate : of false alarms; p : probability of a difference like this if nothing has changed
-    p_of_joint : (n,) the same of each joint's friction alone, corrected for the number of causes
+    p_of_joint : (n,) the same of each joint's friction, beside all that changed
     joints : those whose friction changed, from 0
     causes : sentences on what changed, with sizes
     parts : of all joints
@@ -185,7 +185,10 @@ def _notes(
         worst = side[off].any(axis=0).astype(int)
         how = sentence(worst, baseline.joints)
         if 2 * len(off) > len(side):
-            yield f"cannot judge: the new recordings are {how} than any healthy one"
+            yield (
+                f"cannot judge: the new recordings are {how} than any healthy one: move as those, "
+                "or make a baseline with healthy recordings that move like this"
+            )
         else:
             count = f"{len(off)} of {len(side)} new recordings"
             yield f"{count} are {how} than any healthy one: left out"

@@ -83,6 +83,8 @@ class Monitored:
         j = self.judgement
         causes = f"; {'; '.join(j.causes)}" if j.causes else ""
         odds = f"(p = {j.p:.2g}, alarm at {j.rate:g})"
+        if np.isnan(j.p):
+            return "These recordings cannot tell whether friction has changed: they are not judged."
         if j.answer == "cannot_tell":
             return f"These recordings cannot tell whether friction has changed {odds}{causes}."
         if j.answer == "changed":
@@ -93,7 +95,8 @@ class Monitored:
     @property
     def about(self) -> str:
         """How many recordings are compared."""
-        return f"{len(self.names)} new recordings against {len(self.baseline.names)} healthy ones"
+        new, healthy = len(self.names), len(self.baseline.names)
+        return f"{new} new recording{'s' * (new != 1)} against {healthy} healthy ones"
 
     @property
     def evidence(self) -> str:

@@ -86,19 +86,25 @@ def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
 
 
 class _Shown:
-    """Prints contacts when they begin, and friction when there is a new estimate."""
+    """Prints contacts when they begin and end, and friction when there is a new estimate."""
 
     def __init__(self, joints: tuple[str, ...], json: bool) -> None:
         self.joints, self.json = joints, json
-        self.contact, self.converged = [False] * len(joints), False
+        self.converged = False
+        self.since: dict[int, tuple[float, float]] = {}  # of joints in contact: start [s], peak
 
     def __call__(self, seen: Any) -> None:
         for time, torque, band in zip(seen.time, seen.torque, seen.band, strict=True):
-            over = (abs(torque) > band).tolist()
-            for j, (now, before) in enumerate(zip(over, self.contact, strict=True)):
-                if now and not before:
-                    self._contact(float(time), j, float(torque[j]), float(band[j]))
-            self.contact = over
+            numbers = zip(torque.tolist(), band.tolist(), strict=True)
+            for j, (value, within) in enumerate(numbers):
+                if abs(value) > within and j not in self.since:
+                    self.since[j] = (float(time), value)
+                    self._contact(float(time), j, value, within)
+                elif abs(value) > within:
+                    begin, peak = self.since[j]
+                    self.since[j] = (begin, max(peak, value, key=abs))
+                elif j in self.since:
+                    self._end(float(time), j, *self.since.pop(j))
         if seen.estimate is not None:
             self._friction(seen.estimate)
 
@@ -107,9 +113,17 @@ class _Shown:
         text = f"{time:.3f} s: contact at {joint}, {torque:+.3g} N m (band {band:.2g})"
         self._say(text, {"time": time, "contact": joint, "torque": torque, "band": band})
 
+    def _end(self, time: float, j: int, begin: float, peak: float) -> None:
+        joint, seconds = self.joints[j], time - begin
+        text = f"{time:.3f} s: its end at {joint} after {seconds:.2f} s, {peak:+.3g} N m at most"
+        self._say(text, {"time": time, "end": joint, "seconds": seconds, "most": peak})
+
     def _friction(self, e: Any) -> None:
         shares = zip(e.share.tolist(), e.band.tolist(), strict=True)
-        each = ", ".join(f"{100 * s:.1f} +- {100 * b:.1f} %" for s, b in shares)
+        each = ", ".join(
+            f"{100 * s:.1f}" + (f" +- {100 * b:.1f} %" if b < float("inf") else " %")
+            for s, b in shares
+        )
         news = e.converged and not self.converged
         self.converged = e.converged
         text = f"{e.seconds:.0f} s of data: friction of the model's {each}"

@@ -1,11 +1,14 @@
 """A live estimate of friction: what some seconds say at a time, added up, with a band.
 
 Each stretch is fitted as the monitor fits a recording, against the model; their curvatures add up,
-so that what is kept does not grow. The band is by the curvature and by how stretches scatter.
+so that what is kept does not grow. Noise of the motion draws fits along what is hard to separate,
+gain, masses and friction together: what it does to recordings without contact is taken off. The
+band is by the curvature and by how stretches scatter.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,12 +20,13 @@ from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 
 from ..monitor.changes import (
+    Changes,
     Reference,
     prepared_data,
     recording_changes,
     total_weights,
 )
-from ..monitor.effects import PARTS
+from ..monitor.effects import PARTS, Effect
 from .stream import Chunk
 
 # What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for
@@ -30,6 +34,18 @@ from .stream import Chunk
 _KNOWN = 0.02
 _FEW = 4  # stretches before which nothing has converged
 _REACH = 1.96  # standard errors of a 95 % band
+
+
+def drawn_by_noise(said: Changes, effects: Sequence[Effect]) -> Array:
+    """What recordings say (D,) of all effects together, beyond what they say of friction alone."""
+    prior = np.diag([e.size**-2.0 for e in effects])
+    scores = np.linalg.solve(said.inverse, said.value[..., None]).sum(axis=0)[:, 0]
+    curvature = (np.linalg.inv(said.inverse) - prior).sum(axis=0)
+    friction = np.flatnonzero([e.name in PARTS for e in effects])
+    out = np.asarray(np.linalg.solve(curvature + prior, scores))
+    alone = np.ix_(friction, friction)
+    out[friction] -= np.linalg.solve((curvature + prior)[alone], scores[friction])
+    return out
 
 
 class Live(NamedTuple):
@@ -52,6 +68,7 @@ class Live(NamedTuple):
 class Estimate(NamedTuple):
     """Friction of each joint at its usual speed, over that of the model, with half its band (n,).
 
+    band : infinite before a third stretch tells how they scatter
     converged : whether more data would hardly move it: the band is below `within`, and holds what
         at least the second half of the stretches changed
     """
@@ -74,6 +91,8 @@ class LiveFriction:
         The model, its speeds and noise.
     peak : array, shape (m,)
         From which on a stretch is disturbed.
+    drawn : array, shape (D,)
+        What recordings without contact say beyond friction alone, by the noise of their motion.
     within : float
         Half-width of the band, over the usual friction, at which an estimate has converged.
     """
@@ -81,6 +100,7 @@ class LiveFriction:
     dataset: Dataset
     reference: Reference
     peak: Array
+    drawn: Array
     within: float = 0.05
 
     def start(self) -> Live:
@@ -101,7 +121,7 @@ class LiveFriction:
             return live
         size = np.array([e.size for e in self.reference.effects])
         curvature = np.linalg.inv(said.inverse[0]) - np.diag(size**-2.0)
-        value = said.value[0]
+        value = said.value[0] - said.inverse[0] @ curvature @ self.drawn
         off = value - np.linalg.solve(live.precision, live.pull)
         spread = said.inverse[0] + np.linalg.inv(live.precision)
         squares = float(off @ np.linalg.solve(spread, off)) / len(off) if live.stretches else 0.0
@@ -139,6 +159,6 @@ class LiveFriction:
         for j, weights in enumerate(total_weights(self.reference.speeds)):
             rows[j, parts * j : parts * (j + 1)] = weights
         rows /= self.reference.level[:, None]
-        excess = max(live.squares / max(live.stretches - 1, 1), 1.0)
+        excess = max(live.squares / (live.stretches - 1), 1.0) if live.stretches > 2 else np.inf
         error = np.sqrt(excess * np.einsum("jp,pq,jq->j", rows, covariance, rows))
         return rows @ value, _REACH * error

@@ -23,7 +23,7 @@ from .external import (
     momentum_observer_of,
     with_band,
 )
-from .live import Estimate, Live, LiveFriction
+from .live import Estimate, Live, LiveFriction, drawn_by_noise
 from .momentum_observer import MomentumObserver, State
 from .stream import (
     Chunk,
@@ -34,7 +34,7 @@ from .stream import (
     part,
 )
 
-_STRETCH = 5.0  # [s] that the live estimate takes at a time
+_STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
 
 
 class Seen(NamedTuple):
@@ -81,7 +81,8 @@ def live_of(friction: Friction, dataset: Dataset) -> LiveFriction:
     prepared = prepared_data(dataset)
     reference = reference_of(prepared, friction)
     quiet, _ = recording_changes(prepared, reference, ())
-    return LiveFriction(dataset, reference, quiet.disturbed)
+    drawn = drawn_by_noise(quiet, reference.effects)
+    return LiveFriction(dataset, reference, quiet.disturbed, drawn)
 
 
 def watched(
@@ -117,6 +118,10 @@ def watched(
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
             yield seen
+    if stream is not None and np.ptp(stream.stretch.time) >= _LAST:
+        live = watch.friction.added(stream.live, stream.stretch)
+        none = np.empty((0, watch.dataset.mechanism.n))
+        yield Seen(np.empty(0), none, none, watch.friction.estimate(live))
 
 
 class _Stream(NamedTuple):
@@ -134,8 +139,9 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     torque = interval_torques(both.torque, both.time)
     state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
     stretch, live, estimate = joined(stream.stretch, new), stream.live, None
-    if stretch.time[-1] - stretch.time[0] >= _STRETCH:
-        live = watch.friction.added(live, stretch)
-        estimate, stretch = watch.friction.estimate(live), part(stretch, -1)
+    while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
+        end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
+        live = watch.friction.added(live, part(stretch, 0, end + 1))
+        estimate, stretch = watch.friction.estimate(live), part(stretch, end)
     seen = Seen(said.time, *with_band(said, watch.band), estimate)
     return _Stream(state, part(new, -1), stretch, live), seen

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.deploy.monitor.changes import Changes
-from frictionid.deploy.monitor.explanation import cause_tests, explained
+from frictionid.deploy.monitor.explanation import CauseTests, cause_tests, explained
 from frictionid.deploy.monitor.scatter import difference_of
 
 D = 6
@@ -61,6 +61,19 @@ def test_causes_that_do_the_same_cannot_be_told_apart():
     off = np.array([0.0, 0, 0, 2.0, 0, 0])
     (group,) = p_of(drawn(20, 0.0), drawn(20, off)).groups
     assert set(group) == {"b", "c"}
+
+
+def test_what_only_stood_for_a_cause_is_no_cause():
+    """One number of b does nearly what three of a did: it is chosen first, and dropped beside a."""
+    along = np.array([0.8, 0.5, 0.332])
+    inverse = 100.0 * np.eye(D)
+    inverse[3, :3] = inverse[:3, 3] = 97.0 * along
+    off = np.concatenate([np.sqrt(20.0) * along, np.zeros(3)])
+    tests = CauseTests(inverse, inverse @ off, CAUSES, dict.fromkeys(CAUSES, 1.0), 10.0)
+    assert tests.p("b") < tests.p("a")
+    explanation = explained(tests, 0.01)
+    assert explanation.groups == (("a",),)
+    assert explanation.p_of_cause["a"] < 0.01 and explanation.p_of_cause["b"] == 1.0
 
 
 def test_what_follows_the_motion_is_no_change():

@@ -179,6 +179,23 @@ def test_a_stream_says_what_the_batch_says(fit, folder, size):
     np.testing.assert_allclose(band, batch.band[0][:rows], atol=1e-9, equal_nan=True)
 
 
+def test_the_live_estimate_is_the_same_however_the_samples_come(fit, folder):
+    """In one piece, in small ones, as a file that grows: stretches end at the same samples."""
+    quiet = fid.load_dataset(folder / "quiet")
+    content = sorted((folder / "quiet").glob("*.csv"))[0].read_bytes()
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    ends = [
+        [s for s in watched(watch, folder / "quiet", in_pieces(content, size), 0.0) if s.estimate]
+        for size in (1500, 10**9)
+    ]
+    slow, once = (each[-1].estimate for each in ends)
+    np.testing.assert_allclose(slow.share, once.share, rtol=1e-9)
+    np.testing.assert_allclose(slow.band, once.band, rtol=1e-9)
+    assert once.seconds > 11.9  # the last two seconds count, too
+    assert len(ends[0]) > len(ends[1])
+    assert np.isinf(ends[0][0].estimate.band).all()  # one stretch does not say how they scatter
+
+
 def test_memory_is_that_of_a_stretch(fit, quiet):
     """What is kept after a stretch is as large as after ten."""
     watch = watch_of(fit.friction, quiet, 0.1, 1.0)
@@ -280,6 +297,8 @@ def test_the_command_follows_a_file(fit, folder, tmp_path, run):
     code, out, _ = run(*machine, "--follow", table, "--idle", 0.05)
     assert code == 0
     assert "s: contact at joint 1, +0." in out
+    assert "s: its end at joint 1 after 1." in out
+    assert "+0.3" in out.split("its end")[1].splitlines()[0]
     assert "of data: friction of the model's" in out
     code, out, _ = run(*machine, "--follow", table, "--idle", 0.05, "--json")
     assert {"contact", "torque"} < set(json.loads(out.splitlines()[0]))

@@ -1,0 +1,87 @@
+"""The monitor on an arm from a URDF: wear and a payload are called by their names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from fixtures.sines import sines, torque_without_friction
+
+import frictionid as fid
+from frictionid.mechanics import urdf
+
+ARM = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 0.15"/><mass value="3"/>
+<inertia ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.003"/></inertial></link>
+<link name="fore"><inertial><origin xyz="0 0 {centre!r}"/><mass value="{mass!r}"/>
+<inertia ixx="{inertia!r}" ixy="0" ixz="0" iyy="{inertia!r}" iyz="0" izz="0.002"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 1 0"/></joint><joint name="elbow" type="revolute"><parent link="upper"/>
+<child link="fore"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/></joint></robot>"""
+MASS, LENGTH = 2.0, 0.4
+COULOMB, VISCOUS = np.array([1.2, 0.6]), np.array([0.4, 0.15])
+
+
+def arm(folder, payload=0.0):
+    """The arm with a point mass at its tip."""
+    mass = MASS + payload
+    centre = (MASS * LENGTH / 2 + payload * LENGTH) / mass
+    origin = MASS * LENGTH**2 / 3 + payload * LENGTH**2  # second moment about the elbow
+    path = folder / f"arm_{payload:g}.urdf"
+    path.write_text(ARM.format(mass=mass, centre=centre, inertia=origin - mass * centre**2))
+    return urdf(path)
+
+
+def recorded(folder, seed, count, payload=0.0, wear=0.0):
+    """Recordings along sines, with noise of encoders and of the torque."""
+    machine, rng = arm(folder, payload), np.random.default_rng(seed)
+    time, out = np.arange(0.0, 12.0, 0.005), {}
+    for k in range(count):
+        size = rng.uniform(0.3, 0.9, (2, 3))
+        rate = rng.uniform(0.9, 3.5, (2, 3))
+        q, w, a = sines(
+            time, *(tuple(zip(*row, strict=True)) for row in zip(size, rate, strict=True))
+        )
+        level = COULOMB * (1 + rng.normal(scale=0.01, size=2)) * np.array([1.0, 1.0 + wear])
+        torque = torque_without_friction(machine, q, w, a) + level * np.sign(w) + VISCOUS * w
+        torque = torque * (1 + rng.normal(scale=0.01, size=torque.shape))
+        angle = q + rng.normal(scale=1e-4, size=q.shape)
+        columns = np.column_stack([time, angle, torque])
+        out[f"r{seed}_{k}"] = pd.DataFrame(columns, columns=["t", "q1", "q2", "u1", "u2"])
+    return fid.Dataset.from_frames(
+        out, arm(folder), time="t", angle=["q1", "q2"], torque=["u1", "u2"]
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("arm")
+
+
+@pytest.fixture(scope="module")
+def known(folder):
+    return fid.baseline(recorded(folder, 1, 10))
+
+
+@pytest.mark.parametrize("payload", [0.02, 0.1])
+def test_a_payload_at_the_tip_is_no_friction(known, folder, payload):
+    found = fid.monitor(known, recorded(folder, 2, 3, payload=payload))
+    assert found.answer == "other"
+    assert found.judgement.causes[0].startswith("the payload's inertia: mass +")
+    share = float(found.judgement.causes[0].split("mass +")[1].split(" ")[0]) / 100
+    assert share == pytest.approx(payload / MASS, rel=0.3)
+
+
+def test_wear_of_one_joint_is_named_alone(known, folder):
+    found = fid.monitor(known, recorded(folder, 3, 3, wear=0.25))
+    assert found.answer == "changed" and found.judgement.joints == (1,)
+    assert len(found.judgement.causes) == 1
+    (total,) = [p for p in found.judgement.parts if (p.joint, p.part) == (1, "total")]
+    assert total.value == pytest.approx(0.25 * COULOMB[1], rel=0.1)
+    assert found.frame.set_index(["joint", "part"]).p["shoulder", "total"] > 0.01
+
+
+def test_the_same_arm_with_its_joints_named_is_the_same(known, folder):
+    data = recorded(folder, 4, 2)
+    named = replace(data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow"]))
+    assert fid.monitor(known, named).answer == fid.monitor(known, data).answer == "unchanged"
