@@ -127,6 +127,11 @@ def hypotheses(
     ):
         if joints.any():
             yield Convention(kind, words, np.diag(np.where(joints, unit, 1.0)), eye)
+    for name, large in (("mN m", 1000), ("N cm", 100)) if any(driven) else ():
+        words = f"torques are {large} times too large ({name}, not N m; or a constant of the motor)"
+        yield Convention(name, words, eye, eye / large)
+        words = f"torques are {large} times too small (N m, not {name}; or a constant of the motor)"
+        yield Convention(f"not {name}", words, eye, eye * large)
 
 
 def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:

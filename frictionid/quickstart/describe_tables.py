@@ -273,6 +273,9 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
     units = {"degrees": "deg", "radians": "rad", "millimetres": "mm", "metres": "m"}
     if best.kind in units:
         return guesses.with_angle_unit(units[best.kind], "by the motion, see above")
+    if best.kind in ("mN m", "N cm") and guesses.torque.unit == "N m":
+        torque = guesses.torque._replace(unit=best.kind, evidence="by the motion, see above")
+        return replace(guesses, torque=torque)
     if best.kind not in ("flipped_angle", "flipped_torque", "flipped_joint"):
         return None
     diagonals = {"angle": best.angle, "torque": best.torque}

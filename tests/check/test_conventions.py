@@ -88,6 +88,22 @@ def _of_recordings(verdict) -> list[str]:
     return [f.text for f in verdict.findings if f.kind == "convention_of_recording"]
 
 
+@pytest.mark.parametrize(
+    ("factor", "kind"), [(1e3, "mN m"), (100.0, "N cm"), (0.01, "not N cm"), (1e-3, "not mN m")]
+)
+def test_torques_in_another_unit_are_told(acrobot, factor, kind):
+    runs = tuple(
+        replace(r, torque=r.torque._replace(value=factor * r.torque.value))
+        for r in acrobot.recordings[::5]
+    )
+    verdict = check(replace(acrobot, recordings=runs))
+    assert verdict.level == "unusable"
+    assert verdict.findings[0].kind == kind
+    assert f"{max(factor, 1 / factor):g} times too" in verdict.findings[0].text
+    (gain,) = [i for i in verdict.identifiable if i.what == "torque gain"]
+    assert gain.reason.startswith(("1.0", "0.9"))  # the other checks use corrected data
+
+
 def test_a_single_recording_with_another_sign_is_named(acrobot):
     data = _with_second(acrobot, 1.0, [1.0, -1.0])
     verdict = check(data)

@@ -152,7 +152,8 @@ class ExportedFriction:
         hashes = source.data
         lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
         if len(hashes) > 3:
-            lines.append(f"  and {len(hashes) - 3} files more")
+            more = len(hashes) - 3
+            lines.append(f"  and {more} file{'s' * (more > 1)} more")
         return tuple(" ".join(printable(line).split("\n")) for line in lines)
 
     @cached_property

@@ -25,6 +25,7 @@ from .scatter import difference_of
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
+_NO_GAIN = 0.5  # of the torque: more is no change of a sensor
 _SHOWN = 3  # sentences of a kind
 
 
@@ -99,8 +100,14 @@ def judge(
             f"{', '.join(blind)}: changes smaller than the friction itself would not be seen: "
             "record more of its motion"
         )
+    answer = _answer(explanation, joints, every_blind=len(blind) == n)
+    for cause in (c for c in single if "gain" in c):
+        ((value, *_),) = _intervals(tests, [cause, *single], np.eye(1)).tolist()
+        if abs(value) > _NO_GAIN:
+            answer = "cannot_tell"
+            notes.append(f"{cause} is {100 * value:+.3g} %: check the torque's unit")
     return Judgement(
-        _answer(explanation, joints, every_blind=len(blind) == n),
+        answer,
         rate,
         explanation.p,
         np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),

@@ -128,6 +128,8 @@ def monitor(
     """
     if not 0 < rate < 1:
         raise InputError(f"rate = {rate:g} must lie between 0 and 1")
+    if not isinstance(baseline, Baseline | str | Path):
+        raise InputError(f"monitor: {baseline!r} is no baseline; give one, or its file, first")
     healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline), LAWS)
     several: Any = [data] if isinstance(data, str | Path | Dataset) else data
     parts: list[Changes] = []

@@ -1,5 +1,6 @@
 """frictionid watch: external torque and friction while a machine runs."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -94,6 +95,8 @@ class _Shown:
         self.since: dict[int, tuple[float, float]] = {}  # of joints in contact: start [s], peak
 
     def __call__(self, seen: Any) -> None:
+        for sentence in seen.damaged:
+            print(f"watch: {sentence}", file=sys.stderr)
         for time, torque, band in zip(seen.time, seen.torque, seen.band, strict=True):
             numbers = zip(torque.tolist(), band.tolist(), strict=True)
             for j, (value, within) in enumerate(numbers):

@@ -56,6 +56,23 @@ class Columns(NamedTuple):
         torque = torque._replace(hold=torque.hold or TORQUE_HOLD)
         return Chunk(angle.time, np.asarray(angle.value, dtype=float), torque)
 
+    def sound_chunk(self, lines: list[str], row: int) -> tuple[Chunk | None, tuple[str, ...]]:
+        """Samples of the lines that are not damaged, and sentences on the others.
+
+        row : of the first line in the stream
+        """
+        try:
+            return self.chunk(lines), ()
+        except InputError:
+            sound, damaged = list[str](), list[str]()
+        for k, line in enumerate(lines):
+            try:
+                self.chunk([line])
+                sound.append(line)
+            except InputError as error:
+                damaged.append(f"row {row + k}, {line!r}, is left out: {error}")
+        return (self.chunk(sound) if sound else None), tuple(damaged)
+
 
 def columns_of(dataset: str | Path, header: str) -> Columns:
     """Columns of a stream with a header, as the dataset.toml of a folder describes them."""

@@ -12,6 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.plants import refuse_torques
 from frictionid.data.recordings import Dataset
+from frictionid.errors import InputError
 from frictionid.friction import Friction
 
 from ..monitor.baseline import reference_of
@@ -41,12 +42,14 @@ class Seen(NamedTuple):
     """What new samples said: time (K,), torque and band (K, n) [N m], and the live estimate.
 
     estimate : None until a stretch of some seconds is complete
+    damaged : sentences on rows that were left out
     """
 
     time: Array
     torque: Array
     band: Array
     estimate: Estimate | None
+    damaged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +107,19 @@ def watched(
     """
     columns: Columns | None = columns_of(place, header) if header else None
     stream: _Stream | None = None
+    rows = 0
     for lines in lines_of(read, idle):
         if columns is None and lines:
-            columns, lines = columns_of(place, lines[0]), lines[1:]
+            columns, lines, rows = columns_of(place, lines[0]), lines[1:], 1
         if columns is None or not lines:
             continue
-        new = columns.chunk(lines)
+        new, damaged = columns.sound_chunk(lines, rows + 1)
+        rows += len(lines)
+        if new is None:
+            if stream is None:
+                raise InputError(damaged[0])
+            yield Seen(*_nothing(watch), None, damaged)
+            continue
         if stream is None:
             first = np.asarray(new.torque.value[0], dtype=float)
             state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], first)
@@ -117,11 +127,16 @@ def watched(
             new = part(new, 1)
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
-            yield seen
+            yield seen._replace(damaged=damaged)
     if stream is not None and np.ptp(stream.stretch.time) >= _LAST:
         live = watch.friction.added(stream.live, stream.stretch)
-        none = np.empty((0, watch.dataset.mechanism.n))
-        yield Seen(np.empty(0), none, none, watch.friction.estimate(live))
+        yield Seen(*_nothing(watch), watch.friction.estimate(live))
+
+
+def _nothing(watch: Watch) -> tuple[Array, Array, Array]:
+    """Time, torque and band of no sample."""
+    none = np.empty((0, watch.dataset.mechanism.n))
+    return np.empty(0), none, none
 
 
 class _Stream(NamedTuple):

@@ -81,6 +81,22 @@ def test_wear_of_one_joint_is_named_alone(known, folder):
     assert found.frame.set_index(["joint", "part"]).p["shoulder", "total"] > 0.01
 
 
+def test_torques_in_another_unit_are_no_judgement(known, folder):
+    data = recorded(folder, 5, 2)
+    runs = [
+        replace(r, torque=r.torque._replace(value=1e3 * r.torque.value)) for r in data.recordings
+    ]
+    found = fid.monitor(known, replace(data, recordings=tuple(runs)))
+    assert found.answer == "cannot_tell"
+    assert any("check the torque's unit" in note for note in found.judgement.notes)
+
+
+def test_a_baseline_is_said_in_a_line_and_comes_first(known, folder):
+    assert repr(known) == "Baseline(10 recordings of shoulder, elbow)"
+    with pytest.raises(fid.InputError, match="is no baseline; give one, or its file, first"):
+        fid.monitor(recorded(folder, 6, 1), known)
+
+
 def test_the_same_arm_with_its_joints_named_is_the_same(known, folder):
     data = recorded(folder, 4, 2)
     named = replace(data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow"]))

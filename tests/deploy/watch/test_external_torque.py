@@ -315,3 +315,23 @@ def test_the_command_follows_a_file(fit, folder, tmp_path, run):
         code, _, err = run(*machine, *words)
         assert code == 2
         assert said in err
+
+
+def test_a_damaged_row_is_left_out_and_named(fit, folder):
+    """A serial line that lost some bytes: the others count, and nothing else changes."""
+    quiet = fid.load_dataset(folder / "quiet")
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    header, *rows = sorted((folder / "quiet").glob("*.csv"))[0].read_text().splitlines()[:600]
+    damaged = [*rows[:300], "0.1;?", *rows[301:]]
+    missing = [*rows[:300], *rows[301:]]
+    both = []
+    for lines in (damaged, missing):
+        content = ("\n".join([header, *lines]) + "\n").encode()
+        both.append(list(watched(watch, folder / "quiet", in_pieces(content, 4096), 0.0)))
+    (sentence,) = [sentence for seen in both[0] for sentence in seen.damaged]
+    assert sentence.startswith("row 302, '0.1;?', is left out: ")
+    torques = [np.concatenate([seen.torque for seen in each]) for each in both]
+    np.testing.assert_allclose(*torques, atol=1e-9, equal_nan=True)
+    wrong = in_pieces(b"a,b\n1,2\n3,4\n", 4096)
+    with pytest.raises(fid.InputError, match="row 2"):
+        list(watched(watch, folder / "quiet", wrong, 0.0))
