@@ -27,6 +27,8 @@ from .motion import WIDTH, Measured, characteristic_speeds
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
 _FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
+TORQUE_UNITS = {"mN m": 1000, "N cm": 100}
+_NOT, _NONE = [f"not {name}" for name in TORQUE_UNITS], "no_torque"
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
 # Two maps whose scores are closer than this cannot be distinguished (mirror images).
 ALIKE = 0.02
@@ -127,11 +129,14 @@ def hypotheses(
     ):
         if joints.any():
             yield Convention(kind, words, np.diag(np.where(joints, unit, 1.0)), eye)
-    for name, large in (("mN m", 1000), ("N cm", 100)) if any(driven) else ():
+    yield Convention(_NONE, "no torque acts", eye, 0.0 * eye)
+    turns = any(np.asarray(driven) & ~slides)
+    for name, large in TORQUE_UNITS.items() if turns else ():
+        size = np.where(slides, 1.0, large)
         words = f"torques are {large} times too large ({name}, not N m; or a constant of the motor)"
-        yield Convention(name, words, eye, eye / large)
+        yield Convention(name, words, eye, eye / size)
         words = f"torques are {large} times too small (N m, not {name}; or a constant of the motor)"
-        yield Convention(f"not {name}", words, eye, eye * large)
+        yield Convention(f"not {name}", words, eye, eye * size)
 
 
 def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:
@@ -172,7 +177,23 @@ def scores(measured: Measured) -> list[Scored]:
     # to turn a joint that nothing else depends on is no fault
     same = [np.allclose(s.each, first.each, rtol=0.0, atol=1e-6) for s in others]
     kept = [s for s, same in zip(others, same, strict=True) if not (s.of_gears and same)]
+    kept = _with_torque(kept)
     return [first, *kept, *shifted(measured, first, kept)]
+
+
+def _with_torque(scored: Sequence[Scored]) -> list[Scored]:
+    """Those without units of torque that explain no more than no torque does.
+
+    A wrong torque may be made small, or so large that friction takes it up: as large as `MATTERS`
+    allows, which makes what is left a smaller share.
+    """
+    (none,) = [s for s in scored if s.convention.kind == _NONE]
+    least, units = MARGIN - 2.0 * np.log(MATTERS), [*TORQUE_UNITS, *_NOT]
+    return [
+        s
+        for s in scored
+        if s is not none and (s.convention.kind not in units or (none.each - s.each).max() > least)
+    ]
 
 
 def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterator[Scored]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import check
-from frictionid.check.conventions import Convention
+from frictionid.check.conventions import TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import TABLES, is_table
 from frictionid.data.readers.table import Table, numeric_table
@@ -273,7 +273,7 @@ def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses 
     units = {"degrees": "deg", "radians": "rad", "millimetres": "mm", "metres": "m"}
     if best.kind in units:
         return guesses.with_angle_unit(units[best.kind], "by the motion, see above")
-    if best.kind in ("mN m", "N cm") and guesses.torque.unit == "N m":
+    if best.kind in TORQUE_UNITS and guesses.torque.unit == "N m":
         torque = guesses.torque._replace(unit=best.kind, evidence="by the motion, see above")
         return replace(guesses, torque=torque)
     if best.kind not in ("flipped_angle", "flipped_torque", "flipped_joint"):
