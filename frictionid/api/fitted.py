@@ -85,7 +85,7 @@ class Fit:
         """Names of the joints, and of other parts that have friction."""
         if self.data is not None:
             return tuple(self.data.mechanism.friction_names)
-        return tuple(f"joint {j + 1}" for j in range(self.friction.n))
+        return self.friction.joints
 
     @property
     def calibration(self) -> Calibration | None:

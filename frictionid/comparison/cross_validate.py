@@ -230,7 +230,11 @@ def score(
     return Result(
         scores=scores,
         friction=folds,
-        overall=with_speeds(overall, speeds(prepared.dataset, prepared.smoothed)),
+        overall=with_speeds(
+            overall,
+            prepared.dataset.mechanism.friction_names,
+            speeds(prepared.dataset, prepared.smoothed),
+        ),
         curves=lines,
         motions=tuple(motions),
         tests=tests,

@@ -147,7 +147,8 @@ def fit_model(
         check_units(friction, equal)
         notes["equality"] = tuple(_equality(identifier, recipe, training, seed))
     notes["torque_left"] = tuple(_torque_left(friction, prepared))
-    return with_speeds(friction.noted(notes), speeds(dataset, prepared.smoothed))
+    joints, w = dataset.mechanism.friction_names, speeds(dataset, prepared.smoothed)
+    return with_speeds(friction.noted(notes), joints, w)
 
 
 def _torque_left(friction: Friction, prepared: Prepared) -> Iterable[tuple[Any, ...]]:

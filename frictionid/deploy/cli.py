@@ -89,25 +89,29 @@ def compensate(
     from frictionid.files import write_bytes
     from frictionid.outputs import check_outputs
 
-    from .export.exported import ExportSettings
+    from .compensation import table_error
+    from .export.exported import ExportSettings, exported
+    from .export.nearest import TABLE_USE, lost_in_table
 
     friction = friction_of(model)
     settings = fid.Compensation(gain=gain, smooth=smooth, torque_limit=limit)
     speeds = tuple(speed or friction.provenance.speeds)
     speeds = speeds * friction.n if len(speeds) == 1 else speeds
     friction = friction.noted({"speeds": speeds}) if speeds else friction
+    torque = fid.compensating(friction, settings)
     if to != "csv":
         names = ExportSettings(name="compensation")
-        torque = fid.compensating(friction, settings)
-        written = fid.export(torque, to, out, settings=names, replace=replace).paths
+        done = fid.export(torque, to, out, settings=names, replace=replace)
+        lost, notes, written = done.lost, done.notes, done.paths
     else:
         if not speeds:
             raise InputError(f"{model}: the measured speeds are not known; give --speed")
         check_outputs([out], [model], replace=replace)
         table = fid.compensation_table(friction, settings, speeds)
         write_bytes(out, table.to_csv(index=False, float_format="%.9g").encode())
+        lost, notes = lost_in_table(exported(torque), table_error(torque, table)), (TABLE_USE,)
         written = (out,)
-    show("", {}, written, json=json)
+    show("\n".join((*lost, *notes)), {"lost": lost, "notes": notes}, written, json=json)
 
 
 STATUS = {"unchanged": 0, "other": 0, "changed": 1, "cannot_tell": 3}

@@ -13,7 +13,7 @@ from frictionid.config import NotNegative, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Memory
 from frictionid.friction.friction import Nodes, along
-from frictionid.friction.law import refuse_temperature
+from frictionid.friction.law import Law, refuse_temperature
 from frictionid.friction.wrapped import LinearOutside, WrappedLaw
 
 
@@ -80,14 +80,32 @@ class CompensationLaw(WrappedLaw):
     """
 
     settings: Compensation
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """Lines on what it computes, for the head of a file."""
+        s = self.settings
+        ahead = f", {s.ahead:g} s ahead" if s.ahead else ""
+        limit = f", and is at most {listed(s.torque_limit)}" if s.torque_limit else ""
+        return (
+            f"Compensation: {s.gain:g} of the friction {_bare(self.law)}.",
+            f"w is the velocity of the reference{ahead}, not the measured one; "
+            "add Tf to the motor torque.",
+            f"Tf changes sides over |w| = {listed(s.smooth)}{limit}.",
+        )
+
     cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        xp, law, settings = namespace(x.w), self.law.sharpened(), self.settings
-        side = xp.tanh(x.w / np.asarray(settings.smooth))
-        speed = xp.abs(x.w) + _MOVING
+        law, speed = self.law.sharpened(), namespace(x.w).abs(x.w) + _MOVING
         forth = law.torque(theta, x._replace(w=speed), memory)
         back = law.torque(theta, x._replace(w=-speed), memory)
+        return self.between(x.w, forth, back)
+
+    def between(self, w: Array, forth: Array, back: Array) -> Array:
+        """The compensation at velocities w of the reference, of friction in both directions."""
+        xp, settings = namespace(w), self.settings
+        side = xp.tanh(w / np.asarray(settings.smooth))
         u = 0.5 * settings.gain * ((1.0 + side) * forth + (1.0 - side) * back)
         if settings.torque_limit is None:
             return u
@@ -96,6 +114,26 @@ class CompensationLaw(WrappedLaw):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         return 0.0 * self.torque(theta, x, memory)
+
+
+def listed(values: Any) -> str:
+    """Numbers with four digits.
+
+    >>> listed((0.05, 1 / 3)), listed(2.0)
+    ('0.05, 0.3333', '2')
+    """
+    return ", ".join(f"{value:.4g}" for value in np.ravel(values))
+
+
+def continued(law: Law, speeds: Sequence[float]) -> Law:
+    """A law with a straight line beyond these speeds; of a compensation, within its limits."""
+    if isinstance(law, CompensationLaw):
+        return replace(law, law=continued(law.law, speeds))
+    return LinearOutside(_bare(law), tuple(speeds))
+
+
+def _bare(law: Law) -> Law:
+    return law.law if isinstance(law, LinearOutside) else law
 
 
 def compensating(friction: Any, settings: Compensation | None = None) -> Friction:
@@ -129,10 +167,8 @@ def compensating(friction: Any, settings: Compensation | None = None) -> Frictio
     speeds = tuple(max(speed, _MOVING) for speed in source.speeds)
     if len(speeds) not in (0, friction.n):
         raise InputError(f"{len(speeds)} speeds for {friction.n} joints: give one each")
-    law = LinearOutside(friction.law, speeds) if speeds else friction.law
-    return replace(
-        friction, law=CompensationLaw(law, settings), provenance=source.without(["speeds"])
-    )
+    law = continued(friction.law, speeds) if speeds else friction.law
+    return replace(friction, law=CompensationLaw(law, settings))
 
 
 def feed_forward(
@@ -153,7 +189,9 @@ def feed_forward(
     friction : Friction, theta (n, P), or Fit
     settings : Compensation
     dt : float
-        Time [s] between two samples of the reference; memory of friction follows it.
+        Time [s] between two samples of the reference. Over the step before a sample, memory of
+        friction follows the sample's velocity, as in exported code: of a torque that is held until
+        the next sample that is twice as exact as the mean velocity of the step.
     w, a : arrays, shape (T, n)
         Velocities [rad/s] and accelerations [rad/s^2] of the reference.
     q, u, load : arrays, shape (T, n), optional
@@ -170,7 +208,7 @@ def feed_forward(
     """
     v = w if a is None else w + settings.ahead * a
     x = Inputs(*(0.0 * v if column is None else column for column in (q, v, u, load)))
-    nodes = Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)]))
+    nodes = Nodes(x, dt * np.arange(len(v)), np.array([0, len(v)]), newest=True)
     return along(compensating(friction, settings), nodes)
 
 
@@ -189,8 +227,9 @@ def compensation_table(
         Of laws with memory the steady state.
     settings : Compensation
     speeds : of each joint [rad/s or m/s], the table's last one
-    joints : names; "joint 1", "joint 2" ... where they are missing
-    points : of each joint; half of them stand where the torque changes sides
+    joints : names; those of the friction where they are missing
+    points : of each joint; half of them stand where the torque changes sides, the others in steps
+        that grow with the speed
 
     Returns
     -------
@@ -199,7 +238,7 @@ def compensation_table(
     """
     compensation, parts = compensating(friction, settings), []
     widths: Any = np.broadcast_to(np.asarray(settings.smooth, dtype=float), compensation.n)
-    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(compensation.n))
+    names = tuple(joints) or compensation.joints
     if len(speeds) != compensation.n or not all(v > 0 for v in speeds):
         raise InputError(
             f"speeds = {tuple(speeds)}: give one above 0 for each of {compensation.n} joints"
@@ -207,8 +246,26 @@ def compensation_table(
     half = max(points // 2, 4)
     for j, name in enumerate(names):
         near = np.linspace(0.0, min(4.0 * widths[j], speeds[j]), half // 2 + 1)
-        far = np.linspace(near[-1], speeds[j], half - half // 2 + 1)[1:]
+        far = np.geomspace(near[-1], speeds[j], half - half // 2 + 1)[1:]
         w = np.unique(np.concatenate([-far, -near, near, far]))
-        torque = compensation.curve(w)[:, j]
+        torque = steadily(compensation, w)[:, j]
         parts.append(pd.DataFrame({"joint": name, "velocity": w, "torque": torque}))
     return pd.concat(parts, ignore_index=True)
+
+
+def steadily(compensation: Friction, w: Array) -> Array:
+    """Compensation (V, n) of steady sliding at velocities w (V,); none has memory."""
+    law: Any = compensation.law
+    friction, speed = replace(compensation, law=law.law), np.abs(w) + _MOVING
+    return np.asarray(law.between(w[:, None], friction.curve(speed), friction.curve(-speed)))
+
+
+def table_error(compensation: Friction, table: pd.DataFrame) -> float:
+    """By how much [N m] a table, straight between its velocities, is off at most."""
+    off = []
+    for j, (_, part) in enumerate(table.groupby("joint", sort=False)):
+        places = np.arange(len(part))
+        w = np.interp(np.arange(0.0, places[-1], 0.25), places, part.velocity)
+        torque = steadily(compensation, w)[:, j]
+        off.append(np.abs(np.interp(w, part.velocity, part.torque) - torque).max())
+    return float(max(off))

@@ -303,14 +303,14 @@ def estimates_of(friction: Friction, joints: Sequence[str] = ()) -> tuple[Estima
     Intervals of a one-step fit are those of its provenance; where that has none, nothing is said
     to be unidentified. A network's weights and terms that a sparse law does not have are left out.
 
-    joints : names; "joint 1" and so on where they are missing
+    joints : names; those of the friction where they are missing
     """
     source, law = friction.provenance, friction.law
     fitted = source.refined or source.pooled
     if fitted is not None or law.is_network:
         return () if fitted is None else fitted.parameters
     theta, half = np.asarray(friction.theta, dtype=float), source.half_widths
-    names = joints or [f"joint {j + 1}" for j in range(len(theta))]
+    names = joints or friction.joints
     return tuple(
         _estimate(friction, names[j], (j, i), None if half is None else float(half[j, i]))
         for j, i in np.argwhere(present(law, theta)).tolist()

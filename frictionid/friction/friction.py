@@ -65,12 +65,14 @@ class Nodes(NamedTuple):
 
     inputs (S, n) each; time (S,) [s]; first (R + 1,): recording i owns first[i] to first[i + 1];
     per_sample: nodes for each recorded sample (2 where midpoints stand between the samples).
+    newest: whether memory follows a step's last inputs, not the mean of both ends.
     """
 
     inputs: Inputs
     time: Array
     first: Array
     per_sample: int = 1
+    newest: bool = False
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,11 @@ class Friction:
     def n(self) -> int:
         """Number of joints."""
         return int(self.theta.shape[-2])
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the parts with friction, as the fit has them, else "joint 1", "joint 2" ..."""
+        return self.provenance.joint_names(self.n)
 
     def units_at(self, joint: int) -> tuple[str, ...]:
         """Units of the law's parameters at a joint, from 0."""
@@ -217,7 +224,7 @@ class Friction:
                 for i, (name, unit) in enumerate(zip(self.law.names, self.units_at(j), strict=True))
                 if has[j, i]
             )
-            lines.append(f"  joint {j + 1}  " + ", ".join(values))
+            lines.append(f"  {self.joints[j]}  " + ", ".join(values))
         return "\n".join(lines)
 
 
@@ -307,7 +314,8 @@ def _stepped(law: Law, theta: Array, nodes: Nodes) -> list[Memory]:
     index = _padded(nodes).T
     x, time = _take(nodes.inputs, index[::every]), nodes.time[index[::every]]
     memories = [law.start(theta, _take(x, 0))]
-    between = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), law.sample_time)
+    newest = law.sample_time is not None or nodes.newest
+    between = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), newest)
     rows = zip(*(repeat(None) if entry is None else entry for entry in between), strict=False)
     for row, dt in zip(rows, np.diff(time, axis=0)[..., None], strict=False):
         memories.append(law.advance(theta, Inputs._make(row), memories[-1], dt))
@@ -321,7 +329,7 @@ def _relaxing(friction: Friction, nodes: Nodes) -> Array | None:
         return None
     if not isinstance(x.w, np.ndarray):
         return None
-    middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), None)
+    middle = _middle(_take(x, slice(-1)), _take(x, slice(1, None)), nodes.newest)
     dt = np.diff(nodes.time)[:, None]
     dt[nodes.first[1:-1] - 1] = 0.0  # from the end of a recording to the next
     relaxation = law.relaxation(theta, middle, dt)
@@ -366,7 +374,7 @@ def _side_by_side(nodes: Nodes, theta: Array) -> Iterator[Nodes]:
         end = begin + max(1, len(fits) if fits.all() else int(np.argmin(fits)))
         rows = slice(int(first[begin]), int(first[end]))
         x, time = _take(nodes.inputs, rows), nodes.time[rows]
-        yield Nodes(x, time, first[begin : end + 1] - first[begin], nodes.per_sample)
+        yield Nodes(x, time, first[begin : end + 1] - first[begin], *nodes[3:])
         begin = end
 
 
@@ -374,9 +382,8 @@ def _take(x: Inputs, index: Any) -> Inputs:
     return x.each(lambda values: values[index])
 
 
-def _middle(a: Inputs, b: Inputs, sample_time: float | None) -> Inputs:
-    # continuous memories see the mean of both ends; sampled ones the newest sample
-    return b if sample_time is not None else a.each(lambda x, y: (x + y) / 2, b)
+def _middle(a: Inputs, b: Inputs, newest: bool) -> Inputs:
+    return b if newest else a.each(lambda x, y: (x + y) / 2, b)
 
 
 def _padded(nodes: Nodes) -> Array:

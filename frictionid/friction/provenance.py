@@ -255,7 +255,7 @@ class Provenance(BaseModel):
     equality : tests of equal joints
     torque_left : scores of the torque that the model does not explain of its own data
     refined : of shooting and inverse dynamics; pooled : of several fits
-    speeds : greatest speed of each part in the data
+    joints, speeds : names of the parts with friction, and the greatest speed of each in the data
     temperature : at which a law that follows it was taken
     """
 
@@ -283,6 +283,7 @@ class Provenance(BaseModel):
     torque_left: tuple[tuple[Any, ...], ...] = ()
     refined: Estimates | None = None
     equality: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
     speeds: Annotated[Any, BeforeValidator(_speeds)] = ()
     pooled: Pooled | None = None
     temperature: float | None = None
@@ -291,6 +292,13 @@ class Provenance(BaseModel):
     def noise_alone(self) -> bool:
         """Whether intervals of a one-step fit leave out the bias of smoothed states."""
         return self.half_widths is not None and self.smoothing_bias is None
+
+    def joint_names(self, count: int) -> tuple[str, ...]:
+        """The names of so many joints: as noted, else those of the estimates, else numbers."""
+        fitted = self.refined or self.pooled
+        read = () if fitted is None else fitted.parameters
+        named = {e.joint: e.name.partition(" of ")[2] for e in read if e.block == "friction"}
+        return self.joints or tuple(named.get(j) or f"joint {j + 1}" for j in range(count))
 
     def but(self, notes: Mapping[str, Any]) -> Self:
         """The provenance with other notes."""
@@ -326,6 +334,8 @@ def read_provenance(document: Any, shape: tuple[int, ...]) -> Provenance:
         widths = getattr(source, name)
         if widths is not None and widths.shape != shape[-2:]:
             raise InputError(f"provenance.{name}: it should have shape {shape[-2:]}: fit it again")
+    if len(source.joints) not in (0, shape[-2]):
+        raise InputError(f"provenance.joints: it should have {shape[-2]} names: fit it again")
     for part in (source.refined, source.pooled):
         for e in () if part is None else part.parameters:
             if e.joint is not None and not 0 <= e.joint < shape[-2]:

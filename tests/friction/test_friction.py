@@ -6,6 +6,7 @@ from fixtures.memory_laws import Follower, Sampled
 
 from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
+from frictionid.friction.provenance import Estimate, Estimates
 
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {
@@ -153,3 +154,13 @@ def test_memory_along_keeps_recordings_side_by_side():
         alone = memory_along(FILM, own)
         for t in range(size):
             np.testing.assert_array_equal(memories[t][0][r], alone[t][0][0])
+
+
+def test_joints_have_the_names_of_the_fit():
+    friction = Friction(*STATIC["coulomb_viscous"])
+    found = Estimate("friction", "viscous of elbow", "N m s/rad", 1, 0.01)
+    fitted = friction.noted({"refined": Estimates(parameters=(found,))})
+    named = fitted.noted({"joints": ("hip", "knee")})
+    names = [x.joints for x in (friction, fitted, named)]
+    assert names == [("joint 1", "joint 2"), ("joint 1", "elbow"), ("hip", "knee")]
+    assert "\n  knee  coulomb" in str(named)

@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures import driven_wrist
 from fixtures.refusals import assert_refused
 
+import frictionid as fid
 from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json, write_text
@@ -319,3 +321,18 @@ def test_a_theta_of_another_shape_is_refused_in_words(wrong, tmp_path):
     write_json(tmp_path / "m.json", {**document, **wrong})
     with assert_refused("m.json: .theta. must have a row of 4 numbers for each"):
         load_model(tmp_path / "m.json", LAWS)
+
+
+def test_the_joints_of_a_fit_keep_their_names(tmp_path):
+    arm = driven_wrist.mechanism(tmp_path)
+    data = driven_wrist.dataset(arm, driven_wrist.frame(arm, seconds=2.0))
+    fit = fid.fit(data, "coulomb_viscous", method="one_step")
+    fit.save(tmp_path / "model.json")
+    loaded = fid.load_model(tmp_path / "model.json")
+    assert loaded.joints == fit.joints == ("one", "two", "three", "turner")
+    assert loaded.frame.joint.tolist() == fit.frame.joint.tolist()
+    document = read_json(tmp_path / "model.json")
+    document["provenance"]["joints"] = ["one"]
+    write_json(tmp_path / "model.json", document)
+    with assert_refused("provenance.joints: it should have 4 names: fit it again"):
+        fid.load_model(tmp_path / "model.json")

@@ -20,6 +20,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
 
+from ..compensation import CompensationLaw
 from ..pooling.random_effects import pooled_draws
 from .exported import ExportedFriction, ExportSettings, Written, exported
 from .nearest import Replay, cost_of, cost_sentence
@@ -136,7 +137,7 @@ def _at(friction: Friction, temperature: float | None) -> Friction:
 
 def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Replay | None]:
     """Sentences on what is lost, and what that costs on the data's motion."""
-    if written.held is None:
+    if written.held is None or isinstance(model.law, CompensationLaw):
         return written.lost, None
     if model.data is None:
         if model.nearest is not None:

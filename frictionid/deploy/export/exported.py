@@ -28,6 +28,8 @@ from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Operand, Program, Value
 from frictionid.programs.trace import traced
 
+from ..compensation import CompensationLaw, continued, listed
+
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
 _HORIZON = 1.0  # [s], over which it is replayed what a target loses
 
@@ -112,6 +114,14 @@ class ExportedFriction:
         return None if rotor is None or len(self.joints) != 1 else float(rotor)
 
     @property
+    def delay(self) -> float:
+        """Delay [s] of the motors' commands: of a servo's targets, else of the torque."""
+        calibration = self.friction.calibration
+        if self.drive is not None:
+            return float(self.drive.delay)
+        return 0.0 if calibration is None else float(calibration.delay)
+
+    @property
     def horizon(self) -> float:
         """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
         recordings = () if self.data is None else self.data.recordings
@@ -138,15 +148,18 @@ class ExportedFriction:
         """Lines on units, signs, range and origin, for the head of a file."""
         source = self.friction.provenance
         units = zip(self.joints, self.units, self.torque_units, strict=True)
-        lines = [
+        head = (
             f"Friction law: {self.law}",
             "Tf opposes positive velocity: M(q) dw/dt = h(q, w) + B u - Tf.",
+        )
+        lines = [
+            *(self.law.facts if isinstance(self.law, CompensationLaw) else head),
             "SI units: " + ", ".join(f"{name} [{x}, {x}/s, {force}]" for name, x, force in units),
-            "The measured speeds are not known: Tf is the law's at all speeds.",
+            "The measured speeds are not known: friction is the law's at all speeds.",
         ]
         if self.speeds:
-            reach = ", ".join(f"{v:.4g}" for v in self.speeds)
-            lines[-1] = f"Measured up to |w| = {reach}; beyond, Tf goes on as a straight line."
+            reach = listed(self.speeds)
+            lines[-1] = f"Measured up to |w| = {reach}; beyond, friction is a straight line."
         if source.dataset:
             lines.append(f"Fitted to {source.dataset}, seed {source.seed}.")
         hashes = source.data
@@ -180,7 +193,7 @@ def exported(
     Parameters
     ----------
     friction : Friction, theta (n, P)
-    joints : names of the parts with friction; "joint 1", "joint 2" ... where they are missing
+    joints : names of the parts with friction; those of the model where they are missing
     speeds : where known [rad/s or m/s]; by default those of the model's provenance
     data : data set, optional
     card : of a machine, in place of a data set
@@ -210,14 +223,16 @@ def exported(
     if not np.isfinite(friction.theta).all():
         raise InputError("a model whose parameters are not finite cannot be exported: fit again")
     measured = tuple(float(v) for v in speeds) or friction.provenance.speeds
-    names = tuple(joints) or tuple(f"joint {j + 1}" for j in range(friction.n))
+    names = tuple(joints) or friction.joints
     for entries, what in ((measured, "speeds"), (names, "names")):
         if entries and len(entries) != friction.n:
             raise InputError(
                 f"{len(entries)} {what} for {friction.n} parts with friction: give one each"
             )
     reach = tuple(max(v, 1e-9) for v in measured)  # of a joint that does not move
-    law = LinearOutside(friction.law, reach) if measured else friction.law
+    law = friction.law
+    if measured and (speeds or not isinstance(law, CompensationLaw)):  # which goes on by itself
+        law = continued(law, reach)
     # names stand in comments of code: on one line, whatever a file said
     names = tuple(" ".join(printable(name).split()) for name in names)
     friction = replace(friction, law=law)

@@ -168,14 +168,6 @@ def _affine(gain: float, bias: tuple[float, float, float]) -> dict[str, str]:
     return {"gainprm": repr(gain), "biastype": "affine", "biasprm": numbers}
 
 
-def delay_of(model: ExportedFriction) -> float:
-    """Delay [s] of the actuators' commands: of a servo's targets, else of the torque."""
-    calibration = model.friction.calibration
-    if model.drive is not None:
-        return float(model.drive.delay)
-    return 0.0 if calibration is None else float(calibration.delay)
-
-
 def delay_values(delay: float, timestep: float) -> dict[str, str]:
     """Attributes of an actuator whose control acts later, at steps of `timestep` [s] or more.
 

@@ -1,5 +1,6 @@
-"""The Coulomb and viscous friction nearest to a model: all that most engines hold."""
+"""The Coulomb and viscous friction nearest to a model, and what else of it a target loses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from frictionid.evaluation.predicted_motion import predict
 from frictionid.friction import Friction, Inputs, Law, along, at_rest
 from frictionid.friction.laws import CoulombViscous
 
+from ..compensation import listed
 from .exported import ExportedFriction
 
 _SAME = 1e-9  # of the torques: what rounding does
@@ -148,6 +150,62 @@ def lost_by(model: ExportedFriction, held: Friction, target: str, names: str) ->
                 f"at {other:.3g} {unit} in {target}"
             )
     return lines
+
+
+_FEW = 3  # base parameters named in a sentence
+Row = tuple[str, float, float, str]  # base parameter, its value in a file and in the model, unit
+
+
+def kept_inertias(model: ExportedFriction, target: str) -> list[str]:
+    """A sentence on base parameters that the fit has otherwise than its data are described."""
+    fitted = model.friction.provenance.refined
+    apart: list[tuple[float, Row]] = [
+        (-abs(e.value - e.nominal) / e.error, (e.name, e.nominal, e.value, e.unit))
+        for e in (fitted.parameters if fitted else ())
+        if e.block == "inertia" and e.nominal is not None and not e.holds(e.nominal)
+    ]
+    rows = base_differences([row for _, row in sorted(apart)], "described")
+    said = f"{target} keeps its own masses and inertias, the model has others: {rows}"
+    return [said] if apart else []
+
+
+def base_differences(rows: Sequence[Row], word: str) -> str:
+    """The first few base parameters."""
+    parts = [f"{name} {b:.4g} {unit} ({word} {a:.4g})" for name, a, b, unit in rows[:_FEW]]
+    return ", ".join(parts) + f" and {len(rows) - _FEW} more" * (len(rows) > _FEW)
+
+
+def lost_of_motors(model: ExportedFriction, target: str, *, has_drives: bool) -> list[str]:
+    """Sentences on what a target does not hold of the motors.
+
+    has_drives : whether it holds delay and envelope of position control
+    """
+    drive, calibration = model.drive, model.friction.calibration
+    holds, motors = has_drives and drive is not None, drive or calibration
+    gain = 1.0 if drive or calibration is None else calibration.gain
+    bias = 0.0 if motors is None else motors.bias
+    units = " or ".join(dict.fromkeys(model.torque_units))
+    left = {
+        f"gain ({listed(gain)})": np.any(np.not_equal(gain, 1.0)),
+        f"constant torque ({listed(bias)} {units})": np.any(bias),
+        f"delay of {1e3 * model.delay:.3g} ms": model.delay != 0 and (model.delay < 0 or not holds),
+        "torque-speed envelope": not holds and any(map(model.envelope, range(len(model.joints)))),
+    }
+    return [f"{target} holds no {name} of the motors: it is left" for name in left if left[name]]
+
+
+_NOT_HELD = {"q": "the angle", "u": "the motor torque", "load": "the bearing load"}
+TABLE_USE = "interpolate torque over velocity, joint by joint; add it to the motor torque"
+
+
+def lost_in_table(model: ExportedFriction, off: float) -> tuple[str, ...]:
+    """Sentences on what a table of torque over velocity loses, which is so far off [N m]."""
+    lost = [f"between its velocities the table is straight: at most {off:.2g} off steady sliding"]
+    if model.friction.law.has_memory:
+        lost.append("a table has no memory: it holds steady sliding at each velocity")
+    if missing := [_NOT_HELD[x] for x in model.programs.inputs if x in _NOT_HELD]:
+        lost.append(f"a table of velocities holds friction at zero of {' and '.join(missing)}")
+    return tuple(lost)
 
 
 _MOST = 200  # rollouts: more say no more of a median

@@ -221,14 +221,6 @@ def check_alike(models: Sequence[Friction], names: Sequence[str], equal: Groups 
                 )
 
 
-def joint_names(friction: Friction, name: str) -> list[str]:
-    """Names of the joints, as the parameters of a fitted model have them."""
-    named = {
-        key[2]: joint_name(row.estimate) for key, (row,) in estimates([friction], [name]).items()
-    }
-    return [named.get(j) or f"joint {j + 1}" for j in range(friction.n)]
-
-
 def _common_parameters(models: Sequence[Friction]) -> dict[str, float]:
     """Parameters of the mechanism that all models bring alike."""
     return {
@@ -247,5 +239,7 @@ def _source(models: Sequence[Friction], names: Sequence[str], document: Pooled) 
     }
     speeds = [model.provenance.speeds for model in models]
     alike = all(len(each) == models[0].n for each in speeds)
-    source = Provenance(dataset=f"{len(names)} specimens", data=hashes, pooled=document)
+    source = Provenance(
+        dataset=f"{len(names)} specimens", data=hashes, pooled=document, joints=models[0].joints
+    )
     return source.but({"speeds": tuple(np.min(speeds, axis=0).tolist())}) if alike else source

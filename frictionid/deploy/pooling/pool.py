@@ -25,7 +25,7 @@ from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Table, table_of, text_columns
 
-from .models import Key, check_alike, estimates, joint_names, place_of, pooled
+from .models import Key, check_alike, estimates, place_of, pooled
 from .random_effects import Regression, meta_regression, pooled_draws
 
 _LEAST = 1e-4  # p-values below it are not told apart
@@ -172,7 +172,7 @@ def pool(
         raise InputError(f"pool: needs a list of models, not {models!r}")
     names, fits = _named(models)
     frictions = [friction_of(fit) for fit in fits]
-    groups = groups_of(equal, joint_names(frictions[0], names[0])) if equal and fits else ()
+    groups = groups_of(equal, frictions[0].joints) if equal and fits else ()
     return Pooled(pooled(frictions, names, groups))
 
 

@@ -259,12 +259,19 @@ def moments_of(J: Array) -> Array:
 
 
 def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> Array:
-    """Consistent base parameters p (nb,) with the least (p - wanted)' metric (p - wanted).
+    """Consistent base parameters p (nb,) of the `nearest_bodies`."""
+    bodies, rotors = nearest_bodies(mechanism, wanted, metric)
+    return np.asarray(mechanism.reduction.regrouping @ np.append(bodies, rotors))
 
-    wanted : (nb,) ; metric : (nb, nb), such as the information of a fit
 
-    Cholesky factors of the pseudo-inertias, and roots of the rotors' inertias, are free: what they
-    make is consistent by itself [Rucker2022].
+def nearest_bodies(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> tuple[Array, Array]:
+    """Bodies (n, 10) and rotors (r,) with the least (p - wanted)' metric (p - wanted).
+
+    wanted : (nb,), base parameters ; metric : (nb, nb), such as the information of a fit
+
+    Of the many that have the same base parameters, those near the mechanism's own. Cholesky factors
+    of the pseudo-inertias, and roots of the rotors' inertias, are free: what they make is
+    consistent by itself [Rucker2022].
     """
     tree, regrouping = mechanism.tree, mechanism.reduction.regrouping
     rotors = mechanism.with_parameters(mechanism.nominal())[1]
@@ -285,17 +292,18 @@ def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -
     spread, axes = np.linalg.eigh(metric)
     root = axes * np.sqrt(np.maximum(spread, 0.0))
 
-    def base(free: Array) -> Array:
+    def physical(free: Array) -> tuple[Array, Array]:
         factors = np.zeros((tree.n, 4, 4))
         factors[:, *_LOWER] = free[: 10 * tree.n].reshape(tree.n, 10) * scale[:, None]
         bodies = moments_of(factors @ np.swapaxes(factors, 1, 2) + floor)
-        return regrouping @ np.append(bodies, most * free[10 * tree.n :] ** 2)
+        return bodies, most * free[10 * tree.n :] ** 2
 
     def residual(free: Array) -> Array:
-        return np.append((base(free) - wanted) @ root, _WEAK * (free - start))
+        off = regrouping @ np.append(*physical(free)) - wanted
+        return np.append(off @ root, _WEAK * (free - start))
 
     solution = least_squares(residual, start, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300)
-    return base(solution.x)
+    return physical(solution.x)
 
 
 # --- A base that moves ----------------------------------------------------------------------------

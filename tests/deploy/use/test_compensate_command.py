@@ -1,6 +1,7 @@
 """The command writes a compensation as a table or as code, and says in one line what it lacks."""
 
 import csv
+import re
 import runpy
 from functools import partial
 
@@ -10,7 +11,7 @@ import pytest
 from frictionid.comparison.registry import LAWS
 from frictionid.deploy.compensation import Compensation, compensating
 from frictionid.friction import Friction
-from frictionid.friction.laws import Stribeck
+from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.friction.model_files import save_model
 
 FRICTION = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
@@ -27,7 +28,9 @@ def call(run, tmp_path):
 def test_a_table(call, tmp_path):
     given = ("--out", "table.csv", "--speed", 5.0, *SETTINGS)
     code, out, _ = call(*given)
-    assert code == 0 and "table.csv" in out
+    assert code == 0 and "table.csv" in out and "add it to the motor torque" in out
+    said = float(re.search(r"at most ([\d.e-]+) off", out)[1])
+    assert said < 0.005
     rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
     for j in range(2):
         own = [row for row in rows if row["joint"] == f"joint {j + 1}"]
@@ -38,7 +41,8 @@ def test_a_table(call, tmp_path):
 def test_code(call, tmp_path):
     for to in ("c", "st"):
         given = ("--out", f"own.{to}", "--to", to, "--speed", 5.0, *SETTINGS)
-        assert call(*given)[0] == 0
+        code, out, _ = call(*given)
+        assert code == 0 and ("compensation_torque(" in out or "compensation(w := w)" in out)
         assert "compensation" in (tmp_path / f"own.{to}").read_text()
     given = ("--out", "own.py", "--to", "python", "--speed", 5.0, *SETTINGS)
     assert call(*given)[0] == 0
@@ -46,6 +50,13 @@ def test_code(call, tmp_path):
     for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
         found = module["torque"]([w, w])
         np.testing.assert_allclose(found, CURVE(np.array([w]))[0], atol=1e-9)
+
+
+def test_a_table_of_bristles_says_that_it_has_no_memory(call, tmp_path):
+    bristles = Friction(LuGre(), np.array([[0.12, 0.05, 0.3, 0.01, 0.002, 0.0, 0.1]]))
+    save_model(bristles, tmp_path / "model.json", LAWS)
+    code, out, _ = call("--out", "table.csv", "--speed", 5.0)
+    assert code == 0 and "a table has no memory" in out
 
 
 def test_a_model_without_speeds_asks_for_them(call):

@@ -7,16 +7,26 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 
+import frictionid as fid
 from frictionid.deploy.compensation import (
     Compensation,
     compensating,
     compensation_table,
     feed_forward,
+    table_error,
 )
 from frictionid.deploy.export.exported import exported
-from frictionid.friction import Friction
+from frictionid.friction import Friction, Nodes, along
 from frictionid.friction.law import at_rest
-from frictionid.friction.laws import CoulombViscous, FilmLag, LuGre, Spline, Stribeck
+from frictionid.friction.laws import (
+    CoulombViscous,
+    Dahl,
+    FilmLag,
+    LuGre,
+    Play,
+    Spline,
+    Stribeck,
+)
 
 W = np.concatenate([-np.linspace(8.0, 0.3, 40), np.linspace(0.3, 8.0, 40)])
 STRIBECK = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
@@ -25,6 +35,7 @@ STRIBECK = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 
 def some(law):
     rng = np.random.default_rng(0)
     start = np.array(law.initial[0])
+    start = np.where(start == 0.0, 0.05, start)  # some of each
     return Friction(law, np.stack([start, start]) * rng.uniform(0.8, 1.2, (2, len(start))))
 
 
@@ -68,16 +79,88 @@ def test_memory_follows_the_reference():
     np.testing.assert_allclose(u[240], friction.curve(np.array([1.0]))[0], rtol=1e-3)
 
 
-def test_the_table_is_the_compensation_for_who_interpolates_it():
+@pytest.mark.parametrize("law", [LuGre(), Dahl(), FilmLag(), Play()], ids=str)
+def test_along_a_recording_exported_code_is_the_feed_forward(law):
+    """Memory advances by one rule, with reversals and rests, and beyond the speeds of the data."""
+    friction = replace(some(law), provenance={"speeds": [3.0, 2.0]})
+    settings, t = Compensation(gain=0.8, smooth=0.05), np.arange(0.0, 2.0, 0.005)[:, None]
+    w = 3.0 * np.sin(9.0 * t + [0.0, 1.0]) * (t > 0.3)
+    programs, found, memory = exported(compensating(friction, settings)).programs, [], {}
+    for k, row in enumerate(w):
+        x = {f"w_{j + 1}": row[j] for j in range(2)}
+        program = programs.advance if k else programs.start
+        made = program.run(x | memory | ({"dt_1": 0.005} if k else {}))
+        memory = {f"{name}_{j + 1}": v[j] for name, v in made.items() for j in range(2)}
+        found.append(programs.torque.run(x | memory)["Tf"])
+    np.testing.assert_allclose(found, feed_forward(friction, settings, 0.005, w), atol=1e-9)
+
+
+def test_held_until_the_next_sample_it_is_nearer_to_fine_steps_than_by_mean_velocities():
+    friction, settings, dt, fine = some(LuGre()), Compensation(smooth=0.05), 0.004, 80
+
+    def reference(step):
+        t = np.arange(0.0, 1.6, step)[:, None]
+        return np.sin(4.0 * t + [0.0, 1.0]) + 0.5 * np.sin(12.0 * t), t[:, 0]
+
+    def by_mean(step):
+        w, t = reference(step)
+        return along(compensating(friction, settings), Nodes(at_rest(w), t, np.array([0, len(t)])))
+
+    exact = by_mean(dt / fine)
+    mean, own = by_mean(dt), feed_forward(friction, settings, dt, reference(dt)[0])
+    off = [np.square(np.repeat(u, fine, axis=0) - exact).mean() ** 0.5 for u in (own, mean)]
+    assert off[0] < 0.6 * off[1]
+
+
+def assert_holds(table, compensation, most):
+    """For who interpolates it, as near as it says."""
+    said = table_error(compensation, table)
+    assert said < most * table.torque.abs().max()
+    for j, (_, own) in enumerate(table.groupby("joint")):
+        w = np.linspace(*own.velocity.iloc[[0, -1]], 20001)
+        off = np.abs(np.interp(w, own.velocity, own.torque) - compensation.curve(w)[:, j])
+        assert off.max() < 1.2 * said
+
+
+@pytest.mark.parametrize("velocity", [0.05, 0.3, 3.0])
+def test_the_table_is_the_compensation_for_who_interpolates_it(velocity):
+    """Also of a fast joint whose friction falls at slow speeds."""
+    friction = Friction(Stribeck(), np.array([[0.12, 0.05, velocity, 0.01], [0.1, 0.0, 0.5, 0.02]]))
     settings = Compensation(gain=0.9, smooth=0.05)
-    table = compensation_table(STRIBECK, settings, (6.0, 8.0), ("a", "b"))
-    curve = compensating(STRIBECK, settings).curve
-    for j, (name, last) in enumerate((("a", 6.0), ("b", 8.0))):
-        own = table[table.joint == name]
-        assert own.velocity.iloc[[0, -1]].tolist() == [-last, last]
-        w = np.linspace(-last, last, 5001)
-        found = np.interp(w, own.velocity, own.torque)
-        np.testing.assert_allclose(found, curve(w)[:, j], atol=0.02 * np.abs(curve(w)).max())
+    table = compensation_table(friction, settings, (21.6, 8.0), ("a", "b"))
+    for name, last in (("a", 21.6), ("b", 8.0)):
+        assert table[table.joint == name].velocity.iloc[[0, -1]].tolist() == [-last, last]
+    assert_holds(table, compensating(friction, settings), 0.005)
+    limited = Compensation(torque_limit=0.06)
+    table = compensation_table(friction, limited, (21.6, 8.0))
+    assert_holds(table, compensating(friction, limited), 0.05)
+
+
+def test_the_table_of_a_law_with_memory_is_that_of_its_steady_sliding():
+    """Of LuGre's bristles Stribeck friction, which changes sides over `smooth`, not in a step."""
+    numbers = np.array([[0.12, 0.05, 0.3, 0.01]])
+    bristles = Friction(LuGre(), np.hstack([numbers, [[0.002, 0.0, 0.1]]]))
+    tables = [
+        compensation_table(friction, Compensation(), (20.0,))
+        for friction in (bristles, Friction(Stribeck(), numbers))
+    ]
+    np.testing.assert_allclose(tables[0].torque, tables[1].torque, atol=5e-4)
+
+
+@pytest.mark.parametrize("to", ["c", "st", "python"])
+def test_heads_of_files_say_what_follows_what(to, tmp_path):
+    known = STRIBECK.noted({"speeds": (3.0, 2.0), "joints": ("shoulder", "elbow")})
+    own = compensating(known, Compensation(gain=0.9, smooth=0.05, torque_limit=0.15))
+    text = fid.export(own, to, tmp_path / "own").paths[-1].read_text()
+    for words in (
+        "Compensation: 0.9 of the friction Stribeck(",
+        "w is the velocity of the reference, not the measured one; add Tf to the motor torque.",
+        "Tf changes sides over |w| = 0.05, and is at most 0.15.",
+        "Measured up to |w| = 3, 2; beyond, friction is a straight line.",
+        "shoulder",
+    ):
+        assert words in text
+    assert "LinearOutside(" not in text and "joint 1" not in text
 
 
 def test_exported_programs_compute_it_within_its_limits_at_all_speeds():

@@ -15,7 +15,6 @@ from frictionid.arrays import Array
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
-from ..native import delay_of
 from ..nearest import break_away, differs, lost_by, nearest
 from .python import LANGUAGE
 
@@ -24,7 +23,7 @@ held = nearest
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `ACTUATORS`, for `ArticulationCfg.actuators`."""
-    friction, drive, delay = nearest(model), model.drive, delay_of(model)
+    friction, drive, delay = nearest(model), model.drive, model.delay
     level, viscous = friction.theta.T
     values: dict[str, Array | None] = {"stiffness": None, "damping": None}
     if drive is not None:

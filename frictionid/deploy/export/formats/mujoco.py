@@ -9,6 +9,7 @@ after 1 s. Written files ask for the hardest that the time step allows: 0.0005 r
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,12 +19,12 @@ from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mjcf_text import mjcf_of
+from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_bodies
 
 from ..callback import callback
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..native import (
     actuator_of,
-    delay_of,
     delay_values,
     drive_values,
     element,
@@ -34,7 +35,7 @@ from ..native import (
     lost_bristles,
     passive_motor,
 )
-from ..nearest import Replay, differs, lost_by
+from ..nearest import Replay, base_differences, differs, kept_inertias, lost_by
 from ..round_trip import in_mujoco
 from ..xml_text import (
     Element,
@@ -90,6 +91,33 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     return values(solution.x)
 
 
+_FIRM = 1e6  # how much more base parameters count than staying near the nominal bodies
+_REACHED = 1e-6  # of a base parameter
+
+
+def fitted_bodies(
+    mechanism: RigidBodyTree, base: Array
+) -> tuple[RigidBodyTree, dict[str, float], list[str]]:
+    """A tree of bodies with these base parameters (nb,), or the nearest that bodies can have.
+
+    Also its parameters, and a sentence on base parameters that no bodies have.
+    """
+    size = np.maximum(np.abs(base), 1e-3 * np.abs(base).max())
+    bodies, rotors = nearest_bodies(mechanism, base, np.diag((_FIRM / size) ** 2))
+    mechanism = replace(mechanism, tree=replace(mechanism.tree, inertia=bodies))
+    named = zip(mechanism.tree.rotor_names, rotors.tolist(), strict=True)
+    parameters = dict.fromkeys(mechanism.nominal(), 0.0) | dict(named)
+    reached, lost = mechanism.base(parameters), []
+    off = np.abs(reached - base) / size
+    rows = list(zip(mechanism.base_names, reached, base, mechanism.base_units, strict=True))
+    if apart := [rows[k] for k in np.argsort(-off) if off[k] > _REACHED]:
+        lost.append(
+            f"no bodies have the model's base parameters: {base_differences(apart, 'written')}; "
+            "fit with --consistent, which finds some that have"
+        )
+    return mechanism, parameters, lost
+
+
 # tendons stand for parts that turn with several joints, such as motors on moving links
 _PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}
 _DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default classes
@@ -108,7 +136,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     lost = lost_bristles(model)
     if not native:
         lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
-    text, listed, where, notes = _described(model, settings)
+    other = friction if lost else None
+    text, listed, where, notes, inertias = _described(model, settings)
     joints = _joints(listed, model, where)
     values = _joint_values(friction, joints, listed)
     if settings.into is not None:
@@ -132,7 +161,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
             code, sentence = callback(model, settings)
         files |= {"_callback.py": code} if code else {}
         (notes if code else lost).append(sentence)
-    return Written(files, tuple(lost), friction if lost else None, tuple(notes))
+    return Written(files, (*lost, *inertias), other, tuple(notes))
 
 
 def replay(model: ExportedFriction, written: Written) -> Replay | None:
@@ -142,13 +171,13 @@ def replay(model: ExportedFriction, written: Written) -> Replay | None:
 
 def _described(
     model: ExportedFriction, settings: ExportSettings
-) -> tuple[bytes, list[Element], str, list[str]]:
-    """Text of the file, or of the mechanism, its elements, what it is, and notes."""
+) -> tuple[bytes, list[Element], str, list[str], list[str]]:
+    """Text of the file, or of the mechanism, its elements, what it is, notes, lost inertias."""
     if settings.into is not None:
         text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
-        return text, listed, str(settings.into), []
-    text, where, notes = _mechanism(model)
-    return text, elements(text, where), where, notes
+        return text, listed, str(settings.into), [], kept_inertias(model, "MJCF")
+    text, where, notes, lost = _mechanism(model)
+    return text, elements(text, where), where, notes, lost
 
 
 def _joint_values(
@@ -186,13 +215,16 @@ def _drives(
         if e.parent is not None and e.parent.tag == "actuator" and "joint" in e.attributes
     }
     steps = [e.attributes["timestep"] for e in listed if "timestep" in e.attributes]
-    delay = delay_of(model)
+    delay = model.delay
     late = delay_values(delay, float(steps[0]) if steps else _STEP)
     changes: list[Change] = []
     added: list[bytes] = []
+    left: list[str] = []
     for name, j in model.driven.items():
         values, e = drive_values(model, j), there.get(name)
         if e is None:
+            if model.drive is None and (values or late):
+                left.append(f"{name} has no actuator: gain, bias and delay of its torque are left")
             new = {"name": name, "joint": name, **values, **late}
             added += [element(actuator_of(model, j), new)] if model.drive is not None else []
             continue
@@ -203,7 +235,7 @@ def _drives(
             changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
         elif late:
             changes.append((e.start, e.end, with_attributes(tag, late)))
-    return changes, added, _said(model, delay, bool(late and (changes or added)))
+    return changes, added, left + _said(model, delay, bool(late and (changes or added)))
 
 
 def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
@@ -240,9 +272,11 @@ def _passive_motors(friction: Friction, joints: list[Element]) -> list[bytes]:
     return added
 
 
-def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
-    """MJCF of the data's mechanism."""
-    mechanism, notes = model.mechanism, []
+def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str]]:
+    """MJCF of the data's mechanism, what it is, notes, and lost inertias."""
+    mechanism = model.mechanism
+    notes: list[str] = []
+    lost: list[str] = []
     if mechanism is None:
         raise InputError(
             "mujoco: name the MJCF whose joints are given the friction (--into robot.xml), or the "
@@ -251,14 +285,17 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str]]:
     parameters: Mapping[str, float] = model.friction.parameters
     calibration = model.friction.calibration
     if model.data is not None and calibration is not None and calibration.base is not None:
-        parameters = physical_parameters(mechanism, calibration.base)
         notes.append("masses and inertias are such that the model's base parameters hold")
+        if isinstance(mechanism, RigidBodyTree):
+            mechanism, parameters, lost = fitted_bodies(mechanism, calibration.base)
+        else:
+            parameters = physical_parameters(mechanism, calibration.base)
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
     step = _FINEST if passive_motor(model.friction, 0) else _FINE
     text = mjcf_of(mechanism, used, timestep=step)
     if is_stiff(model, step):
         text = text.replace('integrator="RK4"', 'integrator="implicitfast"')
-    return text.encode(), f"MJCF of {mechanism.kind}", notes
+    return text.encode(), f"MJCF of {mechanism.kind}", notes, lost
 
 
 def _joints(listed: list[Element], model: ExportedFriction, where: str) -> list[Element]:

@@ -7,7 +7,7 @@ from frictionid.errors import InputError
 from frictionid.files import json_text
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import lost_by, nearest
+from ..nearest import kept_inertias, lost_by, lost_of_motors, nearest
 from ..xml_text import Element, by_name, read_xml, replaced, stated_before, with_attributes
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
@@ -42,11 +42,13 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         changes.append((dynamics.start, dynamics.end, with_attributes(tag, new)))
         notes += stated_before(joint.name, dynamics.attributes, new)
     lost = lost_by(model, friction, "URDF", "friction and damping")
+    other = friction if lost else None
+    lost += kept_inertias(model, "URDF") + lost_of_motors(model, "URDF", has_drives=False)
     content = {".urdf": replaced(text, changes)}
     if model.drive is not None:
         content["_controllers.yaml"] = _controllers(model.joints, model.drive)
         notes.append("ros2_control: gains for effort interfaces stand beside it; it was not run")
-    return Written(content, tuple(lost), friction if lost else None, tuple(notes))
+    return Written(content, tuple(lost), other, tuple(notes))
 
 
 def _controllers(joints: Sequence[str], drive: PositionControl) -> bytes:

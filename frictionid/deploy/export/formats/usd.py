@@ -16,16 +16,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from frictionid.data.position_control import PositionControl
 from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes
 from frictionid.friction import Friction
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..native import delay_of
-from ..nearest import break_away, differs, lost_by, nearest
+from ..nearest import break_away, differs, kept_inertias, lost_by, lost_of_motors, nearest
 from ..xml_text import by_name, stated_before
 
 with needs("usd"):
@@ -75,7 +72,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         notes.append(f"targets are {1e3 * delay:.3g} ms late: {steps} steps at {rate:g} Hz")
     sublayer = os.path.relpath(path.resolve(), settings.folder.resolve())
     notes.append(f"the layer names {sublayer}: open it in place of that, and move both together")
-    lost = lost_by(model, friction, "Newton", "friction and damping") + _left(model)
+    lost = lost_by(model, friction, "Newton", "friction and damping")
+    lost += kept_inertias(model, "USD") + lost_of_motors(model, "USD", has_drives=True)
     other = friction if differs(model, friction) else None
     return Written({".usda": _layer(stage, sublayer)}, tuple(lost), other, tuple(notes))
 
@@ -186,18 +184,6 @@ def _author(prim: Any, schema: str, namespace: str, values: Mapping[str, float])
             before[name] = f"{old:.4g}"
         attribute.Set(value)
     return stated_before(prim.GetName(), before, {name: f"{x:.4g}" for name, x in values.items()})
-
-
-def _left(model: ExportedFriction) -> list[str]:
-    """Sentences on what of a motor no drive holds."""
-    drive, delay = model.drive, delay_of(model)
-    left = {
-        f"delay of {1e3 * delay:.3g} ms": delay < 0 or (delay > 0 and drive is None),
-        "torque-speed envelope": drive is None
-        and any(map(model.envelope, range(len(model.joints)))),
-        "constant torque": drive is not None and np.any(drive.bias),
-    }
-    return [f"USD holds no {name} of the motors: it is left" for name in left if left[name]]
 
 
 def _layer(stage: Any, sublayer: str) -> bytes:

@@ -12,6 +12,7 @@ from frictionid.friction.laws import Table
 from frictionid.friction.wrapped import LinearOutside
 
 from ..exported import ExportedFriction, ExportSettings, Written
+from ..nearest import TABLE_USE, lost_in_table
 
 with needs("export"):
     import yaml
@@ -19,7 +20,6 @@ with needs("export"):
 FORMAT = "frictionid table 1"
 _SLOWEST, _COUNT, _UNKNOWN = 3e-3, 26, 10.0  # [rad/s], speeds, greatest speed where unknown
 _SETTLE = 20.0  # [s], in which slow bristles bend
-_NOT_HELD = {"q": "the angle", "u": "the motor torque", "load": "the bearing load"}
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
@@ -37,8 +37,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     table = Table(tuple(speeds.tolist()))
     law = LinearOutside(table, model.speeds) if model.speeds else table
     held = replace(friction, law=law, theta=np.maximum(theta, 0.0))
-    note = "interpolate torque over velocity, joint by joint; add it to the motor torque"
-    return Written({".yaml": content.encode()}, _lost(model, speeds, held), held, (note,))
+    return Written({".yaml": content.encode()}, _lost(model, speeds, held), held, (TABLE_USE,))
 
 
 def _speeds(model: ExportedFriction) -> Array:
@@ -80,9 +79,4 @@ def _lost(model: ExportedFriction, speeds: Array, held: Friction) -> tuple[str, 
     dense = np.geomspace(speeds[0], speeds[-1], 500)
     dense = np.concatenate([-dense, dense])
     off = np.abs(held.curve(dense) - model.friction.curve(dense, _SETTLE)).max()
-    lost = [f"between its velocities the table is straight: at most {off:.2g} off steady sliding"]
-    if model.friction.law.has_memory:
-        lost.append("a table has no memory: it holds steady sliding at each velocity")
-    if missing := [_NOT_HELD[x] for x in model.programs.inputs if x in _NOT_HELD]:
-        lost.append(f"a table of velocities holds friction at zero of {' and '.join(missing)}")
-    return tuple(lost)
+    return lost_in_table(model, float(off))

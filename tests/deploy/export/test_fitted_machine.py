@@ -1,0 +1,110 @@
+"""A fitted machine in a file: its bodies have the base parameters, and what is left is said."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from fixtures import driven_wrist as wrist
+
+import frictionid as fid
+from frictionid.deploy.export.export import writer_of
+from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.formats.mujoco import fitted_bodies
+from frictionid.deploy.export.nearest import kept_inertias
+from frictionid.mechanics import configurations
+from frictionid.mechanics.mjcf_text import mjcf_of
+from frictionid.mechanics.rigid_body.rigid_body_tree import moments_of, pseudo_inertia
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return wrist.mechanism(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory):
+    """The arm as a file describes it whose last body is lighter, without the coupled part."""
+    path = tmp_path_factory.mktemp("described") / "arm.urdf"
+    path.write_text(wrist.URDF.replace('value="2"', 'value="1.5"'))
+    return fid.mechanisms.urdf(path)
+
+
+@pytest.fixture(scope="module")
+def data(described, tmp_path_factory):
+    true = wrist.mechanism(tmp_path_factory.mktemp("true"), driven=True)
+    return wrist.dataset(described, wrist.frame(true, seconds=4.0))
+
+
+@pytest.fixture(scope="module")
+def fit(data):
+    return fid.fit(data, "coulomb_viscous", method="inverse_dynamics")
+
+
+def dynamics(text, q, w):
+    """M(q) and h(q, w) by MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(text)
+    state, M, h = mujoco.MjData(model), np.empty((len(q), model.nv, model.nv)), np.empty(w.shape)
+    for k in range(len(q)):
+        state.qpos[:], state.qvel[:] = q[k], w[k]
+        mujoco.mj_forward(model, state)
+        mujoco.mj_fullM(model, state, M[k])
+        h[k] = -state.qfrc_bias
+    return M, h
+
+
+def assert_same(text, arm, base):
+    q = configurations(arm.n, 5)
+    found, wanted = dynamics(text, q, np.sin(7 * q)), arm.dynamics(base, q, np.sin(7 * q))
+    for ours, theirs in zip(wanted, found, strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-6 * np.abs(ours).max())
+
+
+def test_mujoco_has_the_inertia_of_any_bodies_by_their_base_parameters(arm):
+    draw = np.random.default_rng(0)
+    factors = np.linalg.cholesky(pseudo_inertia(arm.tree.inertia))
+    factors = factors + 0.3 * np.tril(draw.standard_normal((3, 4, 4))) * np.abs(factors).max()
+    bodies = moments_of(factors @ np.swapaxes(factors, 1, 2))
+    base = arm.reduction.regrouping @ np.append(bodies, draw.uniform(0.1, 0.5, 4))
+    written, parameters, lost = fitted_bodies(arm, base)
+    text = mjcf_of(written, parameters)
+    assert_same(text, arm, base)
+    assert not lost and mujoco.MjModel.from_xml_string(text).tendon("turner")
+
+
+def test_of_base_parameters_that_no_bodies_have_the_nearest_are_written_and_named(arm):
+    base = np.array(arm.nominal_base)
+    base[arm.base_names.index("rotor_turner")] = -0.2
+    written, parameters, (said,) = fitted_bodies(arm, base)
+    assert "rotor_turner -0.2 kg m^2 (written " in said and "--consistent" in said
+    assert_same(mjcf_of(written, parameters), arm, written.base(parameters))
+
+
+def test_a_fit_to_an_arm_is_written_as_mjcf_with_its_inertias(fit, data, tmp_path):
+    made = fit.export("mujoco", tmp_path / "arm.xml")
+    assert_same(made.paths[0].read_text(), data.mechanism, np.asarray(fit.calibration.base))
+
+
+@pytest.mark.parametrize("to", ["mujoco", "urdf"])
+def test_what_a_file_keeps_that_the_fit_has_otherwise_is_named(to, fit, described, tmp_path):
+    """The mass of the last body, of which the base parameters of the second have a part."""
+    into = Path(described.options["urdf"])
+    if to == "mujoco":
+        into = tmp_path / "arm.xml"
+        into.write_text(mjcf_of(described))
+    biased = replace(fit.friction.calibration, bias=np.array([0.1, 0.0, 0.0]))
+    own = exported(replace(fit.friction, calibration=biased), described.joints)
+    lost = "\n".join(writer_of(to)(own, ExportSettings(into=into)).lost)
+    at = described.base_names.index("mx_b")
+    fitted, file = fit.calibration.base[at], described.nominal_base[at]
+    assert f"mx_b {fitted:.4g} kg m (described {file:.4g})" in lost
+    assert ("no constant torque (0.1, 0, 0 N m)" in lost) == (to == "urdf")
+
+
+def test_a_file_that_the_fit_bears_out_keeps_nothing(fit):
+    source = fit.friction.provenance
+    borne_out = [replace(e, nominal=e.value) for e in source.refined.parameters]
+    notes = {"refined": replace(source.refined, parameters=tuple(borne_out))}
+    assert kept_inertias(exported(fit.friction), "URDF")
+    assert kept_inertias(exported(fit.friction.noted(notes)), "URDF") == []
