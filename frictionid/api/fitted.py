@@ -275,7 +275,8 @@ class Fit:
             The format, such as "c", "python" or "mujoco"; docs/export.md has all.
         out : str or Path
             File to write.
-        settings : ExportSettings, optional
+        settings : dict, optional
+            As of `frictionid.export`, such as {"into": "arm.urdf", "joints": ["a", "b"]}.
         replace : bool
             Whether files that exist may be written over.
 

@@ -1,7 +1,7 @@
 """Export of a fitted friction to what simulators, controllers and drives read."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace as with_fields
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.api.machines import card_of
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.arrays import Array
-from frictionid.config import nearest
+from frictionid.config import nearest, unknown
 from frictionid.deploy.export import FORMATS
 from frictionid.errors import InputError
 from frictionid.files import model_path, write_bytes
@@ -44,6 +44,22 @@ class Exported(NamedTuple):
     round_trip: Replay | None = None
 
 
+_SETTINGS = ("name", "precision", "into", "joints", "randomise", "seed")
+
+
+def _settings_of(settings: ExportSettings | Mapping[str, Any]) -> ExportSettings:
+    """Settings of an export, also of their names and values."""
+    if isinstance(settings, ExportSettings):
+        return settings
+    for name in settings:
+        if name not in _SETTINGS:
+            raise InputError(f"export: {unknown(name, _SETTINGS)}")
+    values: dict[str, Any] = {**settings}
+    if values.get("into") is not None:
+        values["into"] = Path(values["into"])
+    return ExportSettings(**values)
+
+
 def export(
     model: Any,
     to: str,
@@ -52,7 +68,7 @@ def export(
     data: DatasetLike | None = None,
     speeds: Sequence[float] = (),
     temperature: float | None = None,
-    settings: ExportSettings | None = None,
+    settings: ExportSettings | Mapping[str, Any] | None = None,
     replace: bool = False,
 ) -> Exported:
     """Write a fitted friction in a format; see `FORMATS`.
@@ -70,7 +86,9 @@ def export(
         Greatest measured speed of each joint [rad/s or m/s], in place of the model's own.
     temperature : float [degC], optional
         At which friction is taken that depends on it.
-    settings : ExportSettings, optional
+    settings : ExportSettings or dict, optional
+        "name" and "precision" ("double", "float") of code; "into", a file whose "joints" are given
+        friction; "randomise", a number of samples of the parameters, by "seed".
     replace : bool
         Whether files that exist may be written over.
 
@@ -89,7 +107,7 @@ def export(
     ...     made.paths[0].name, made.lost
     ('friction.py', ())
     """
-    chosen, write = settings or ExportSettings(), writer_of(to)
+    chosen, write = _settings_of(settings or {}), writer_of(to)
     dataset = data if data is None else dataset_of(data)
     if dataset is None:
         dataset = getattr(model, "data", None)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
 
+import frictionid as fid
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.xml_text import elements
@@ -46,6 +47,17 @@ def test_levels_and_slopes_stand_in_the_joints_and_all_else_stays(tmp_path):
         '<child link="b"/>', '<child link="b"/>\n    <dynamics damping="0.7" friction="3.5"/>'
     )
     assert made.lost == () and made.notes == ("one had friction 5",)
+
+
+def test_settings_may_be_said_by_name(tmp_path):
+    friction = Friction(CoulombViscous(), THETA[:1, :])
+    path = tmp_path / "arm.urdf"
+    path.write_text(ROBOT)
+    fit = fid.Fit(friction, None)
+    made = fit.export("urdf", tmp_path / "out.urdf", settings={"into": path, "joints": ["one"]})
+    assert 'friction="0.12" damping="0.02"' in made.paths[0].read_text()
+    with assert_refused("unknown setting 'join'; did you mean 'joints'?"):
+        fit.export("urdf", tmp_path / "new.urdf", settings={"join": ["one"]})
 
 
 def test_marks_of_order_ends_of_lines_and_letters_stay(tmp_path):
