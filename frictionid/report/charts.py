@@ -191,7 +191,7 @@ def _curve(
     for fold in curves[:-1, few] if folds else ():
         traces.append(line(w[few], fold, "", {"line": thin, **SILENT, **group}))
     drawn = {"color": style.colour, "width": 2, "dash": dash(style.line)}
-    return [*traces, line(w[few], curves[-1, few], model.name, {"line": drawn, **group})]
+    return [*traces, line(w[few], curves[-1, few], model.curve_name, {"line": drawn, **group})]
 
 
 def _range(models: Sequence[Model], data: DataDescription, joint: int) -> list[float]:

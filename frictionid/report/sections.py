@@ -109,6 +109,9 @@ def description_of(document: Mapping[str, Any], hashes: Iterable[object] = ()) -
     return DataDescription(**values, hashes=frozenset(map(str, hashes)))
 
 
+_LOADS = {"load_coefficient", "loss", "motor"}  # parameters of friction that grows with a load
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """A line of the tables: an identifier with the recipe by which it was fitted.
@@ -155,6 +158,12 @@ class Model:
     examples: Sequence[Mapping[str, Any]] = ()
     errors: HorizonErrors | None = None
     torque: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def curve_name(self) -> str:
+        """Its name beside its curve, which is that of joints without load and motor torque."""
+        joints = self.document.get("joints", ())
+        return f"{self.name}, unloaded" if any(_LOADS & {*joint} for joint in joints) else self.name
 
     def start_errors(self, horizon: float) -> StartErrors:
         """Errors of held-out predictions after a horizon [s], after NaN the torque left.

@@ -117,6 +117,15 @@ def test_no_band_is_clipped(tmp_path):
     assert low <= np.nanmin(curve - half) and np.nanmax(curve + half) <= high
 
 
+def test_a_curve_under_no_load_says_so(tmp_path):
+    plain = section(tmp_path / "plain", ("one", "integral"))
+    document = dict(plain.models[0].document) | {"joints": [{"load_coefficient": {"value": 0.1}}]}
+    loaded = section(tmp_path / "loaded", ("one", "integral"), model=document)
+    for own, words in ((plain, "one"), (loaded, "one, unloaded")):
+        picture = friction_of_the_choice(own, styles(own.models))
+        assert picture.legends[0].get_texts()[0].get_text() == words
+
+
 def test_torque_is_drawn_as_measured_as_modelled_and_without_friction(tmp_path):
     time = np.linspace(0.0, 1.0, 11)
     rigid = np.sin(6.0 * time)[:, None]

@@ -272,7 +272,7 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
             axis.set_ylabel(f"friction [{data.torque_units[joint]}]")
     for spare in axes[joints:]:
         spare.set_axis_off()
-    key = {chosen.name: line(colour, linewidth=1.8)}
+    key = {chosen.curve_name: line(colour, linewidth=1.8)}
     if np.isfinite(curve_and_band(chosen, data, 0)[2]).any():
         key["its 95 % band"] = patch(colour, BAND)
     if rivals:
