@@ -65,7 +65,7 @@ def torque_speeds(dataset: Dataset, motion: Sequence[States]) -> Iterator[Reache
             continue
         speed = np.abs(samples.w)
         fastest = float(np.quantile(speed, 0.99))
-        most, at = int(np.argmax(samples.torque)), int(np.argmax(speed))
+        most, at = int(np.argmax(samples.torque)), np.argmax(speed)
         peak, knee, no_load = _edge(samples, fastest) if fastest else (None, None, None)
         limits = samples.torque[most], speed[most], speed[at], samples.torque[at]
         yield Reached(j + 1, peak, knee, no_load, *map(float, limits))
@@ -120,13 +120,13 @@ def _samples(dataset: Dataset, motion: Sequence[States], j: int) -> _Samples | N
     if not torque:
         return None
     every = np.concatenate(torque)
-    sigma = max(_MAD * float(np.median(np.concatenate(noise))), _NOISE * float(every.max()))
+    sigma = max(_MAD * np.median(np.concatenate(noise)), _NOISE * every.max())
     return _Samples(every, np.concatenate(w), np.concatenate(stretch), sigma)
 
 
 def _edge(samples: _Samples, fastest: float) -> Parts:
     """Peak, knee and no-load speed, None where they are not reached."""
-    few, top = samples.every(_FEW), float(np.quantile(samples.torque, 0.999))
+    few, top = samples.every(_FEW), np.quantile(samples.torque, 0.999)
     if not top > 0:
         return None, None, None
     edge = _likeliest(few, top - np.array([0.0, 1.0, 3.0]) * samples.sigma, fastest)
@@ -155,22 +155,23 @@ def _likeliest(samples: _Samples, peaks: Array, fastest: float) -> Envelope:
     for peak in peaks:
         slower = np.append(0.0, np.cumsum(_log_likelihood(torque, peak / samples.sigma)))
         for knee in _KNEES * fastest:
-            first = int(np.searchsorted(w, knee))
+            first = np.searchsorted(w, knee)
             edges = Envelope(peak, knee, knee + _BEYOND[:, None] * fastest)
             top = np.maximum(edges.top(w[first:]), 0.0) / samples.sigma
             likelihoods.append(slower[first] + _log_likelihood(torque[first:], top).sum(axis=1))
     shape = len(peaks), len(_KNEES), len(_BEYOND)
-    i, j, k = np.unravel_index(int(np.argmax(likelihoods)), shape)
-    knee = float(_KNEES[j] * fastest)
-    return Envelope(float(peaks[i]), knee, knee + float(_BEYOND[k] * fastest))
+    i, j, k = np.unravel_index(np.argmax(likelihoods), shape)
+    knee = _KNEES[j] * fastest
+    return Envelope(peaks[i], knee, knee + _BEYOND[k] * fastest)
 
 
 def _log_likelihood(torque: Array, top: Array) -> Array:
     """Of torques (S,) under an edge (..., S), both in units of the noise."""
     d = torque - top
     on = np.exp(-0.5 * d**2) / np.sqrt(2 * np.pi)
-    below = ndtr(-d) / (top + 1.0)
-    return np.log(_SHARE * on + (1.0 - _SHARE) * below + _OUTLIERS)
+    near, below = np.abs(d) < 9.0, (d < 0.0) * 1.0  # further off, Phi is 0 or 1
+    below[near] = ndtr(-d[near])
+    return np.log(_SHARE * on + (1.0 - _SHARE) * below / (top + 1.0) + _OUTLIERS)
 
 
 def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
