@@ -76,7 +76,7 @@ def test_healthy_recordings_are_called_good():
 
 
 def false_alarms(cases):
-    verdicts = [judge(case, motions) for case, motions in cases]
+    verdicts = [judge(*case) for case in cases]
     return [(v.dataset, [f.text for f in v.findings]) for v in verdicts if v.level != "good"]
 
 
