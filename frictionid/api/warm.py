@@ -41,11 +41,13 @@ def _joint() -> None:
 
 
 def _arm() -> None:
-    """Rigid bodies: their balance of torques, and a prediction."""
+    """Rigid bodies: their derivatives, their balance of torques, and a prediction."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "arm.urdf"
         file.write_text(_ARM, encoding="utf-8")
-        data = Dataset.from_arrays({"a": _motion(2), "b": _motion(2)}, urdf(file))
+        arm = urdf(file)
+        arm.partials(arm.base({}), *np.zeros((3, 1, 2)))  # for shooting
+        data = Dataset.from_arrays({"a": _motion(2), "b": _motion(2)}, arm)
         check(data)
         fit(data, "coulomb_viscous", method="inverse_dynamics", free=["inertia"]).predict()
 
