@@ -112,7 +112,10 @@ def _run(words: list[str]) -> int:
         shown = getattr(error, "format_message", None)  # click's complaints about arguments
         if shown is None:
             raise
-        return _complain(f"{shown()} (see frictionid --help)", 2)
+        context = getattr(error, "ctx", None)
+        name = f" {context.info_name}" if context is not None and context.parent else ""
+        words = shown().replace("Value error, ", "").rstrip(".")
+        return _complain(f"{words} (see frictionid{name} --help)", 2)
 
 
 def _environment(error: OSError | MemoryError) -> str:
