@@ -224,14 +224,14 @@ _Fitted = tuple[Array, Array, Array, Array]  # value, inverse, excess, peak
 def _undisturbed(rows: _Rows, prior: Array, most: Array) -> tuple[_Fitted, Array]:
     """The fit to what is not disturbed, and which rows (K,) that is."""
     used = np.ones(len(rows.time), dtype=bool)
-    for last in (*(False,) * _PASSES, True):
+    for _ in range(_PASSES):
         value, inverse, excess, left = _fitted(rows, used, prior)
         mean = _local_means(left, rows)
         pushed = np.asarray((np.abs(mean) > most).any(axis=1))
-        calm = ~_widened(pushed, rows.time)  # anew: a push bends the first fit elsewhere, too
-        if last or np.array_equal(calm, used):
+        # anew: a push bends the first fit elsewhere, too
+        before, used = used, ~_widened(pushed, rows.time)
+        if np.array_equal(before, used):
             break
-        used = calm
     peak = np.abs(mean[used]).max(axis=0, initial=0.0)
     return (value, inverse, excess, peak), used
 
