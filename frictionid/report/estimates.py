@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 
+from frictionid.friction.laws.levels import stem
 from frictionid.friction.provenance import Estimate, Estimates
 
 from .numbers import MINUS, NOTHING
@@ -128,15 +129,16 @@ def added(chosen: Estimates, others: Mapping[str, Estimates]) -> str:
     """What fits of richer laws show beyond the chosen one's parameters, a sentence; "" of nothing.
 
     Of laws that have all of its parameters, those that the data tell from zero, with intervals;
-    velocities, which say nothing of how much there is, are left out.
+    velocities, which say nothing of how much there is, are left out. A parameter of each direction
+    counts as that of both.
     """
-    names = {e.parameter for e in chosen.parameters if e.block == "friction"}
+    names = {stem(e.parameter) for e in chosen.parameters if e.block == "friction"}
     parts = []
     for name, other in others.items():
         friction = [e for e in other.parameters if e.block == "friction"]
         shown = [e for e in friction if e.identified and e.unit != "rad/s"]
-        shown = [e for e in shown if e.parameter not in names]
-        if shown and names < {e.parameter for e in friction}:
+        shown = [e for e in shown if stem(e.parameter) not in names]
+        if shown and names < {stem(e.parameter) for e in friction}:
             values = (f"{e.name} {value_text(e)} {interval_text(e)}" for e in shown)
             parts.append(f"{name} shows {', '.join(values)}")
     return f"Identified, but no practical difference here: {'; '.join(parts)}." if parts else ""

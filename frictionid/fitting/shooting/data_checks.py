@@ -22,6 +22,7 @@ _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
+_FOLLOWED = 0.01  # of third differences: the smoother takes off nothing
 _MORE = 8.0  # times what the smoother takes off, which is some 0.6 of the noise
 _EARLY = 0.001  # [s] that a torque acts before it was logged
 _MANY = 12  # base parameters
@@ -167,13 +168,21 @@ def _still(intervals: Intervals) -> Array:
     """Joints, and other parts (m,), that never move in any recording."""
     turns = turns_of(intervals.dataset.mechanism, intervals.q)
     travel = [np.ptp(of_parts(s.q, turns), axis=0) for s in intervals.states]
-    noise = of_parts(_noise(intervals), None if turns is None else np.abs(turns))
+    noise = of_parts(angle_noise(intervals), None if turns is None else np.abs(turns))
     return np.asarray(np.max(travel, axis=0) <= _STILL * noise)
 
 
-def _noise(intervals: Intervals) -> Array:
-    """Noise (n,) [rad] of the angles: what the smoother took off."""
-    return np.asarray(_MAD * np.median(np.abs(intervals.before - intervals.q), axis=0))
+def angle_noise(intervals: Intervals) -> Array:
+    """Noise (n,) [rad] of the angles: what the smoother took off.
+
+    Where a motion is so fast that the smoother follows its noise, the third differences of angles,
+    to which the motion adds.
+    """
+    taken = _MAD * np.median(np.abs(intervals.before - intervals.q), axis=0)
+    runs = intervals.dataset.recordings
+    rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
+    most = _MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
+    return np.asarray(np.where(taken < _FOLLOWED * most, most, taken))
 
 
 def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
@@ -195,7 +204,7 @@ def explained(problem: ShootingProblem, solution: Solution) -> bool:
 
 def _worse(problem: ShootingProblem, solution: Solution) -> Array:
     """How many times worse than measured the angles (n,) are predicted."""
-    return np.asarray(solution.sigma / np.maximum(_noise(problem.intervals), 1e-12))
+    return np.asarray(solution.sigma / np.maximum(angle_noise(problem.intervals), 1e-12))
 
 
 def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
