@@ -7,7 +7,7 @@ import re
 import reprlib
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -195,8 +195,8 @@ def mistake(invalid: ValidationError) -> str:
     One mistake at a time, as the first one often causes the others; but all missing keys at once.
     """
     errors = invalid.errors(include_url=False)
-    error, place = errors[0], _place(errors[0])
-    missing = [_place(e)[1:] for e in errors if e["type"].startswith("missing")]
+    error, place = errors[0], place_of(errors[0])
+    missing = [place_of(e)[1:] for e in errors if e["type"].startswith("missing")]
     if place[1:] in missing:
         if len(missing) > 1:
             names = ", ".join(map(repr, missing[:-1]))
@@ -214,9 +214,13 @@ def mistake(invalid: ValidationError) -> str:
     return f"{place[1:]}: {reason}" if place else reason
 
 
-def _place(error: Any) -> str:
-    """Where a complaint of pydantic is, such as ".columns.angle[1]", without types of a union."""
-    keys = [key for key in error["loc"] if not re.match(r"constrained-|(tuple|list)\[", str(key))]
+def place_of(error: Any, tags: Collection[str] = ()) -> str:
+    """Where a complaint of pydantic is, such as ".columns.angle[1]", without types of a union.
+
+    tags : of unions, which are no keys either
+    """
+    types = re.compile(r"constrained-|(tuple|list)\[")
+    keys = [key for key in error["loc"] if key not in tags and not types.match(str(key))]
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
 
 

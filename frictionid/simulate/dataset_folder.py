@@ -11,7 +11,7 @@ import numpy as np
 import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
-from frictionid.config import nearest, read_toml
+from frictionid.config import nearest, place_of, read_toml
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Array
 from frictionid.data.two_clock_table import (
@@ -83,9 +83,7 @@ def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Se
 
 
 def _sentence(error: Any) -> str:
-    # pydantic's place has the tag of a union (the kind), the file's has not
-    loc = [key for key in error["loc"] if key not in _KINDS]
-    place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in loc).lstrip(".")
+    place = place_of(error, _KINDS).lstrip(".")
     if error["type"] == "missing":
         return f"the key {place!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
