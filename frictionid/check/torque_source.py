@@ -159,9 +159,10 @@ def _by_noise(angle: Signal, time: Array, value: Array, level: float) -> Iterato
         yield _of_steps(time, value, level, step)
     if held == 1.0:
         yield "cannot tell", "it never changes"
-    if held > HELD:
-        yield "commanded", f"it is held for {1 / (1 - held):.0f} samples at a time, without noise"
     changes = np.append(True, np.diff(value) != 0.0)
+    if held > HELD:
+        usual = np.median(np.diff(np.flatnonzero(changes)))
+        yield "commanded", f"it is held for {usual:.0f} samples at a time, without noise"
     if changes.sum() < FEWEST:
         yield "cannot tell", "it changes too rarely to show any noise"
     noise = noise_of(time[changes], value[changes])

@@ -104,6 +104,9 @@ def test_torque_steps_that_are_held_are_commands_and_a_rounded_curve_is_undecide
     angle = np.sin(2 * time)
     held = np.sign(np.sin(3 * time)) * 0.4
     assert sources(one_recording(time, angle, held)) == {(1, "commanded")}
+    steps = np.where(time // 0.8 % 5 == 4, 0.0, np.where(time // 0.8 % 2, 0.4, -0.4))
+    (source,) = torque_sources(one_recording(time, angle, steps))
+    assert "it is held for 80 samples at a time" in source.words
     rounded = np.round(np.sin(3 * time) / 0.02) * 0.02
     assert sources(one_recording(time, angle, rounded)) == {(1, "cannot tell")}
 

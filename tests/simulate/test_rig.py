@@ -285,7 +285,7 @@ def edit(*path):
 TORQUE = ("recordings", 0, "torques", 0)
 MISTAKES = [
     (("nane", 1), "unknown key 'nane'; did you mean 'name'?"),
-    (("camera", "angle_noise", -1.0), "camera.angle_noise: it should be greater than or equal to 0"),
+    (("camera", "angle_noise", -1.0), "camera.angle_noise: it should be greater than or equal"),
     (("camera", "samples", 1), "camera.samples: it should be greater than or equal to 2, not 1"),
     (("camera", "rate", float("inf")), "rate: it should be less than"),
     (("mechanism", "kind", "acrobat"), "did you mean 'acrobot'?"),
