@@ -34,6 +34,7 @@ _PILED, _STRETCHES, _LENGTH = 5.0, 3, 3
 _SPREAD = 0.1  # of the fastest speed, that samples on the edge must differ by
 _FEW = 1000  # samples of the search
 _MOVES = 0.02  # of the fastest speed: at rest a torque that holds a load stands still
+_FAR = 3.0  # times the fastest speed, beyond which no fall is followed to zero
 _AT_LIMIT = 0.98  # of what a motor can make
 _KNEES, _BEYOND = np.linspace(0.05, 1.0, 20), np.geomspace(0.05, 1.5, 12)  # of the fastest speed
 _SHARE, _OUTLIERS, _ROUNDS = 0.3, 1e-4, 10
@@ -194,6 +195,8 @@ def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
     if line is None:
         return top, None, None
     (stall, slope), C, reach = line
+    if slope <= reach * C[1, 1] ** 0.5 or not 0 < stall < _FAR * fastest * slope:
+        return top, None, None  # samples that stand at one level
     no_load, by = stall / slope, np.array([1.0, -stall / slope]) / slope
     end = Estimated(float(no_load), reach * float(np.sqrt(by @ C @ by)))
     if peak is None or top is None:

@@ -82,6 +82,24 @@ def test_of_servos_it_is_said_how_near_their_limit_they_come():
     assert "never reaches the limit of its motor" in text
 
 
+@pytest.mark.parametrize("level", [1.2, 3.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_torque_that_steps_between_two_levels_has_no_fall(level, seed):
+    rig = fid.mechanisms.pendulum(mass=0.4, length=0.25)
+    friction = fid.Friction(fid.CoulombViscous(), np.array([[0.03, 0.01]]))
+    simulator, rng = fid.Simulator(rig, friction, dt=1 / 480), np.random.default_rng(seed)
+    frames, t = {}, np.arange(4801) / 480
+    for k in range(3):
+        u = level * np.repeat(rng.choice([-1, 1], 31), 160)[:4801, None]
+        q = simulator.run(simulator.reset(q=[0.0]), u=u[:-1]).q[:, 0]
+        q = q + rng.normal(0, 1e-3, len(q))
+        frames[f"{k}"] = pd.DataFrame({"t": t, "q": q, "u": u[:, 0]})[::4]
+    dataset = fid.Dataset.from_frames(frames, rig, time="t", angle="q", torque="u")
+    verdict = fid.check(dataset)
+    assert verdict.torque_speed[["knee", "no_load"]].isna().all(axis=None)
+    assert "its fall is not reached" in said(verdict).iloc[0]
+
+
 @pytest.mark.usefixtures("real_data")
 @pytest.mark.parametrize("name", ["dfki_c1", "tiago"])
 def test_recordings_of_machines_within_their_limits_show_none(name):

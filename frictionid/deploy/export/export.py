@@ -20,7 +20,7 @@ from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
 
-from ..compensation import CompensationLaw
+from ..compensation import CompensationLaw, listed
 from ..pooling.random_effects import pooled_draws
 from .exported import ExportedFriction, ExportSettings, Written, exported
 from .nearest import Replay, cost_of, cost_sentence
@@ -132,7 +132,7 @@ def export(
     paths = (Path(out), *(Path(out).with_name(chosen.stem + ending) for ending in endings))
     read = [model_path(Path(p)) for p in (model, chosen.into) if isinstance(p, str | Path)]
     check_outputs(paths, read, replace=replace)
-    lost, cost = _lost(prepared, written)
+    lost, cost = _lost(prepared, written, _module(to, "held"))
     replay, notes = _module(to, "replay"), written.notes
     back = replay(prepared, written) if replay and dataset is not None else None
     if back is not None:
@@ -153,22 +153,35 @@ def _at(friction: Friction, temperature: float | None) -> Friction:
     return friction.at_temperature(temperature)
 
 
-def _lost(model: ExportedFriction, written: Written) -> tuple[tuple[str, ...], Replay | None]:
-    """Sentences on what is lost, and what that costs on the data's motion."""
-    if written.held is None or isinstance(model.law, CompensationLaw):
-        return written.lost, None
+Held = Callable[[ExportedFriction], Friction]
+
+
+def _lost(
+    model: ExportedFriction, written: Written, held: Held | None
+) -> tuple[tuple[str, ...], Replay | None]:
+    """Sentences on what is lost, and what that costs on the data's motion.
+
+    held : friction that an engine holds of a model; no engine holds backlash
+    """
+    lost, friction = written.lost, written.held
+    is_loose = False
+    if held is not None and np.any(model.backlash):
+        is_loose, friction = True, held(model) if friction is None else friction
+        units = " or ".join(dict.fromkeys(model.units))
+        lost = (*lost, f"backlash of {listed(model.backlash)} {units} is left: the target has none")
+    if friction is None or isinstance(model.law, CompensationLaw):
+        return lost, None
     if model.data is None:
-        if model.nearest is not None:
-            return (*written.lost, model.nearest.cost), None
+        if written.held is not None and model.nearest is not None:
+            return (*lost, model.nearest.cost), None
         hint = "name a data set (--dataset) to see what that costs in torque and after 1 s"
-        return (*written.lost, hint), None
-    cost = cost_of(model, written.held)
-    return (*written.lost, cost_sentence(model, cost)), cost
+        return (*lost, hint), None
+    cost = cost_of(model, friction, has_backlash=not is_loose)
+    return (*lost, cost_sentence(model, cost)), cost
 
 
 FORMAT = "frictionid samples 1"
 _FEWEST = 200  # draws behind the ranges of an engine's own numbers
-Held = Callable[[ExportedFriction], Friction]
 
 
 def randomised(

@@ -122,6 +122,15 @@ class ExportedFriction:
         return 0.0 if calibration is None else float(calibration.delay)
 
     @property
+    def backlash(self) -> float | Array:
+        """Backlash of each joint's encoder [rad or m], of servos."""
+        calibration = self.friction.calibration
+        if calibration is not None and calibration.backlash is not None:
+            return calibration.backlash
+        servo = None if self.data is None else self.data.recordings[0].servo
+        return 0.0 if servo is None else servo.backlash
+
+    @property
     def horizon(self) -> float:
         """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
         recordings = () if self.data is None else self.data.recordings

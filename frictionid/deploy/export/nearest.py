@@ -256,8 +256,10 @@ def predictions(model: ExportedFriction, friction: Friction, initial: InitialSta
     return at_horizon(predict(plant, friction[None][copies], initial).q, initial)
 
 
-def cost_of(model: ExportedFriction, held: Friction) -> Replay:
+def cost_of(model: ExportedFriction, held: Friction, *, has_backlash: bool = True) -> Replay:
     """Cost of a friction in place of the model's, on the motion of its data.
+
+    has_backlash : whether its target has the model's
 
     Raises
     ------
@@ -270,7 +272,8 @@ def cost_of(model: ExportedFriction, held: Friction) -> Replay:
     torques = [along(friction, data.integral.nodes) for friction in (model.friction, held)]
     rms = np.sqrt(((torques[0] - torques[1]) ** 2).mean(axis=0))
     initial = reaching(data.initial_states)
-    replay = replayed(model, initial, predictions(model, held, initial))
+    theirs = initial if has_backlash else _without_backlash(initial)
+    replay = replayed(model, initial, predictions(model, held, theirs))
     return replay._replace(torque=tuple(map(float, rms)))
 
 
@@ -280,6 +283,12 @@ def reaching(initial: InitialStates) -> InitialStates:
     if len(rows) > _MOST:
         rows = rows[np.linspace(0, len(rows) - 1, _MOST).astype(int)]
     return initial.take(rows)
+
+
+def _without_backlash(initial: InitialStates) -> InitialStates:
+    """The initial states with encoders at the joints."""
+    tight = {id(s): replace(s, backlash=0.0) for s in initial.servos}
+    return initial._replace(servos=tuple(tight[id(s)] for s in initial.servos), play=None)
 
 
 def at_horizon(q: Array, initial: InitialStates) -> Array:

@@ -45,6 +45,17 @@ def test_a_servo_with_late_targets_and_a_limit_runs_as_ours(servo, tmp_path):
     assert done.round_trip.mean_apart < 2e-4
 
 
+@pytest.mark.parametrize("to", ["mujoco", "isaac"])
+def test_a_backlash_that_a_target_has_not_is_named_with_what_it_costs(to, servo, tmp_path):
+    loose = calibrated(1, target_delay=0.012, backlash=[0.02])
+    friction = replace(FRICTION, calibration=loose)
+    done = fid.export(friction, to, tmp_path / "servo", data=servo)
+    assert done.lost[0] == "backlash of 0.02 rad is left: the target has none"
+    assert f"{done.cost.apart:.3g} from these" in done.lost[1]
+    run = fid.export(friction, "mujoco", tmp_path / "servo.xml", data=servo).round_trip
+    assert done.cost.apart == pytest.approx(run.apart, rel=0.3) and run.apart > 2e-3
+
+
 def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(
