@@ -7,7 +7,7 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.data.envelope import Envelope, of_motor
+from frictionid.data.envelope import Envelope, Estimated, Reached, of_motor
 from frictionid.data.position_control import position_control
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
@@ -120,3 +120,10 @@ def test_a_table_names_it_by_speeds_or_by_the_motor():
 def test_half_an_envelope_is_one_clear_line(more, message):
     with assert_refused(message):
         envelope(**more)
+
+
+@pytest.mark.parametrize("no_load", [-3.8e16, 4.0])
+def test_a_fall_to_zero_below_the_knee_is_refused(no_load):
+    parts = [Estimated(value, 0.1) for value in (1.2, 4.0, no_load)]
+    with assert_refused("is not above its knee, 4 rad/s: fit again"):
+        _ = Reached(1, *parts, 1.2, 0.3, 60.0, 1.2).envelope
