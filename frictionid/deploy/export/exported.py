@@ -174,8 +174,8 @@ class ExportedFriction:
         hashes = source.data
         lines += [f"  {name} {digest}" for name, digest in list(hashes.items())[:3]]
         if len(hashes) > 3:
-            more = len(hashes) - 3
-            lines.append(f"  and {more} file{'s' * (more > 1)} more")
+            further = len(hashes) - 3
+            lines.append(f"  and {further} file{'s' * (further > 1)} more")
         return tuple(" ".join(printable(line).split("\n")) for line in lines)
 
     @cached_property
