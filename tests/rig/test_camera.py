@@ -24,7 +24,7 @@ from numpy.testing import assert_allclose
 
 from frictionid.data.marker_geometry import flattened
 from frictionid.data.recordings import TrueMotion
-from frictionid.rig.camera.angles import angles_csv, calibrate_view
+from frictionid.rig.camera.angles import angles_csv, calibrate_view, joined_turns
 from frictionid.rig.camera.film import write_film
 from frictionid.rig.camera.marker_setup import Camera, Links, Marker, MarkerSetup
 from frictionid.rig.camera.propose import propose
@@ -232,3 +232,19 @@ def test_one_link_is_a_pendulum(round_and_round):
     )
     setup = MarkerSetup(markers=[Marker(name="pivot", at=list(SMALL.pivot)), marker("bob", BLUE)])
     assert np.abs(errors(tracked(film, taken(film, movement), setup), movement)).max() < 0.1
+
+
+@pytest.mark.parametrize("last", [1, 2, 40], ids="{} frames behind".format)
+def test_whole_turns_across_a_gap_are_those_of_the_motion(last):
+    """Up to 45 rad/s, some 500 rad/s^2, three or four frames lost, a guide that is turns off."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        time = np.arange(44 + last) / 60.0
+        speed = rng.uniform(-30, 30) + rng.uniform(-8, 8) * np.sin(rng.uniform(3, 60) * time)
+        true = np.cumsum(speed)[:, None] / 60.0
+        found = np.ones_like(true, dtype=bool)
+        found[40 : 40 + rng.integers(3, 5)] = False
+        astray = true + 2 * np.pi * rng.integers(-2, 3) * (np.arange(len(time)) >= 40)[:, None]
+        joined = joined_turns(time, astray, found)
+        assert_allclose(joined[found], true[found], atol=1e-9)
+    assert_allclose(joined_turns(time, true, np.ones_like(found)), true)

@@ -220,13 +220,15 @@ def _angles(
 ) -> Angles:
     """Angles of links between markers in the plane of motion.
 
-    Whole turns are those of the tracker's prediction, which counts how often a link went round.
+    Whole turns are those of the tracker's prediction, which counts how often a link went round,
+    and across short gaps those of `joined_turns`, which knows both sides.
     """
     flat = flattened(markers, calibration.plane)
     link = np.diff(mirror(flat) if camera.mirrored else flat, axis=1)
     both = seen[:, 1:] & seen[:, :-1]
     guide = -tracks.theta if camera.mirrored else tracks.theta
     theta = np.where(both, unwrapped_direction(link, guide), guide) - np.radians(camera.down)
+    theta = joined_turns(tracks.time, theta, both)
     q = np.diff(theta, axis=1, prepend=0.0)
     complete = both & np.concatenate([np.ones_like(both[:, :1]), both[:, :-1]], axis=1)
     sigma = np.where(complete, _deviation(link, np.nan_to_num(tracks.sigma)), np.nan)
@@ -240,6 +242,33 @@ def _angles(
         markers=np.where(seen[..., None], markers, np.nan),
         calibration=calibration,
     )
+
+
+def joined_turns(time: Array, theta: Array, found: Array) -> Array:
+    """Directions (T, n) [rad] with the whole turns across gaps that the speeds beside them ask for.
+
+    A prediction with an acceleration goes astray within frames of fast motion. Gaps are of at most
+    0.1 s; speeds are those of the last two frames before, and of the first two behind, if any.
+
+    found : (T, n) of bool
+
+    >>> time, found = np.arange(6.0) / 60, np.array([1, 1, 0, 0, 1, 1], dtype=bool)[:, None]
+    >>> astray = 30.0 * time[:, None] - 2 * np.pi * (time[:, None] > 0.05)
+    >>> joined_turns(time, astray, found).ravel()[[0, 1, 4, 5]].round(2)
+    array([0. , 0.5, 2. , 2.5])
+    """
+    out = theta.copy()
+    for j, column in enumerate(found.T):
+        frames = np.flatnonzero(column)
+        wide = (np.diff(frames) > 1) & (np.diff(time[frames]) <= _AHEAD)
+        for a, b in zip(frames[:-1][wide], frames[1:][wide], strict=True):
+            pairs = [(k, k + 1) for k in (a - 1, b) if k >= 0 and column[k : k + 2].sum() == 2]
+            if not pairs:
+                continue
+            speed = np.mean([(theta[n, j] - theta[k, j]) / (time[n] - time[k]) for k, n in pairs])
+            expected = out[a, j] + speed * (time[b] - time[a])
+            out[b:, j] += 2 * np.pi * np.round((expected - out[b, j]) / (2 * np.pi))
+    return out
 
 
 def _deviation(link: Array, sigma: Array) -> Array:
