@@ -244,21 +244,21 @@ def _angles(
     )
 
 
-def joined_turns(time: Array, theta: Array, found: Array) -> Array:
+def joined_turns(time: Array, theta: Array, tracked: Array) -> Array:
     """Directions (T, n) [rad] with the whole turns across gaps that the speeds beside them ask for.
 
     A prediction with an acceleration goes astray within frames of fast motion. Gaps are of at most
     0.1 s; speeds are those of the last two frames before, and of the first two behind, if any.
 
-    found : (T, n) of bool
+    tracked : (T, n) of bool
 
-    >>> time, found = np.arange(6.0) / 60, np.array([1, 1, 0, 0, 1, 1], dtype=bool)[:, None]
+    >>> time, tracked = np.arange(6.0) / 60, np.array([1, 1, 0, 0, 1, 1], dtype=bool)[:, None]
     >>> astray = 30.0 * time[:, None] - 2 * np.pi * (time[:, None] > 0.05)
-    >>> joined_turns(time, astray, found).ravel()[[0, 1, 4, 5]].round(2)
+    >>> joined_turns(time, astray, tracked).ravel()[[0, 1, 4, 5]].round(2)
     array([0. , 0.5, 2. , 2.5])
     """
     out = theta.copy()
-    for j, column in enumerate(found.T):
+    for j, column in enumerate(tracked.T):
         frames = np.flatnonzero(column)
         wide = (np.diff(frames) > 1) & (np.diff(time[frames]) <= _AHEAD)
         for a, b in zip(frames[:-1][wide], frames[1:][wide], strict=True):
