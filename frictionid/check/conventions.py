@@ -24,11 +24,12 @@ from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 from .findings import Finding, finding
 from .motion import WIDTH, Measured, characteristic_speeds
 
+_FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
+TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so many times too large
+_NOT = [f"not {name}" for name in TORQUE_UNITS]  # or too small
+_NONE = "no_torque"  # what those are judged against
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
-_FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
-TORQUE_UNITS = {"mN m": 1000, "N cm": 100}
-_NOT, _NONE = [f"not {name}" for name in TORQUE_UNITS], "no_torque"
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
 # Two maps whose scores are closer than this cannot be distinguished (mirror images).
 ALIKE = 0.02

@@ -66,7 +66,7 @@ def torque_speeds(dataset: Dataset, motion: Sequence[States]) -> Iterator[Reache
             continue
         speed = np.abs(samples.w)
         fastest = float(np.quantile(speed, 0.99))
-        most, at = int(np.argmax(samples.torque)), np.argmax(speed)
+        most, at = np.argmax(samples.torque), np.argmax(speed)
         peak, knee, no_load = _edge(samples, fastest) if fastest else (None, None, None)
         limits = samples.torque[most], speed[most], speed[at], samples.torque[at]
         yield Reached(j + 1, peak, knee, no_load, *map(float, limits))

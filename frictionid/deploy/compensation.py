@@ -80,6 +80,7 @@ class CompensationLaw(WrappedLaw):
     """
 
     settings: Compensation
+    cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
 
     @property
     def facts(self) -> tuple[str, ...]:
@@ -93,8 +94,6 @@ class CompensationLaw(WrappedLaw):
             "add Tf to the motor torque.",
             f"Tf changes sides over |w| = {listed(s.smooth)}{limit}.",
         )
-
-    cannot_be_saved = "a compensation: save the friction itself, and give the settings again"
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         law, speed = self.law.sharpened(), namespace(x.w).abs(x.w) + _MOVING
