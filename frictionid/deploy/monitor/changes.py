@@ -102,6 +102,15 @@ def joined(several: Iterable[Changes]) -> Changes:
     return Changes(*map(np.concatenate, zip(*several, strict=True)))
 
 
+def with_others_held(changes: Changes, middle: Array, free: Array) -> Changes:
+    """The changes with all effects but the free ones (columns) held at the middle (D,)."""
+    held = np.setdiff1d(np.arange(len(middle)), free)
+    covariance = changes.inverse
+    slopes = covariance[:, :, held] @ np.linalg.inv(covariance[:, held][:, :, held])
+    off = changes.value[:, held] - middle[held]
+    return changes._replace(value=changes.value - (slopes @ off[..., None])[..., 0])
+
+
 def total_weights(speeds: Array) -> Array:
     """Weights (n, 4) of the parts of each joint's friction at its usual speed: all but asymmetry.
 

@@ -16,7 +16,7 @@ PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # Standard deviations of priors, wide beside what a recording tells, so that they hardly shrink it:
 # delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
 DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
-_MOMENTS = ("mass", "mx", "my", "mz")
+MOMENTS = ("mx", "my", "mz")
 _NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
 
 
@@ -96,7 +96,7 @@ def _masses(mechanism: Mechanism) -> list[tuple[str, Array]]:
     if isinstance(mechanism, RigidBodyTree) and not out:
         moments = _point_masses(mechanism.tree.inertia[-1])
         acts = mechanism.reduction.regrouping[:, 10 * (mechanism.n - 1) :][:, :10]
-        out += [(name, acts @ row) for name, row in zip(_MOMENTS, moments, strict=True)]
+        out += [(name, acts @ row) for name, row in zip(("mass", *MOMENTS), moments, strict=True)]
     return out
 
 

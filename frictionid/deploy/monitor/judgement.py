@@ -18,7 +18,7 @@ from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
 from .changes import Changes, total_weights
-from .effects import PARTS, causes_of
+from .effects import MOMENTS, PARTS, causes_of
 from .explanation import CauseTests, Explanation, cause_tests, explained
 from .motion import beyond, sentence
 from .scatter import difference_of
@@ -52,7 +52,7 @@ class Judgement(NamedTuple):
     rate : of false alarms; p : probability of a difference like this if nothing has changed
     p_of_joint : (n,) the same of each joint's friction, beside all that changed
     joints : those whose friction changed, from 0
-    causes : sentences on what changed, with sizes
+    changed : names of the causes that changed; causes : sentences on them, with sizes
     parts : of all joints
     notes : sentences on what limits the judgement, or prevents it
     """
@@ -62,6 +62,7 @@ class Judgement(NamedTuple):
     p: float
     p_of_joint: Array
     joints: tuple[int, ...]
+    changed: tuple[str, ...]
     causes: tuple[str, ...]
     parts: tuple[PartChange, ...]
     notes: tuple[str, ...]
@@ -80,7 +81,7 @@ def judge(
     notes = list(_notes(baseline, new, side, disturbed))
     if 2 * fits.sum() < len(fits):
         nothing = np.full(n, np.nan)
-        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), tuple(notes))
+        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), (), tuple(notes))
     judged = Changes(*(values[fits] for values in new))
     size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, judged, size)
@@ -112,6 +113,7 @@ def judge(
         explanation.p,
         np.array([explanation.p_of_cause[f"friction of {name}"] for name in baseline.joints]),
         joints,
+        tuple(single),
         tuple(_causes(baseline, tests, explanation)),
         parts,
         tuple(notes),
@@ -177,6 +179,8 @@ def _sizes(
         names = [names[0]._replace(name="", unit="1")]
     intervals = _intervals(tests, [cause, *single], rows)
     for effect, numbers in zip(names, intervals, strict=True):
+        if effect.name in MOMENTS:  # where a payload sits
+            continue
         factor, unit = {"1": (100.0, "%"), "s": (1e3, "ms")}.get(effect.unit, (1.0, effect.unit))
         value, low, high = factor * numbers
         name = f"{effect.name} " if len(names) > 1 else ""

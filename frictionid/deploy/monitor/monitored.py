@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from frictionid.arrays import Array
 from frictionid.files import json_text
 from frictionid.outputs import replace_files
 from frictionid.report.figures import style
@@ -17,7 +19,8 @@ from frictionid.report.numbers import short
 from frictionid.report.tables import Table, line, render_page, table_of, terminal_text, text_columns
 
 from .baseline import Arrival, Baseline
-from .changes import Changes, joined, totals
+from .changes import Changes, joined, totals, with_others_held
+from .effects import causes_of
 from .judgement import Judgement, PartChange
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
@@ -164,8 +167,19 @@ def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = Fals
     return folder / PAGE
 
 
+def _shares(baseline: Baseline, changes: Changes, changed: Sequence[str]) -> Array:
+    """Change (R, n) [%] of each joint's friction at its usual speed, beside what changed."""
+    causes, middle = causes_of(baseline.reference.effects), baseline.changes.value.mean(axis=0)
+    columns = []
+    for j, name in enumerate(baseline.joints):
+        free = np.concatenate([causes[c] for c in (f"friction of {name}", *changed)])
+        values = totals(with_others_held(changes, middle, free), baseline.reference.speeds)
+        columns.append(100.0 * values[:, j] / baseline.level[j])
+    return np.stack(columns, axis=-1)
+
+
 def _drift(monitored: Monitored) -> Any:
-    """Change [%] of each joint's friction at its usual speed, covariates, and the evidence.
+    """Change [%] of each joint's friction beside what changed, covariates, and the evidence.
 
     Where recordings arrived one by one, all of them are drawn, else the new ones.
     """
@@ -178,9 +192,7 @@ def _drift(monitored: Monitored) -> Any:
     rows = len(baseline.joints) + len(baseline.covariates) + bool(arrivals)
     picture = style.figure(0.5 + _HEIGHT * rows)
     axes = picture.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    before, after = (
-        100.0 * totals(x, baseline.reference.speeds) / baseline.level for x in (healthy, new)
-    )
+    before, after = (_shares(baseline, x, monitored.judgement.changed) for x in (healthy, new))
     middle, reach = before.mean(axis=0), 1.96 * before.std(axis=0, ddof=1)
     for j, (axis, name) in enumerate(zip(axes, baseline.joints, strict=False)):
         axis.axhspan(middle[j] - reach[j], middle[j] + reach[j], color=style.PALE, lw=0)

@@ -101,3 +101,11 @@ def test_the_same_arm_with_its_joints_named_is_the_same(known, folder):
     data = recorded(folder, 4, 2)
     named = replace(data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow"]))
     assert fid.monitor(known, named).answer == fid.monitor(known, data).answer == "unchanged"
+
+
+def test_the_picture_shows_friction_beside_what_changed(known, folder):
+    picture = fid.monitor(known, recorded(folder, 2, 4, payload=0.1)).plot()
+    for axis in picture.axes[:2]:
+        _, healthy, new = (np.asarray(drawn.get_ydata()) for drawn in axis.lines[:3])
+        assert abs(new.mean() - healthy.mean()) < 2.0  # % of the friction
+        assert max(np.ptp(healthy), np.ptp(new)) < 6.0
