@@ -274,7 +274,7 @@ def column_names(content: bytes) -> list[str]:
 def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     """Log of a file; an incomplete last row, and rows with zero bytes, are left out.
 
-    columns : required beside host and time
+    columns : required beside the time; without a column `host` the time stands for it
 
     Raises
     ------
@@ -283,11 +283,11 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     """
     content, file = _whole_rows(read_bytes(path)), str(path)
     header = column_names(content)
-    for name in ("host", "time", *columns):
+    for name in ("time", *columns):
         if name not in header:
             raise InputError(
-                f"{file} has no column {name!r}; it has {', '.join(header)}: name a log that "
-                "frictionid log wrote"
+                f"{file} has no column {name!r}; it has {', '.join(header)}: name a log as "
+                "frictionid log writes it"
             )
     if content.count(b"\n") < 2:
         raise InputError(f"{file} has no rows; log again")
@@ -296,7 +296,7 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
     except ValueError:
         table = np.empty((0, 0))
     if table.shape[1] == len(header) and np.isfinite(table).all():
-        return Log(file, dict(zip(header, table.T, strict=True)))
+        return _with_host(Log(file, dict(zip(header, table.T, strict=True))))
     picked = read_table(content, file, header)
     for name, column in picked.columns.items():
         bad = np.flatnonzero(~np.isfinite(column))
@@ -305,4 +305,9 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
                 f"{file}, row {picked.rows[bad[0]]}: {name!r} is empty or no finite number; "
                 "delete the row"
             )
-    return Log(file, picked.columns)
+    return _with_host(Log(file, picked.columns))
+
+
+def _with_host(log: Log) -> Log:
+    """The log with the controller's time as that of arrival where another program wrote it."""
+    return log._replace(columns={"host": log.columns["time"], **log.columns})

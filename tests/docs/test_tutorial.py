@@ -7,6 +7,8 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import fields
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -22,6 +24,9 @@ from frictionid.data.readers.formats.ros import RosSettings
 from frictionid.data.signals import sample
 from frictionid.rig.align.align_files import AngleColumns
 from frictionid.rig.rig_settings import rig_settings_of, written
+from frictionid.simulate.rig import AnyFriction, Camera, Drive, Rig, Run, Variation
+from frictionid.simulate.torques import AnyCommand, Controller, Fourier
+from frictionid.simulate.true_friction import Curve
 
 MAIN = "import sys; from frictionid.__main__ import main; sys.exit(main())"
 
@@ -105,3 +110,13 @@ def test_the_settings_on_the_page_of_the_drive_are_accepted():
     machine = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.15}}
     described = check_dataset_toml({"name": "rig", "mechanism": machine, **ros}, "dataset.toml")
     assert described.actuator is not None
+
+
+def test_the_simulated_rig_names_every_key_that_a_rig_may_have():
+    text = (ROOT / "docs" / "tutorial" / "simulated.toml").read_text()
+    kinds = [*get_args(get_args(AnyCommand)[0]), *get_args(get_args(AnyFriction)[0])]
+    classes = [Rig, Camera, Drive, Run, Variation, Controller, Fourier, Curve, *kinds]
+    for name in {field.name for each in classes for field in fields(each)}:
+        assert re.search(rf"\b{name}\b", text), name
+    for each in kinds:
+        assert f'kind = "{each.kind}"' in text

@@ -196,6 +196,13 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     same = fid.align(*(tmp_path / n for n in ("day.csv", "log.csv", "rig.toml")), hold="previous")
     assert same.document == document and str(same) in out  # the command calls this function
     assert_allclose(same.dataset.recordings[0].torque.time, recording.torque.time, atol=1e-8)
+    # a log of another program knows no time of arrival
+    foreign = pd.read_csv(tmp_path / "log.csv").drop(columns="host")
+    foreign.to_csv(tmp_path / "foreign.csv", index=False)
+    other = fid.align(
+        *(tmp_path / n for n in ("day.csv", "foreign.csv", "rig.toml")), hold="previous"
+    )
+    assert other.document["clock"] == document["clock"]
     # a second recording joins; the same name only when it may replace
     assert_one_line(call(*words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
@@ -225,7 +232,7 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
         (("a.csv", "gone.csv"), "gone.csv: no such file"),
         (("gone.csv", "log.csv"), "gone.csv: no such file"),
         (("log.csv", "log.csv"), "has no column 'q1'"),
-        (("a.csv", "a.csv"), "has no column 'host'"),
+        (("a.csv", "a.csv"), "has no column 'torque'"),
         (("lost.csv", "log.csv"), "has 0 rows with all of time, q1"),
         (("epoch.csv", "log.csv"), "share no moment"),
         (("a.csv", "log.csv", "--rig", "bare.toml"), "[motor] is missing"),

@@ -167,7 +167,7 @@ def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
         ("host,time\n1,2\n3,\n", "row 3: 'time' is empty"),
         ("host,time\n1,2\n3\n", "row 3: 1 cells under 2 column names"),
         ("host,time\n", "has no rows"),
-        ("time,u2\n0,1\n", "no column 'host'"),
+        ("host,u2\n0,1\n", "no column 'time'"),
     ):
         path.write_text(text)
         with assert_refused(said):

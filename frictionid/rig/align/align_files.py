@@ -259,7 +259,7 @@ def _responses(rows: Log, rig: Rig, span: tuple[float, float]) -> list[DriveResp
 def _check_spans(angle: Signal, log: Log) -> None:
     """Times of two computers that both count from 1970 must lie near each other."""
     host = log.columns["host"]
-    if angle.time[0] < _EPOCH:
+    if min(angle.time[0], host[0]) < _EPOCH:
         return
     difference = max(angle.time[0] - host[-1], host[0] - angle.time[-1])
     if difference > _MAX_DIFFERENCE:
