@@ -138,7 +138,7 @@ def test_a_recording_is_found_by_its_name():
     data = Dataset.from_frames({"run1": FRAME, "run2": FRAME}, RIG, time="t", angle=["q1", "q2"])
     assert data["run2"] is data.recordings[1]
     assert repr(data) == "Dataset('data': 2 recordings, 2 joints, 4000 s)"
-    with assert_refused("has no recording 'run3'; it has 'run1', 'run2'"):
+    with assert_refused("has no recording 'run3'; did you mean 'run2'"):
         data["run3"]
 
 

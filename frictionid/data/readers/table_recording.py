@@ -13,7 +13,7 @@ from ..base_motion import base_motion
 from ..servo import Servo, servo_torque
 from ..signals import Signal
 from .base_toml import Base
-from .column_toml import RELATIVE, UNITS, ColumnNames, Motor
+from .column_toml import RELATIVE, UNITS, Motor
 from .dataset_toml import DatasetToml
 from .table import Table, signal_of
 
@@ -47,7 +47,9 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     """
     columns = toml.columns
     assert columns is not None
-    seen = _seen(table, columns) if columns.missing == "drop" else table
+    seen = table.complete(columns.angle) if columns.missing == "drop" else table
+    if not len(seen.rows):
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
     signal, at_joints = partial(_signal, seen, toml), partial(_at_joints, motor=toml.motor)
     truth = None
     if columns.truth:
@@ -89,15 +91,6 @@ def _on_base(
         signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
     wrench = signals.pop("wrench", None)
     return base_motion(base.mounting, **signals), wrench
-
-
-def _seen(table: Table, columns: ColumnNames) -> Table:
-    """The rows that have all angles."""
-    cells = np.stack([table.columns[name] for name in columns.angle])
-    keep = ~np.isnan(cells).any(axis=0)
-    if not keep.any():
-        raise InputError(f"{table.file}: no row has all angles; name other columns")
-    return table.taken(keep)
 
 
 def _signal(
