@@ -228,9 +228,8 @@ class Dataset:
         """The recording of a name."""
         named = {recording.name: recording for recording in self.recordings}
         if name not in named:
-            raise InputError(
-                f"data set {self.name!r} has no recording {name!r}; {nearest(name, named)}"
-            )
+            hint = nearest(name, named)
+            raise InputError(f"data set {self.name!r} has no recording {name!r}; {hint}")
         return named[name]
 
     @classmethod
