@@ -11,7 +11,7 @@ from frictionid.errors import InputError
 
 from ..base_motion import base_motion
 from ..servo import Servo, servo_torque
-from ..signals import Signal
+from ..signals import Signal, check_span
 from .base_toml import Base
 from .column_toml import RELATIVE, UNITS, Motor
 from .dataset_toml import DatasetToml
@@ -156,7 +156,8 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         return _at_joints(quantity, columns, toml.motor) if quantity else columns
 
     goal = signal("angle" if actuator.kind == "position" else "velocity", actuator.target)
-    _check_span(table.file, goal, angle)
+    gaps = [float(np.median(np.diff(s.time))) for s in (goal, angle) if len(s.time) > 1]
+    check_span(f"{table.file}: targets are", goal, angle, _GAPS * max(gaps, default=0.0))
     goal_velocity = feedforward = None
     if actuator.target_velocity:
         goal_velocity = signal("velocity", actuator.target_velocity)
@@ -188,15 +189,3 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         backlash=np.array(actuator.backlash),
         envelope=actuator.envelope,
     )
-
-
-def _check_span(file: str, goal: Signal, angle: Signal) -> None:
-    gap = float(np.median(np.diff(goal.time))) if len(goal.time) > 1 else 0.0
-    gap = _GAPS * max(gap, float(np.median(np.diff(angle.time))))
-    begin, end = float(angle.time[0]), float(angle.time[-1])
-    if goal.time[0] > begin + gap or goal.time[-1] < end - gap:
-        raise InputError(
-            f"{file}: targets are known from {goal.time[0]:g} to {goal.time[-1]:g} s only, the "
-            f"angles from {begin:g} to {end:g} s: keep the common span by start and stop in "
-            "[recordings], or log the targets throughout"
-        )
