@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 
 from .signals import Signal, holds
-
-Array = NDArray[np.float64]
 
 
 class SignalIntegrals(NamedTuple):
