@@ -13,7 +13,7 @@ import frictionid.check.verdict as checks
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.quickstart import quick as first
-from frictionid.quickstart.plan import plan_for
+from frictionid.quickstart.quick import plan_for
 from frictionid.quickstart.quick_report import Quick
 from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.position_control import PositionControl
+from frictionid.data.servo import PositionControl
 from frictionid.files import model_path, read_json, shipped, shipped_names
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism, mechanism_of

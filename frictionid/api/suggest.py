@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 
 from frictionid import excitation
-from frictionid.errors import InputError
 from frictionid.excitation import Design, TrajectoryDesign
+from frictionid.excitation.experiment import Limits, Named
 from frictionid.excitation.signals import FAMILIES
+from frictionid.friction import Friction
 from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import (
     command_frame,
@@ -57,10 +58,15 @@ class Suggestion:
         return {f"recording {r + 1}": command_frame(self.design, r) for r in range(count)}
 
     @property
+    def document(self) -> dict[str, Any]:
+        """All numbers, SI units."""
+        return design_document(self.design)
+
+    @property
     def errors(self) -> pd.DataFrame:
         """Expected standard errors: name, unit, prior, friction_alone, inertia_free."""
         rows = []
-        for entry in design_document(self.design)["parameters"]:
+        for entry in self.document["parameters"]:
             entries = [entry[key] for key in ("friction_alone", "inertia_free")]
             errors = [np.nan if entry is None else float(entry["error"]) for entry in entries]
             rows.append((entry["name"], entry["unit"], entry["prior"], *errors))
@@ -74,8 +80,8 @@ class Suggestion:
 
 def suggest(
     mechanism: Any,
-    limits: Mapping[str, float | Sequence[float]] | str,
-    friction: Mapping[str, float | Sequence[float]] | str = "",
+    limits: Named,
+    friction: Named = "",
     *,
     recordings: int = 4,
     length: float = 5.0,
@@ -118,12 +124,11 @@ def suggest(
     InputError
         For limits and priors that no machine has.
     """
-    machine = as_mechanism(getattr(mechanism, "mechanism", mechanism))
-    most = excitation.limits_of(option(limits, "limits"), machine)
+    plant, prior, most = _asked(mechanism, limits, friction)
     low, high = map(float, frequencies)
     experiment = excitation.Experiment(
-        Plant.from_parameters(machine, machine.nominal()),
-        excitation.prior_friction_of(option(friction, "friction"), most),
+        plant,
+        prior,
         most,
         length=length,
         recordings=recordings,
@@ -131,7 +136,7 @@ def suggest(
         camera_rate=camera_rate,
         angle_noise=tuple(
             math.radians(noise) if unit == "rad" else noise / 1000.0
-            for unit in machine.position_units
+            for unit in plant.mechanism.position_units
         ),
         band=(low, high),
         start=None if start is None else tuple(map(float, start)),
@@ -150,17 +155,12 @@ def _search(effort: int, seed: int) -> excitation.Search:
     return excitation.Search(pool=effort, children=max(1, effort // 3), seed=seed)
 
 
-def option(values: Mapping[str, Any] | str, name: str) -> str:
-    """The text of an option of the command line."""
-    if isinstance(values, str):
-        return values
-    if not isinstance(values, Mapping):
-        raise InputError(f'{name} must be a mapping such as {{"torque": 0.14}}, not {values!r}')
-    values = {
-        key: np.asarray(value, dtype=float).tolist() if np.ndim(value) else float(value)
-        for key, value in values.items()
-    }
-    return ",".join(f"{key}={value}" for key, value in values.items())
+def _asked(mechanism: Any, limits: Named, friction: Named) -> tuple[Plant, Friction, Limits]:
+    """The machine, its prior friction and its limits."""
+    machine = as_mechanism(getattr(mechanism, "mechanism", mechanism))
+    most = excitation.limits_of(limits, machine)
+    prior = excitation.prior_friction_of(friction, most)
+    return Plant.from_parameters(machine, machine.nominal()), prior, most
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -189,9 +189,14 @@ class SuggestedTrajectories:
         return {f"trajectory {k + 1}": trajectory_frame(self.design, k, rate) for k in range(count)}
 
     @property
+    def document(self) -> dict[str, Any]:
+        """All numbers, SI units."""
+        return trajectory_document(self.design)
+
+    @property
     def errors(self) -> pd.DataFrame:
         """Expected standard errors of friction relative to the prior, one row for each joint."""
-        return pd.DataFrame(trajectory_document(self.design)["joints"])
+        return pd.DataFrame(self.document["joints"])
 
     def plot(self) -> Any:
         """Position, velocity and torque over time against the limits, as a Matplotlib figure."""
@@ -200,8 +205,8 @@ class SuggestedTrajectories:
 
 def suggest_trajectories(
     mechanism: Any,
-    limits: Mapping[str, float | Sequence[float]] | str,
-    friction: Mapping[str, float | Sequence[float]] | str = "",
+    limits: Named,
+    friction: Named = "",
     *,
     recordings: int = 1,
     length: float = 10.0,
@@ -234,15 +239,6 @@ def suggest_trajectories(
     InputError
         For limits and priors that no machine has, and where no motion keeps the limits.
     """
-    machine = as_mechanism(getattr(mechanism, "mechanism", mechanism))
-    most = excitation.limits_of(option(limits, "limits"), machine)
-    task = excitation.TrajectoryTask(
-        Plant.from_parameters(machine, machine.nominal()),
-        excitation.prior_friction_of(option(friction, "friction"), most),
-        most,
-        length,
-        recordings,
-        harmonics,
-        torque_noise,
-    )
+    asked = _asked(mechanism, limits, friction)
+    task = excitation.TrajectoryTask(*asked, length, recordings, harmonics, torque_noise)
     return SuggestedTrajectories(excitation.design_trajectories(task, effort, seed, done))

@@ -178,13 +178,3 @@ def scatter_of(values: Array) -> float:
     size.partition((middle - 1, middle))  # the median, at a quarter of its time for few values
     both = size[middle - 1 : middle + 1] if len(size) % 2 == 0 else size[middle : middle + 1]
     return float(_MAD * both.mean())
-
-
-def run_edges(flags: Array) -> tuple[Array, Array]:
-    """First samples of the runs of true flags (T,), and the samples behind them.
-
-    >>> [edge.tolist() for edge in run_edges(np.array([True, True, False, True]))]
-    [[0, 3], [2, 4]]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return edges[::2], edges[1::2]

@@ -90,29 +90,23 @@ def delay_of(rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay | Non
     return Delay(best, step.error, explained)
 
 
-def beside_free(delay: Delay, rows: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
-    """The delay with what a free mechanism changes of it as a further error.
+def beside(
+    delay: Delay,
+    rows: Rows,
+    torque: SignalIntegrals,
+    nominal: Array,
+    prior: float = PARAMETER_PRIOR,
+) -> Delay:
+    """The delay with what other balances change of it, beyond their error, as a further error.
 
-    Where inertias are far off, what they leave at reversals looks like a delay.
+    Those of longer windows: a controller feeds errors of the angle back into the torque, so that
+    both seem to go together at another time than they do, and weigh less there. Those of a free
+    mechanism: where inertias are far off, what they leave at reversals looks like a delay.
     """
     near = _inside(rows, abs(delay.seconds) + COARSE)
-    return _with_drift(delay, _balances(near, nominal, torque, _FREE))
-
-
-def beside(delay: Delay, longer: Rows, torque: SignalIntegrals, nominal: Array) -> Delay:
-    """The delay with what longer windows change of it as a further error.
-
-    A controller feeds errors of the angle back into the torque, so that both seem to go together at
-    another time than they do; in longer windows these errors weigh less.
-    """
-    near = _inside(longer, abs(delay.seconds) + COARSE)
-    few = near.moving.any(1).sum() < MIN_WINDOWS
-    return delay if few else _with_drift(delay, _balances(near, nominal, torque))
-
-
-def _with_drift(delay: Delay, balances: _Balances) -> Delay:
-    """The delay with the part of its distance to that of other balances that no error explains."""
-    other, step = balances.refined(delay.seconds)
+    if near.moving.any(1).sum() < MIN_WINDOWS:
+        return delay
+    other, step = _balances(near, nominal, torque, prior).refined(delay.seconds)
     beyond = np.sqrt(max((other - delay.seconds) ** 2 - step.error**2, 0.0))
     return delay._replace(error=float(np.hypot(delay.error, beyond)))
 
@@ -235,7 +229,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     if delay is not None and longer is not None:
         delay = beside(delay, longer, corrected.torque, corrected.nominal)
     if delay is not None:
-        delay = beside_free(delay, rows, corrected.torque, corrected.nominal)
+        delay = beside(delay, rows, corrected.torque, corrected.nominal, _FREE)
     late = list(_delay_findings(delay, _sample_interval(measured)))
     shift = delay.seconds if delay and late else 0.0  # a hold is corrected as well
     torque = rows.means(corrected.torque, shift)

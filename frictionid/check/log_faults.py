@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.clock_facts import GAP, usual_intervals
+from frictionid.data.clock_facts import GAP, run_edges, usual_intervals
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.data.signals import Signal
 
 from .conventions import MARGIN, log_unexplained
-from .facts import deviations, run_edges, scatter_of
+from .facts import deviations, scatter_of
 from .findings import Finding, finding
 from .motion import Measured, motions_of, windows_of
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.integrals import SignalIntegrals, integrals_of
-from frictionid.data.kalman import alike, padded_series
+from frictionid.data.kalman import by_length
 from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -60,18 +60,8 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
     0.002
     """
     angles = [_averaged(recording.angle) for recording in recordings]
-    motions: dict[int, Motion] = {}
-    for group in alike(angles):
-        series = padded_series([angles[i] for i in group])
-        whole = smoothed(series)
-        for i, columns in zip(group, series.columns, strict=True):
-            T = len(angles[i].time)
-            part = Smoothed(*(x[..., columns] if x.ndim == 1 else x[:T, columns] for x in whole))
-            motion = _motion(angles[i], part, _rounding(recordings[i].angle, angles[i]))
-            base = recordings[i].base_motion
-            along = None if base is None else sample(base, motion.states.time)
-            motions[i] = motion._replace(states=motion.states._replace(base_motion=along))
-    return tuple(motions[i] for i in range(len(angles)))
+    each = zip(recordings, angles, by_length(angles, smoothed), strict=True)
+    return tuple(_motion(r, angle, Smoothed(*parts)) for r, angle, parts in each)
 
 
 def _rounding(angle: Signal, averaged: Signal) -> Array:
@@ -80,12 +70,15 @@ def _rounding(angle: Signal, averaged: Signal) -> Array:
     return step**2 / 12 / (len(angle.time) // len(averaged.time))
 
 
-def _motion(angle: Signal, smooth: Smoothed, rounding: Array) -> Motion:
+def _motion(recording: Recording, angle: Signal, smooth: Smoothed) -> Motion:
     left = noise_left(smooth.rho, float(np.median(np.diff(angle.time))))
     mean, left_out = smooth.mean, smooth.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
+    rounding = _rounding(recording.angle, angle)
     variance = np.maximum(scatter / np.maximum(1.0 - left.share, 0.05), rounding)
-    states = States(angle.time, mean[..., 0], mean[..., 1], left_out)
+    base = recording.base_motion
+    along = None if base is None else sample(base, angle.time)
+    states = States(angle.time, mean[..., 0], mean[..., 1], left_out, base_motion=along)
     noise = np.sqrt(variance)
     return Motion(states, noise, noise * left.velocity, 1.0 / left.bandwidth)
 

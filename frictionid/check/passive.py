@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.clock_facts import run_edges
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.mechanics import Mechanism
 
-from .facts import run_edges
 from .findings import Finding, finding, percent
 from .hypothesis_tests import HypothesisTests
 from .motion import Measured, Motion

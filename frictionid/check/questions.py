@@ -160,8 +160,8 @@ def identifiable(
     yield from _parts(tests, estimate)
     yield _base(mechanism.base_names, estimate)
     if any(mechanism.driven):
-        yield _gain(tests)
-        yield _delay(tests)
+        yield Identifiable("torque gain", *_gain(tests))
+        yield Identifiable("torque delay", *_delay(tests))
 
 
 def _hidden(tests: HypothesisTests, j: int) -> str:
@@ -254,41 +254,41 @@ def _direction(direction: tuple[tuple[str, float], ...]) -> str:
     return f"more {up}{f' with less {down}' if down else ''} changes nothing"
 
 
-def _gain(tests: HypothesisTests) -> Identifiable:
+def _gain(tests: HypothesisTests) -> tuple[bool, str]:
     gains = [e for e in tests.model_errors if e.kind == "gain"]
     if not gains:
-        return Identifiable("torque gain", False, "no torque acts")
+        return False, "no torque acts"
     best = min(gains, key=lambda e: e.error / max(abs(e.size), 1e-300))
     rivals = _rivals(tests)
     if not HALF < best.size < 1 / HALF:
         reason = f"{best.size:.2g} +- {best.error:.1g} is no gain: something else is wrong"
-        return Identifiable("torque gain", False, reason)
+        return False, reason
     if rivals:
         other = "friction that grows with the torque" if "load" in rivals else "what is unexplained"
         reason = f"{best.size:.3f} +- {best.error:.3f}, but {other} may look the same"
-        return Identifiable("torque gain", False, reason)
+        return False, reason
     reason = (
         f"{best.size:.3f} +- {best.error:.3f}, if the nominal mechanism is right: a gain and a "
         "common factor of all masses look the same"
     )
-    return Identifiable("torque gain", best.error < GAIN, reason)
+    return best.error < GAIN, reason
 
 
-def _delay(tests: HypothesisTests) -> Identifiable:
+def _delay(tests: HypothesisTests) -> tuple[bool, str]:
     if tests.delay is None:
-        return Identifiable("torque delay", False, "no torque varies")
+        return False, "no torque varies"
     if abs(tests.delay.seconds) >= UNUSABLE_DELAY and tests.shift == 0.0:
-        return Identifiable("torque delay", False, "no delay explains the motion clearly")
+        return False, "no delay explains the motion clearly"
     low, high = (1e3 * end for end in tests.delay.interval)
     if tests.delay.error >= DELAY:
         reason = f"cannot tell: {low:+.0f} to {high:+.0f} ms, by what is held for known (95 %)"
-        return Identifiable("torque delay", False, reason)
+        return False, reason
     when = f"{low:.1f} to {high:.1f} ms after"
     if low < 0:
         when = f"{-low:.1f} ms before to {high:.1f} ms after"
     if high < 0:
         when = f"{-high:.1f} to {-low:.1f} ms before"
-    return Identifiable("torque delay", True, f"the torque acts {when} it is logged (95 %)")
+    return True, f"the torque acts {when} it is logged (95 %)"
 
 
 # Speed [rad/s] that shows viscous friction.

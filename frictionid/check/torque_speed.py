@@ -21,6 +21,7 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from frictionid.arrays import Array
+from frictionid.data.clock_facts import run_edges
 from frictionid.data.envelope import Envelope, Estimated, Reached
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, holds, sample
@@ -209,8 +210,7 @@ def _estimated(samples: _Samples, edge: Envelope, fastest: float) -> Parts:
 def _piled(samples: _Samples, d: Array, part: Array, fastest: float) -> Array | None:
     """Samples (S,) of a part of the edge that stand on it, None where they do not pile up there."""
     on, beside = part & (np.abs(d) < 2.0), part & (d > -6.0) & (np.abs(d) > 2.0)
-    edges = np.flatnonzero(np.diff(on.astype(int), prepend=0, append=0))
-    long = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= _LENGTH]
+    long = [(a, b) for a, b in zip(*run_edges(on), strict=True) if b - a >= _LENGTH]
     stretches = {int(samples.stretch[a]) for a, _ in long}  # a torque that stands still has one
     if len(stretches) < _STRETCHES or on.sum() < _PILED * beside.sum():
         return None

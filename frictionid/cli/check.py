@@ -81,7 +81,7 @@ def quick(
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.files import file_names, write_bytes
     from frictionid.outputs import check_outputs
-    from frictionid.quickstart.plan import plan_for
+    from frictionid.quickstart.quick import plan_for
     from frictionid.quickstart.quick_report import quick_figure, quick_json, show_quick
     from frictionid.report.figures.style import png
 

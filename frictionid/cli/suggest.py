@@ -1,11 +1,16 @@
-"""frictionid suggest: torque signals or trajectories that identify friction, within limits."""
+"""frictionid suggest and simulate: motion that identifies friction, designed and simulated."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .options import PresentPath, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pandas import DataFrame
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"
@@ -55,103 +60,53 @@ def suggest(
     figure : Picture to write (PNG).
     seed : Seed of the search.
     """
-    from frictionid.api.suggest import stages
-    from frictionid.api.suggest import suggest as suggested
+    from frictionid.api import suggest as api
     from frictionid.excitation import load_mechanism
     from frictionid.outputs import check_outputs
 
-    from .progress import counted
+    from .progress import counted, show
 
     places = _places(out, max(1, recordings))
     check_outputs([*places, figure], [mechanism], replace=replace)
-    if trajectory:
-        prior, size = (limits, friction), (recordings, length, effort, seed)
-        _suggest_trajectories(
-            load_mechanism(mechanism), prior, size, places, drive_rate, figure, json
-        )
-        return
-    with counted(stages(effort, seed), "searching") as done:
-        suggestion = suggested(
-            load_mechanism(mechanism),
-            limits,
-            friction,
-            recordings=recordings,
-            length=length,
-            families=_names(families),
-            frequencies=numbers("--frequencies", frequencies, _TWO, 2),
-            start=numbers("--start", start, _NUMBERS) if start.strip() else None,
-            drive_rate=drive_rate,
-            camera_rate=camera_rate,
-            noise=noise,
-            robust=robust,
-            effort=effort,
-            seed=seed,
-            done=done,
-        )
-    _write(suggestion.design, places, figure, json)
+    asked = load_mechanism(mechanism), limits, friction
+    steps = recordings if trajectory else api.stages(effort, seed)
+    with counted(steps, "searching") as done:
+        size: Any = {"recordings": recordings, "length": length, "effort": effort, "seed": seed}
+        if trajectory:
+            designed: Any = api.suggest_trajectories(*asked, done=done, **size)
+        else:
+            designed = api.suggest(
+                *asked,
+                families=_names(families),
+                frequencies=numbers("--frequencies", frequencies, _TWO, 2),
+                start=numbers("--start", start, _NUMBERS) if start.strip() else None,
+                drive_rate=drive_rate,
+                camera_rate=camera_rate,
+                noise=noise,
+                robust=robust,
+                done=done,
+                **size,
+            )
+    frames = designed.frames(drive_rate) if trajectory else designed.frames
+    _write(designed, frames, places, figure)
+    show(designed, designed.document, (*places, figure), json=json)
 
 
-def _write(design: Any, places: list[Path], figure: Path | None, json: bool) -> None:
-    from frictionid.files import write_bytes, write_text
-    from frictionid.report.experiment_design import (
-        command_frame,
-        csv_of,
-        described,
-        design_document,
-        design_figure,
-    )
-    from frictionid.report.figures.style import png
-
-    from .progress import show
-
-    for number, path in enumerate(places):
-        write_text(path, csv_of(command_frame(design, number)))
-    if figure is not None:
-        write_bytes(figure, png(lambda: design_figure(design)))
-    show(described(design), design_document(design), (*places, figure), json=json)
-
-
-def _suggest_trajectories(
-    mechanism: dict[str, Any],
-    prior: tuple[str, str],
-    size: tuple[int, float, int, int],
-    places: list[Path],
-    rate: float,
-    figure: Path | None,
-    json: bool,
+def _write(
+    designed: Any, frames: Mapping[str, DataFrame], places: list[Path], figure: Path | None
 ) -> None:
-    """Write trajectories for limits and prior friction, of a number, length, effort and seed."""
-    from frictionid.api.suggest import suggest_trajectories
+    from frictionid.api.suggest import Suggestion
     from frictionid.files import write_bytes, write_text
-    from frictionid.report.experiment_design import (
-        FINE,
-        csv_of,
-        trajectory_document,
-        trajectory_figure,
-        trajectory_frame,
-        trajectory_text,
-    )
+    from frictionid.report import experiment_design as report
     from frictionid.report.figures.style import png
 
-    from .progress import counted, show
-
-    recordings, length, effort, seed = size
-    with counted(recordings, "searching") as done:
-        design = suggest_trajectories(
-            mechanism,
-            *prior,
-            recordings=recordings,
-            length=length,
-            effort=effort,
-            seed=seed,
-            done=done,
-        ).design
-    for number, path in enumerate(places):
-        write_text(path, csv_of(trajectory_frame(design, number, rate), FINE))
+    signals = isinstance(designed, Suggestion)
+    decimals = report.DECIMALS if signals else report.FINE
+    draw = report.design_figure if signals else report.trajectory_figure
+    for path, frame in zip(places, frames.values(), strict=True):
+        write_text(path, report.csv_of(frame, decimals))
     if figure is not None:
-        write_bytes(figure, png(lambda: trajectory_figure(design)))
-    text, numbers = trajectory_text(design), trajectory_document(design)
-    show(text, numbers, (*places, figure), json=json)
+        write_bytes(figure, png(lambda: draw(designed.design)))
 
 
 def _places(out: Path, recordings: int) -> list[Path]:
@@ -163,3 +118,40 @@ def _places(out: Path, recordings: int) -> list[Path]:
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def simulate(
+    rig: PresentPath,
+    *,
+    out: Path,
+    seed: int | None = None,
+    noise_free: bool = False,
+    json: bool = False,
+    replace: bool = False,
+) -> None:
+    """Simulate recordings of a rig with known friction.
+
+    Parameters
+    ----------
+    rig : Settings of the rig, a rig.toml.
+    out : Folder of the data set to write.
+    seed : Seed, in place of the rig's.
+    noise_free : Exact angles.
+    """
+    from frictionid.api.simulate import simulate as simulated
+    from frictionid.files import read_bytes
+    from frictionid.simulate import check_dataset_folder, load_rig, write_dataset
+
+    from .progress import show
+
+    check_dataset_folder(out, replace=replace)
+    settings = load_rig(rig)
+    dataset = simulated(settings, seed, noise_free=noise_free)
+    # the rig.toml is kept only with the data that it makes as it stands
+    same = seed in (None, settings.seed) and not noise_free
+    write_dataset(dataset, out, {"rig.toml": read_bytes(rig)} if same else {}, replace=replace)
+    samples = sum(len(recording.angle.time) for recording in dataset.recordings)
+    names = [recording.name for recording in dataset.recordings]
+    numbers = {"dataset": dataset.name, "recordings": names, "samples": samples}
+    text = f"{dataset.name}: {len(names)} recordings, {samples} samples"
+    show(text, numbers, [out], json=json)

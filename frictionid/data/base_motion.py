@@ -14,7 +14,7 @@ from frictionid.errors import InputError
 
 from .kalman import padded_series
 from .outliers import smoothed
-from .signals import Signal, check_signal
+from .signals import Signal, check_signal, check_span
 
 BASE_COLUMNS = 9
 _LATE = 5.0  # usual gaps, by which it may begin late or end early
@@ -115,10 +115,4 @@ def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
     if motion.value.shape[1] != BASE_COLUMNS or motion.hold == "previous":
         raise InputError(f"{where}: it needs {BASE_COLUMNS} columns, interpolated")
     usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
-    late = max(motion.time[0] - angle.time[0], angle.time[-1] - motion.time[-1])
-    if late > _LATE * usual:
-        raise InputError(
-            f"{where}: it is known from {motion.time[0]:g} to {motion.time[-1]:g} s only, the "
-            f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
-            "and stop in [recordings]"
-        )
+    check_span(f"{where}: it is", motion, angle, _LATE * usual)

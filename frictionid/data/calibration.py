@@ -65,8 +65,7 @@ class Calibration:
 
     def __getitem__(self, index: Any) -> Calibration:
         """Calibration at an index into the batch axes."""
-        arrays: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        parts: dict[str, Any] = {k: None if x is None else x[index] for k, x in arrays.items()}
+        parts: Any = {k: None if x is None else x[index] for k, x in vars(self).items()}
         return Calibration(**parts)
 
 

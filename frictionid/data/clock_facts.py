@@ -1,4 +1,4 @@
-"""Facts of the clock of the angles: rate, jitter, dropped samples and gaps."""
+"""Facts of the clock of the angles: rate, jitter, dropped samples and gaps; runs of samples."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -80,3 +80,13 @@ def usual_intervals(intervals: Array) -> Array:
     near = median_filter(intervals, NEAR_INTERVALS, mode="mirror")
     ratio = near / whole
     return np.where((ratio > 1.4) | (ratio < 1 / 1.4), near, whole)
+
+
+def run_edges(flags: Array) -> tuple[Array, Array]:
+    """First samples of the runs of true flags (T,), and the samples behind them.
+
+    >>> [edge.tolist() for edge in run_edges(np.array([True, True, False, True]))]
+    [[0, 3], [2, 4]]
+    """
+    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
+    return edges[::2], edges[1::2]

@@ -13,7 +13,7 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
-from .readers.column_toml import OWN, UNITS, Gears, unit_named
+from .readers.column_toml import SPELLINGS, Gears
 from .readers.dataset_toml import DatasetToml, check_dataset_toml
 from .readers.table import Table
 from .readers.table_recording import Recorded, recorded
@@ -23,7 +23,6 @@ Names = str | Sequence[str | None] | None
 Units = str | Sequence[str] | Mapping[str, str | Sequence[str]] | None
 Numbers = float | Sequence[float]
 
-_SI = {"time": "s", "angle": "rad", "velocity": "rad/s", "torque": "N m"}
 _RATES = {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}  # of velocities, where the angles are in these
 INDEX = "index"  # the time, where no column is named
 _KEYS = ("time", "angle", "torque", "velocity", "torque_time")  # of arrays
@@ -52,7 +51,7 @@ class FrameColumns:
     @property
     def gears(self) -> Gears | None:
         """Gears between the motors that columns are of and the joints."""
-        return _toml(self)[0].gears
+        return _toml(self).gears
 
     def read_all(self, frames: Any) -> dict[str, tuple[Recorded, str]]:
         """What `read` gives of each of several frames, by name, or of a single one.
@@ -63,7 +62,7 @@ class FrameColumns:
             As `read`, and where an actuator names recordings that are none of these.
         """
         recordings = frames if isinstance(frames, Mapping) else {"recording": frames}
-        toml = _toml(self)[0]
+        toml = _toml(self)
         names = list(dict.fromkeys([*toml.asked.names(), *filter(None, [self.split])]))
         tables = {
             f"{key}{part}": table
@@ -82,25 +81,24 @@ class FrameColumns:
         InputError
             Where a column is missing, is no number, or its time does not increase.
         """
-        toml, scales = _toml(self)
         digest = hashlib.sha256()
         for column, values in table.columns.items():
             digest.update(column.encode() + np.ascontiguousarray(values, "<f8").tobytes())
-        for column, scale in scales.items():
-            table.columns[column] = table.columns[column] * scale
-        return recorded(table, toml, name), digest.hexdigest()
+        return recorded(table, _toml(self), name), digest.hexdigest()
 
 
-def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
-    """The dataset.toml that says the same, and what columns with units of their own are scaled by.
+def _toml(columns: FrameColumns) -> DatasetToml:
+    """The dataset.toml that says the same; its mechanism and files are nothing: these are at hand.
 
-    Its mechanism and files are nothing: these are at hand.
+    Raises
+    ------
+    InputError
+        Where it would be wrong, and without columns of angles.
     """
     angle, torque, velocity = map(_names, (columns.angle, columns.torque, columns.velocity))
     if not angle:
         raise InputError('name the columns of the angles, e.g. angle=["q1", "q2"]')
     named = {"angle": angle, "torque": torque or [""] * len(angle), "velocity": velocity}
-    units, scales = _units(columns.units, named)
     sigma = columns.sigma
     noise = dict(sigma) if isinstance(sigma, Mapping) else {"angle": sigma}
     document: dict[str, Any] = {
@@ -115,20 +113,16 @@ def _toml(columns: FrameColumns) -> tuple[DatasetToml, dict[str, float]]:
             "covariates": dict(columns.covariates),
             "missing": columns.missing,
         },
-        "units": units,
+        "units": _units(columns.units),
         "signs": {key: _listed(value) for key, value in columns.signs.items()},
-        "sigma": {
-            key: [float(v) * scales.get(n, 1.0) for v, n in _each(value, named.get(key) or [""])]
-            for key, value in noise.items()
-            if value is not None
-        },
+        "sigma": {key: _listed(value) for key, value in noise.items() if value is not None},
         "hold": {} if columns.hold is None else {"torque": columns.hold},
         "torque": {"at": columns.torque_at},
     }
     for key in ("motor", "actuator", "base"):
         if getattr(columns, key) is not None:
             document[key] = _plain(getattr(columns, key))
-    return check_dataset_toml(document, "columns of the frames"), scales
+    return check_dataset_toml(document, "columns of the frames")
 
 
 def _names(names: Names) -> list[str]:
@@ -148,55 +142,17 @@ def _plain(value: Any) -> Any:
     return np.asarray(value).tolist()
 
 
-def _each(value: Any, names: Sequence[str]) -> list[tuple[Any, str]]:
-    """Numbers, each with its column; one number stays one where all columns have one scale."""
-    numbers = _listed(value)
-    if len(numbers) == 1 and len(names) > 1:
-        numbers = numbers * len(names)
-    return list(zip(numbers, [*names, *[""] * len(numbers)], strict=False))
-
-
-def _units(units: Units, named: Mapping[str, list[str]]) -> tuple[dict[str, str], dict[str, float]]:
-    """Unit of each quantity, and the scales of columns whose joints have units of their own.
+def _units(units: Units) -> dict[str, Any]:
+    """Units as in a dataset.toml.
 
     A unit without its quantity is that of the angles, and per second that of the velocities.
     """
-    unit_of: dict[str, Any] = {} if units is None else {"angle": units}
-    if isinstance(units, Mapping):
-        unit_of = dict(units)
-    for key in unit_of:
-        if key not in UNITS:
-            raise InputError(f"units: quantity {key!r} is unknown; {nearest(key, UNITS)}")
-    if "angle" in unit_of and "velocity" not in unit_of:
-        listed = [
-            _RATES.get(_unit_called("angle", unit), "rad/s") for unit in _listed(unit_of["angle"])
-        ]
-        unit_of["velocity"] = listed if len(listed) > 1 else listed[0]
-    out: dict[str, str] = {}
-    scales: dict[str, float] = {}
-    for key, value in unit_of.items():
-        listed = [_unit_called(key, unit) for unit in _listed(value)]
-        if len(listed) == 1 or key == "time":
-            out[key] = listed[0]
-            continue
-        names = named[key]
-        if names and len(listed) != len(names):
-            raise InputError(
-                f"units: {key} has {len(listed)} units for {len(names)} columns; give one, or one "
-                "for each"
-            )
-        if any(unit in OWN[key] for unit in listed):
-            raise InputError(f"units: {key} in counts or per mille is one unit for all joints")
-        out[key] = _SI[key]
-        scales |= {n: UNITS[key][u] for n, u in zip(names, listed, strict=False) if n}
-    return out, scales
-
-
-def _unit_called(quantity: str, unit: Any) -> str:
-    try:
-        return unit_named(quantity, str(unit))
-    except ValueError as error:
-        raise InputError(f"units, {quantity}: {error}") from None
+    named = units if isinstance(units, Mapping) else {} if units is None else {"angle": units}
+    out = {key: unit if key == "time" else _listed(unit) for key, unit in named.items()}
+    if "angle" in out and "velocity" not in out:
+        angles = (SPELLINGS["angle"].get(unit, unit) for unit in out["angle"])
+        out["velocity"] = [_RATES.get(unit, "rad/s") for unit in angles]
+    return out
 
 
 def _table(frame: Any, names: Sequence[str], where: str) -> Table:

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 
-from .signals import Signal, holds, sample
-
-Array = NDArray[np.float64]
+from .signals import Signal, holds
 
 
 class SignalIntegrals(NamedTuple):
@@ -116,22 +115,9 @@ def averages(signal: Signal, edges: ArrayLike) -> Array:
             f"{edges[at]:g} s; sort them and drop repeated ones"
         )
     # Integrating the difference from the first value keeps a constant signal exactly constant.
-    offset = np.asarray(signal.value, float)[0]
-    mean: Array = offset + np.diff(_difference(signal, offset, edges), axis=0) / width[:, None]
-    return mean
-
-
-def _difference(signal: Signal, offset: Array, time: Array) -> Array:
-    """Integral of (signal - offset) from the first sample to each time, shape (K, n) [value s]."""
-    clock, value = np.asarray(signal.time, float), np.asarray(signal.value, float) - offset
-    step = np.diff(clock)[:, None]
-    height = value[:-1] if holds(signal) else 0.5 * (value[:-1] + value[1:])
-    at_samples = np.concatenate([np.zeros_like(value[:1]), np.cumsum(height * step, axis=0)])
-    before = np.maximum(np.searchsorted(clock, time, side="right") - 1, 0)
-    left = value[before]
-    right = left if holds(signal) else sample(signal, time) - offset
-    area: Array = at_samples[before] + 0.5 * (left + right) * (time - clock[before])[:, None]
-    return area
+    value = np.asarray(signal.value, float)
+    log = integrals_of([signal._replace(value=value - value[0])])
+    return value[0] + window_means(log, np.zeros(len(width), dtype=int), edges[:-1], edges[1:])
 
 
 def window_means(

@@ -15,7 +15,7 @@ stored by their upper triangle P = [a b c; b d e; c e f] as (a, b, c, d, e, f).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,6 +89,23 @@ def alike(angles: Sequence[Signal]) -> list[list[int]]:
             groups.append([])
         groups[-1].append(i)
     return [sorted(group) for group in groups]
+
+
+def by_length(
+    angles: Sequence[Signal], estimate: Callable[[Series], tuple[Array, ...]]
+) -> list[tuple[Array, ...]]:
+    """What is estimated of each signal (T, n) beside those of about its length.
+
+    estimate : from a series to arrays (T, S, ...) of its samples, or (S,)
+    """
+    parts: dict[int, tuple[Array, ...]] = {}
+    for group in alike(angles):
+        series = padded_series([angles[i] for i in group])
+        whole = estimate(series)
+        for i, columns in zip(group, series.columns, strict=True):
+            T = len(angles[i].time)
+            parts[i] = tuple(x[columns] if x.ndim == 1 else x[:T, columns] for x in whole)
+    return [parts[i] for i in range(len(angles))]
 
 
 def even_series(value: Array, dt: float) -> Series:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.programs.loops import called, compiled, inlined
+from frictionid.programs.loops import compiled, inlined
 
 _FIXED = 3  # samples that determine the state; their innovations do not depend on the noise
 _FLOOR = 1e-24  # of the variance: the resolution of stored numbers
@@ -101,31 +101,6 @@ def filtered(dt: Array, value: Array, noise: Array, valid: Array, rho: Array) ->
     return means, covariances, gains, innovations, variances
 
 
-@called
-def _smallest(values: Array, count: int, k: int) -> float:
-    """The k-th smallest of the first numbers, from 0, by Hoare's selection in place."""
-    low, high = 0, count - 1
-    while low < high:
-        pivot, i, j = values[k], low, high
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while pivot < values[j]:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        low, high = i if j < k else low, j if k < i else high
-    return float(values[k])
-
-
-@called
-def _median(values: Array, count: int) -> float:
-    """Median of the first numbers, which it reorders."""
-    lower = _smallest(values, count, (count - 1) // 2)
-    return (lower + _smallest(values, count, count // 2)) / 2
-
-
 @compiled
 def likelihoods(
     dt: Array, value: Array, noise: Array, valid: Array, rho: Array, robust: bool
@@ -162,7 +137,7 @@ def likelihoods(
                 for i in range(3):
                     means[s, t, i] = x[i]
         if robust and count:
-            usual = max(_median(size, count) ** 2, _FLOOR)
+            usual = max(np.median(size[:count]) ** 2, _FLOOR)
             likelihood = -0.5 * (count * math.log(usual) + logs)
         whole[g, s] = likelihood
     return whole, means

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from frictionid.arrays import Array
 from frictionid.pictures import COLOURS, figure
 
-from .clock_facts import GAP, clock_of, usual_intervals
+from .clock_facts import GAP, clock_of, run_edges, usual_intervals
 from .signals import Signal
 
 _SHOWN = 20  # recordings in a table
@@ -49,8 +49,8 @@ def quiet_spans(angle: Signal, slow: Array) -> Array:
     moved = maximum_filter1d(value, size, axis=0) - minimum_filter1d(value, size, axis=0)
     still = np.asarray((moved < slow * _WINDOW).all(axis=1))
     still[1:] &= np.diff(time) < _WINDOW  # a gap is no rest
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    spans = np.stack([time[edges[::2]], time[edges[1::2] - 1]], axis=1)
+    first, behind = run_edges(still)
+    spans = np.stack([time[first], time[behind - 1]], axis=1)
     return spans[np.ptp(spans, axis=1) >= _QUIET]
 
 

@@ -226,11 +226,11 @@ class Dataset:
 
     def __getitem__(self, name: str) -> Recording:
         """The recording of a name."""
-        for recording in self.recordings:
-            if recording.name == name:
-                return recording
-        names = ", ".join(repr(r.name) for r in self.recordings[:20])
-        raise InputError(f"data set {self.name!r} has no recording {name!r}; it has {names}")
+        named = {recording.name: recording for recording in self.recordings}
+        if name not in named:
+            hint = nearest(name, named)
+            raise InputError(f"data set {self.name!r} has no recording {name!r}; {hint}")
+        return named[name]
 
     @classmethod
     def from_frames(

@@ -220,12 +220,23 @@ def check_clocks(where: str, angle: Signal, torque: Signal) -> None:
     if len(torque.time) < 2 or not np.any(torque.value):
         return
     usual = np.max(np.diff(torque.time)) + np.median(np.diff(angle.time))
-    missing = max(torque.time[0] - angle.time[0], angle.time[-1] - torque.time[-1])
-    if missing > max(_GAPS * usual, _SHARE * (angle.time[-1] - angle.time[0])):
+    slack = max(_GAPS * usual, _SHARE * (angle.time[-1] - angle.time[0]))
+    check_span(f"{where}: torque is", torque, angle, slack)
+
+
+def check_span(what: str, signal: Signal, angle: Signal, slack: float) -> None:
+    """Check that a signal begins at most `slack` [s] after the angles, and ends as little before.
+
+    Raises
+    ------
+    InputError
+        Saying `what` begins too late or ends too early.
+    """
+    if max(signal.time[0] - angle.time[0], angle.time[-1] - signal.time[-1]) > slack:
         raise InputError(
-            f"{where}: torque is known from {torque.time[0]:g} to {torque.time[-1]:g} s only, the "
-            f"angles from {angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start "
-            "and stop in [recordings]"
+            f"{what} known from {signal.time[0]:g} to {signal.time[-1]:g} s only, the angles from "
+            f"{angle.time[0]:g} to {angle.time[-1]:g} s: keep the common span by start and stop in "
+            "[recordings]"
         )
 
 

@@ -4,7 +4,7 @@ An estimator takes the angle signals of some recordings and returns one `States`
 own time stamps. Recordings are independent of each other.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -13,7 +13,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.errors import InputError
 
-from .kalman import Series, alike, causal_states, padded_series
+from .kalman import by_length, causal_states
 from .outliers import smoothed
 from .signals import Signal, relative_noise
 
@@ -132,15 +132,11 @@ class RTS:
     support: int = 6
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        return _by_length(angles, self._padded)
-
-    def _padded(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        series = padded_series(angles)
-        motion = smoothed(series)
-        states = _states(angles, series, motion.mean, motion.left_out)
         return tuple(
-            s._replace(noise=_velocity_noise(angle, s, motion.rho[columns]))
-            for angle, s, columns in zip(angles, states, series.columns, strict=True)
+            _with_noise(States(angle.time, mean[..., 0], mean[..., 1], left_out), angle, rho)
+            for angle, (mean, rho, left_out) in zip(
+                angles, by_length(angles, smoothed), strict=True
+            )
         )
 
 
@@ -154,21 +150,11 @@ class KalmanFilter:
     support: int = 0
 
     def __call__(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        return _by_length(angles, self._padded)
-
-    def _padded(self, angles: Sequence[Signal]) -> tuple[States, ...]:
-        series = padded_series(angles)
-        return _states(angles, series, causal_states(series))
-
-
-def _by_length(
-    angles: Sequence[Signal], estimate: Callable[[Sequence[Signal]], tuple[States, ...]]
-) -> tuple[States, ...]:
-    """States of signals that are estimated together where they are of about one length."""
-    by_number: dict[int, States] = {}
-    for group in alike(angles):
-        by_number |= zip(group, estimate([angles[i] for i in group]), strict=True)
-    return tuple(by_number[i] for i in range(len(angles)))
+        each = by_length(angles, lambda series: (causal_states(series),))
+        return tuple(
+            States(angle.time, mean[..., 0], mean[..., 1])
+            for angle, (mean,) in zip(angles, each, strict=True)
+        )
 
 
 def thin(states: States, sample_time: float) -> States:
@@ -222,17 +208,6 @@ def without_outliers(angles: Sequence[Signal], states: Sequence[States]) -> tupl
     )
 
 
-def _states(
-    angles: Sequence[Signal], series: Series, mean: Array, left_out: Array | None = None
-) -> tuple[States, ...]:
-    out = []
-    for angle, rows in zip(angles, series.columns, strict=True):
-        place = slice(len(angle.time)), rows
-        motion, outliers = mean[place], None if left_out is None else left_out[place]
-        out.append(States(angle.time, motion[..., 0], motion[..., 1], outliers))
-    return tuple(out)
-
-
 class NoiseLeft(NamedTuple):
     """What the smoother leaves of angle noise, for each series: bandwidth w0 (S,) [rad/s].
 
@@ -261,8 +236,8 @@ def noise_left(rho: Array, dt: float) -> NoiseLeft:
     return NoiseLeft(w0, dt * w0 / 3, velocity)
 
 
-def _velocity_noise(angle: Signal, states: States, rho: Array) -> Array:
-    """Standard deviation (n,) [rad/s] of smoothed velocities at jerk ratios rho (n,).
+def _with_noise(states: States, angle: Signal, rho: Array) -> States:
+    """Smoothed states with the noise (n,) [rad/s] of their velocities, at jerk ratios rho (n,).
 
     The angle noise follows from what the smoother took off, and is no less than that of rounding to
     the resolution of the angles.
@@ -270,7 +245,8 @@ def _velocity_noise(angle: Signal, states: States, rho: Array) -> Array:
     left = noise_left(rho, float(np.median(np.diff(angle.time))))
     off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
     noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
-    return np.asarray(np.maximum(noise, resolution(angle.value) / np.sqrt(12)) * left.velocity)
+    noise = np.maximum(noise, resolution(angle.value) / np.sqrt(12)) * left.velocity
+    return states._replace(noise=noise)
 
 
 def resolution(value: Array) -> Array:

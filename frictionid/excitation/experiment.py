@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,8 +29,12 @@ class Limits(NamedTuple):
     angle: Array
 
 
-def limits_of(text: str, mechanism: Mechanism) -> Limits:
-    """Limits of a text, one number for all or a list; an angle that is not named has no limit.
+# Values by their names: a mapping, or the text of an option.
+Named = Mapping[str, Any] | str
+
+
+def limits_of(values: Named, mechanism: Mechanism) -> Limits:
+    """Limits by their names, one number for all or a list; an angle without one has no limit.
 
     Torques have one number for each motor, velocities and angles one for each joint.
 
@@ -44,10 +49,10 @@ def limits_of(text: str, mechanism: Mechanism) -> Limits:
     >>> limits_of("torque=0.14, velocity=[10, 20]", acrobot())
     Limits(torque=array([0.  , 0.14]), velocity=array([10., 20.]), angle=array([inf, inf]))
     """
-    table = table_of("--limits", text, Limits._fields, _LIMITS)
+    table = table_of("--limits", values, Limits._fields, _LIMITS)
     for name in ("torque", "velocity"):
         if name not in table:
-            raise InputError(f"--limits {text!r} lacks {name}: e.g. {_LIMITS}")
+            raise InputError(f"--limits {values!r} lacks {name}: e.g. {_LIMITS}")
     driven = np.flatnonzero(mechanism.driven)
     if not driven.size:
         raise InputError(
@@ -60,15 +65,17 @@ def limits_of(text: str, mechanism: Mechanism) -> Limits:
     return Limits(torque, numbers_of("--limits", "velocity", table["velocity"], joints), angle)
 
 
-def table_of(option: str, text: str, names: tuple[str, ...], example: str) -> Mapping[str, Any]:
-    """Values by name of an option "name=value,name=[value,value]"."""
-    try:
-        table = parse_toml(f"x = {{{text}}}", option)["x"]
-    except InputError:
-        raise InputError(
-            f"{option} {text!r} cannot be read: give name=number or name=[number,number] with "
-            f"commas, e.g. {example}"
-        ) from None
+def table_of(option: str, values: Named, names: tuple[str, ...], example: str) -> Mapping[str, Any]:
+    """Values by name of an option "name=value,name=[value,value]", or of a mapping."""
+    table = values
+    if not isinstance(table, Mapping):
+        try:
+            table = parse_toml(f"x = {{{values}}}", option)["x"]
+        except InputError:
+            raise InputError(
+                f"{option} {values!r} cannot be read: give name=number or name=[number,number] "
+                f"with commas, e.g. {example}"
+            ) from None
     for name in table:
         if name not in names:
             raise InputError(f"{option}: {name!r} is unknown; {nearest(name, names)}")
@@ -77,9 +84,9 @@ def table_of(option: str, text: str, names: tuple[str, ...], example: str) -> Ma
 
 def numbers_of(option: str, name: str, value: Any, count: tuple[int, str]) -> Array:
     """One positive number for each of the joints or motors, from one number or a list."""
-    numbers = value if isinstance(value, list) else [value]
+    numbers = [value] if np.ndim(value) == 0 else list(value)
     for number in numbers:
-        if isinstance(number, bool) or not isinstance(number, int | float) or not number > 0:
+        if isinstance(number, bool) or not isinstance(number, Real) or not float(number) > 0:
             raise InputError(f"{option}: {name} = {number!r} must be positive")
     if len(numbers) not in (1, count[0]):
         raise InputError(
@@ -89,8 +96,8 @@ def numbers_of(option: str, name: str, value: Any, count: tuple[int, str]) -> Ar
     return np.broadcast_to(np.array(numbers, dtype=float), (count[0],)).copy()
 
 
-def prior_friction_of(text: str, limits: Limits) -> Friction:
-    """Coulomb and viscous friction of a text; default: 5 % of the largest torque limit.
+def prior_friction_of(values: Named, limits: Limits) -> Friction:
+    """Coulomb and viscous friction by their names; default: 5 % of the largest torque limit.
 
     That share is each joint's Coulomb friction, and its viscous friction at the velocity limit.
 
@@ -110,7 +117,7 @@ def prior_friction_of(text: str, limits: Limits) -> Friction:
     law, joints = CoulombViscous(), len(limits.torque)
     level = _SHARE * float(limits.torque.max())
     columns = {"coulomb": np.full(joints, level), "viscous": level / limits.velocity}
-    for name, value in table_of("--friction", text, law.names, _PRIOR).items():
+    for name, value in table_of("--friction", values, law.names, _PRIOR).items():
         columns[name] = numbers_of("--friction", name, value, (joints, "joints"))
     theta = np.stack([columns[name] for name in law.names], axis=-1)
     if not (np.isfinite(theta) & (theta > 0)).all():

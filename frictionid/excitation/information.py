@@ -149,12 +149,10 @@ class Concatenated:
         u = flat(np.concatenate([motions.u, motions.u[-1:]]))
         time = np.arange(len(q)) / experiment.camera_rate
         recording = Recording("expected", Signal(time, q), Signal(time, u, hold="previous"))
-        plant = experiment.plant
-        parameters = {name: value[None] for name, value in plant.parameters.items()}
         scale, friction = experiment.friction_scales[level], experiment.friction
         return Concatenated(
             Friction(friction.law, scale * friction.theta),
-            Plant(plant.mechanism, parameters, plant.p[None]),
+            experiment.plant[None],
             recording,
             w,
             motions.q.shape[2],

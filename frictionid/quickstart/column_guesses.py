@@ -110,8 +110,7 @@ def guess_columns(
     pushes = [name for name in torque.columns if name]
     hold = "linear" if pushes and all(_varies(table, name) for name in pushes) else TORQUE_HOLD
     unused = tuple(name for name in free if name not in pushes)
-    cells = np.stack([table.columns[name] for name in angle.columns])
-    missing = int(np.isnan(cells).any(axis=0).sum())
+    missing = len(table.rows) - len(table.complete(angle.columns).rows)
     return ColumnGuesses(time, angle, torque, hold, unused, missing, split)
 
 

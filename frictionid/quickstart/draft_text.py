@@ -13,7 +13,7 @@ from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 
 from .column_guesses import ColumnGuesses
-from .plan import plan_for
+from .quick import plan_for
 
 _COMMENT = 40  # column of the comments
 _LONG, _WIDE = 96, 130  # of a line, and of one with its comment

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,9 +20,9 @@ import pandas as pd
 from frictionid.arrays import Array
 from frictionid.check import check
 from frictionid.comparison.cross_validate import Benchmark, Result, prepare_benchmark, run
-from frictionid.comparison.suite import identifier_named
-from frictionid.comparison.suite_recipes import recipe_of
-from frictionid.comparison.usual_method import time_between_samples
+from frictionid.comparison.suite import IdentifierEntry, identifier_named
+from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
+from frictionid.comparison.usual_method import time_between_samples, usual_method
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
@@ -37,11 +38,85 @@ from frictionid.evaluation.reference_model import (
 )
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
+from frictionid.fitting.identifiers import Frictionless
+from frictionid.fitting.shooting.settings import torque_is_sampled
 from frictionid.friction.provenance import Estimates
 from frictionid.report.candidates import Measure
 
-from .plan import Plan, plan_for
 from .quick_report import Candidate, Quick
+
+
+class Plan(NamedTuple):
+    """What is compared.
+
+    recipe : how laws are fitted; laws : from simple to rich
+    horizons : [s] of predictions, the first one counts that the folds hold out
+    folds : at most; samples : of all joints, at most
+    """
+
+    recipe: RecipeEntry
+    laws: tuple[IdentifierEntry, ...]
+    horizons: tuple[float, ...]
+    folds: int
+    samples: int
+
+    @property
+    def by_torque(self) -> bool:
+        """Whether the torque left is compared, not predictions."""
+        return self.recipe.by == "inverse_dynamics"
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """Names of the steps of a first verdict."""
+        return ("check", *(law.label for law in self.laws))
+
+
+_BY_DIRECTION = {"kind": "stribeck", "name": "stribeck_asymmetric", "symmetric": False}
+
+
+def _laws(*kinds: str) -> tuple[IdentifierEntry, ...]:
+    return tuple(IdentifierEntry(kind=kind) for kind in kinds)
+
+
+BY_ANGLES = Plan(
+    RecipeEntry(name="shooting", by="shooting"),
+    (
+        *_laws("none", "coulomb_viscous", "load_dependent", "motor_load", "stribeck"),
+        IdentifierEntry.model_validate(_BY_DIRECTION),
+        *_laws("spline"),
+    ),
+    horizons=(0.5, 0.25, 0.1),
+    folds=10,
+    samples=6_000,
+)
+_COARSE = {
+    "name": "inverse_dynamics",
+    "by": "inverse_dynamics",
+    "node_time": 0.01,
+    "tolerance": 0.05,
+}
+_PEAKED = {"kind": "load_dependent", "name": "load_dependent_stribeck", "stribeck": True}
+# `motor_load` explains any torque beside free inertias; without its controller an arm drifts off
+BY_TORQUES = Plan(
+    RecipeEntry.model_validate(_COARSE),
+    (
+        *_laws("none", "coulomb_viscous", "load_dependent"),
+        IdentifierEntry.model_validate(_PEAKED),
+    ),
+    horizons=(0.05,),
+    folds=5,
+    samples=24_000,
+)
+
+
+def plan_for(dataset: Dataset) -> Plan:
+    """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled."""
+    if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
+        return BY_TORQUES
+    driven = torque_is_sampled(dataset) or any(r.servo for r in dataset.recordings)
+    laws = (law for law in BY_ANGLES.laws if driven or law.kind != "motor_load")
+    return BY_ANGLES._replace(laws=tuple(laws))
+
 
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion

@@ -106,18 +106,13 @@ def render(
     out : Folder of the videos to write.
     only : Recordings, all where none is named.
     """
-    from frictionid.config import nearest
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
 
     from .camera.film import load_film, video_path, write_film
 
     film, data = load_film(camera), fid.load_dataset(dataset)
-    names = [r.name for r in data.recordings]
-    for name in only or ():
-        if name not in names:
-            raise InputError(f"{dataset}: no recording {name!r}; {nearest(name, names)}")
-    chosen = [r for r in data.recordings if not only or r.name in only]
+    chosen = [data[name] for name in only] if only else data.recordings
     without = next((r.name for r in chosen if r.truth is None), None)
     if without is not None:
         raise InputError(f"{dataset}: {without!r} has no true motion; render simulated data sets")

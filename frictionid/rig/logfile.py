@@ -13,7 +13,6 @@ in place of rows that were not yet synced: such rows are left out.
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import threading
 from collections.abc import Sequence
@@ -24,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from frictionid.data.readers.table import read_table
+from frictionid.data.readers.csv_table import csv_columns
 from frictionid.data.signals import Array
 from frictionid.errors import InputError
 from frictionid.files import read_bytes, sync_folder
@@ -291,23 +290,12 @@ def read_log(path: Path, columns: Sequence[str] = ()) -> Log:
             )
     if content.count(b"\n") < 2:
         raise InputError(f"{file} has no rows; log again")
-    try:
-        table = np.loadtxt(io.BytesIO(content), delimiter=",", skiprows=1, ndmin=2, comments=None)
-    except ValueError:
-        table = np.empty((0, 0))
-    if table.shape[1] == len(header) and np.isfinite(table).all():
-        return _with_host(Log(file, dict(zip(header, table.T, strict=True))))
-    picked = read_table(content, file, header)
-    for name, column in picked.columns.items():
+    rows, picked, _ = csv_columns(content, file, header)
+    for name, column in picked.items():
         bad = np.flatnonzero(~np.isfinite(column))
         if len(bad):
             raise InputError(
-                f"{file}, row {picked.rows[bad[0]]}: {name!r} is empty or no finite number; "
-                "delete the row"
+                f"{file}, row {rows[bad[0]]}: {name!r} is empty or no finite number; delete the row"
             )
-    return _with_host(Log(file, picked.columns))
-
-
-def _with_host(log: Log) -> Log:
-    """The log with the controller's time as that of arrival where another program wrote it."""
-    return log._replace(columns={"host": log.columns["time"], **log.columns})
+    # another program knows no time of arrival
+    return Log(file, {"host": picked["time"], **picked})

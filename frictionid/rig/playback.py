@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from frictionid.config import Positive, validated
-from frictionid.data.readers.table import read_table
-from frictionid.data.signals import Array, Signal, first_fault, sample
+from frictionid.data.readers.table import read_table, signal_of
+from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 
@@ -62,14 +62,11 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
             "has time and one torque for each"
         )
     table = read_table(content, str(path), ["time", *names])
-    time_ = table.columns["time"]
-    value = np.stack([table.columns[n] for n in names], axis=1)
-    if len(time_) < 2:
-        raise InputError(f"{path} has {len(time_)} rows; a signal ends with a second row at least")
-    fault = first_fault(time_, value, ("time", *names))
-    if fault:
-        raise InputError(f"{path}, row {table.rows[fault[0]]}: {fault[1]}; repair or delete it")
-    for motor, column, name in zip(rig.motors, value.T, names, strict=True):
+    count = len(table.rows)
+    if count < 2:
+        raise InputError(f"{path} has {count} rows; a signal ends with a second row at least")
+    torque = signal_of(table, "time", names, hold="previous")
+    for motor, column, name in zip(rig.motors, torque.value.T, names, strict=True):
         if motor.limit is None:
             raise InputError(
                 f"{rig.file}: [motor] has no limit: add limit = the largest torque [N m] that is "
@@ -81,7 +78,7 @@ def load_signal(path: Path, rig: RigSettings) -> Signal:
                 f"{path}, row {table.rows[k]}: {name} = {column[k]:g} N m exceeds the limit of "
                 f"{motor.limit:g} N m; make the signal smaller"
             )
-    return Signal(time_ - time_[0], value, "previous")
+    return torque._replace(time=torque.time - torque.time[0])
 
 
 def excite(

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from frictionid.config import NotNegative, Positive, nearest, validated
+from frictionid.config import NotNegative, Positive, validated
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Array, Signal, sample
 from frictionid.errors import InputError
@@ -217,12 +217,7 @@ def torque_of(dataset: Dataset, name: str = "") -> Signal:
     InputError
         Where there is no recording of that name.
     """
-    names = [r.name for r in dataset.recordings]
-    if name and name not in names:
-        raise InputError(
-            f"data set {dataset.name!r} has no recording {name!r}; {nearest(name, names)}"
-        )
-    recording = dataset.recordings[names.index(name) if name else 0]
+    recording = dataset[name] if name else dataset.recordings[0]
     driven = np.array(dataset.mechanism.driven)
     torque, last = recording.torque, float(recording.angle.time[-1])
     time, value = torque.time, torque.value[:, driven]

@@ -112,7 +112,7 @@ def margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
     margin: Array = mode * y[1]
     sticks = (mode == 0).any(axis=-1)
     if sticks.any():
-        held = _hold_margins(system, y[:, sticks], u[sticks], mode[sticks])
+        held = _held(system, y[:, sticks], u[sticks], mode[sticks])[2]
         margin[sticks] = np.where(mode[sticks] == 0, held, margin[sticks])
     return margin
 
@@ -131,14 +131,11 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     y : array, shape (3, R, n)
     u : array, shape (R, n) [N m]
     """
-    q, w, _ = y
-    M, h = system.mechanism.dynamics(system.p, q, w)
-    f = h + u
+    w = y[1]
     rests = w == 0
     mode = np.where(rests, system.combinations(rests.any(axis=0))[:, None, :], np.sign(w))
-    a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
-    hold = f - (M * a[..., None, :]).sum(-1)
-    sticking = -_within(system, y, u, hold)
+    M, a, held = _held(system, y, u, mode)
+    sticking = -held
     # both violations as torques
     slipping = -mode * a * np.diagonal(M, axis1=-2, axis2=-1)
     wrong = np.where(rests, np.where(mode == 0, sticking, slipping), 0.0)
@@ -146,11 +143,12 @@ def next_modes(system: TrueSystem, y: Array, u: Array) -> Array:
     return mode[best, np.arange(len(best))]
 
 
-def _hold_margins(system: TrueSystem, y: Array, u: Array, mode: Array) -> Array:
+def _held(system: TrueSystem, y: Array, u: Array, mode: Array) -> tuple[Array, Array, Array]:
+    """Inertia matrix, accelerations, and how far within its band a torque that holds lies."""
     M, h = system.mechanism.dynamics(system.p, y[0], y[1])
     f = h + u
     a = accelerations(M, f, system.torque(y, u, mode), mode != 0)
-    return _within(system, y, u, f - (M * a[..., None, :]).sum(-1))
+    return M, a, _within(system, y, u, f - (M * a[..., None, :]).sum(-1))
 
 
 def _within(system: TrueSystem, y: Array, u: Array, hold: Array) -> Array:

@@ -121,6 +121,14 @@ class TrueFriction:
     def __post_init__(self) -> None:
         check_joints(self, self.curve.n, self.per_joint)
 
+    @cached_property
+    def _arrays(self) -> tuple[Array, ...]:
+        """The fields with one number for each joint, and the viscous coefficients, (n,) each."""
+        return (
+            *(np.array(getattr(self, name)) for name in self.per_joint),
+            np.array(self.curve.viscous),
+        )
+
     def start(self, w: Array) -> Array:
         """Memory after a long time at the velocity w."""
         return np.zeros_like(w)
@@ -175,10 +183,6 @@ class FilmLag(TrueFriction):
     lag: PositiveNumbers
     kind: Literal["film_lag"] = "film_lag"
     per_joint = ("lag",)
-
-    @cached_property
-    def _arrays(self) -> tuple[Array, Array]:
-        return np.array(self.lag), np.array(self.curve.viscous)
 
     def start(self, w: Array) -> Array:
         return np.abs(w)
@@ -237,12 +241,6 @@ class LuGre(TrueFriction):
                     f"damping_velocity / 2.33 = {most:.3g} N m is at most 4 coulomb = "
                     f"{4 * least:.3g} N m; lower bristle_damping or damping_velocity"
                 )
-
-    @cached_property
-    def _arrays(self) -> tuple[Array, ...]:
-        return *(np.array(getattr(self, name)) for name in self.per_joint), np.array(
-            self.curve.viscous
-        )
 
     def start(self, w: Array) -> Array:
         side = np.sign(w)
@@ -309,15 +307,10 @@ class LoadFriction(TrueFriction):
                 object.__setattr__(self, name, (0.0,) * self.curve.n)
         super().__post_init__()
 
-    @cached_property
-    def _coefficients(self) -> tuple[Array, ...]:
-        return tuple(np.array(getattr(self, name)) for name in self.per_joint)
-
     def loaded_level(self, w: Array, load: Load) -> Array:
         """What the load adds to the level [N m] at velocities w, (..., n)."""
-        bearing, motor, external, peak_motor, peak_external, of_motor, of_external = (
-            self._coefficients
-        )
+        bearing, motor, external, *peaks, of_motor, of_external, _ = self._arrays
+        peak_motor, peak_external = peaks
         N, u, te = load
         square = np.where(np.abs(u) > np.abs(te), of_external * te**2, of_motor * u**2)
         peak = np.abs(peak_motor * u - peak_external * te) + np.where(u * te < 0, square, 0.0)

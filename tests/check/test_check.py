@@ -116,7 +116,7 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
     held, widths = [], []
     for _ in range(30):
         true = float(rng.uniform(0.0, 0.03))
-        dataset = pool.with_torques(drawn(swings, rng), lambda u: u, -true)
+        dataset = pool.changed(drawn(swings, rng), "torque", lambda u: u, -true)
         plant = plant_of(dataset)
         rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
         low, high = delay_of(rows, logged(dataset), plant.p).interval
@@ -169,7 +169,7 @@ def test_facts_count_what_was_planted():
 
 def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     noisy = drawn(swings, np.random.default_rng(9), count=1)
-    frozen = pool.with_torques(noisy, lambda u: np.full_like(u, 0.4))
+    frozen = pool.changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
     assert "frozen_torque" in [f.kind for f in check(frozen).findings]
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
     curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
@@ -263,7 +263,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
 
 def test_a_torque_at_a_joint_without_motor_is_named_and_no_fit_takes_it():
     acrobot = load_dataset(DATA / "acrobot_mass")
-    wrong = pool.with_torques(acrobot, lambda u: u + np.array([0.2, 0.0]))
+    wrong = pool.changed(acrobot, "torque", lambda u: u + np.array([0.2, 0.0]))
     finding = next(f for f in check(wrong).findings if f.kind == "torque_without_motor")
     assert finding.text.startswith("torque 1 is up to 0.2 N m")
     assert finding.level == "unusable"

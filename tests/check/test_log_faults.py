@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.one_joint_sets import Setup, sets
+from fixtures.planted_faults import changed
 
 from frictionid.check import check
 from frictionid.check.log_faults import (
@@ -24,16 +25,6 @@ SETUPS = [
     Setup(feedback=True, noise=(1e-3, 3e-3)),
     Setup(passive=True),
 ]
-
-
-def changed(dataset, quantity, change):
-    """The data set with other values of a signal."""
-
-    def one(recording):
-        signal = getattr(recording, quantity)
-        return replace(recording, **{quantity: signal._replace(value=change(signal.value))})
-
-    return replace(dataset, recordings=tuple(map(one, dataset.recordings)))
 
 
 @pytest.mark.parametrize("setup", SETUPS[:3], ids=["sensor", "command", "feedback"])

@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.envelope import Envelope, Estimated, Reached, of_motor
-from frictionid.data.position_control import position_control
-from frictionid.data.servo import Servo
+from frictionid.data.servo import Servo, position_control
 from frictionid.data.signals import Signal
 
 TIME = np.linspace(0.0, 1.0, 51)

@@ -138,7 +138,7 @@ def test_a_recording_is_found_by_its_name():
     data = Dataset.from_frames({"run1": FRAME, "run2": FRAME}, RIG, time="t", angle=["q1", "q2"])
     assert data["run2"] is data.recordings[1]
     assert repr(data) == "Dataset('data': 2 recordings, 2 joints, 4000 s)"
-    with assert_refused("has no recording 'run3'; it has 'run1', 'run2'"):
+    with assert_refused("has no recording 'run3'; did you mean 'run2'"):
         data["run3"]
 
 
@@ -157,13 +157,13 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
         ),
         (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
         (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
-        (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 columns"),
+        (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 joints"),
         (
             FRAME,
             {"angle": ["q1", "q2", "w1"], "torque": None, "units": ["deg"] * 2},
-            "angle has 2 units for 3 columns",
+            "angle has 2 units for 3 joints",
         ),
-        (FRAME, {"units": {"angel": "deg"}}, "'angel' is unknown; did you mean 'angle'"),
+        (FRAME, {"units": {"angel": "deg"}}, "unknown key 'angel'; did you mean 'angle'"),
         (FRAME[:0], {}, "has no rows"),
         (np.eye(3), {}, "is a ndarray, not a table"),
         (FRAME, {"parameters": {"run7": {}}}, "no recording 'run7'"),

@@ -16,7 +16,7 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.table import Table
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
-from frictionid.quickstart.plan import BY_ANGLES
+from frictionid.quickstart.quick import BY_ANGLES
 
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)

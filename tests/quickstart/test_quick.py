@@ -24,8 +24,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.servo import open_loop
 from frictionid.errors import NoFitError
 from frictionid.friction.laws import Spline
-from frictionid.quickstart.plan import BY_ANGLES, plan_for
-from frictionid.quickstart.quick import quick, shortened
+from frictionid.quickstart.quick import BY_ANGLES, plan_for, quick, shortened
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 from frictionid.simulate import Curve

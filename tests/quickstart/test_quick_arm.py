@@ -8,8 +8,7 @@ import pytest
 from fixtures import driven_wrist as wrist
 
 import frictionid as fid
-from frictionid.quickstart.plan import BY_ANGLES, BY_TORQUES, plan_for
-from frictionid.quickstart.quick import quick
+from frictionid.quickstart.quick import BY_ANGLES, BY_TORQUES, plan_for, quick
 from frictionid.quickstart.quick_report import quick_figure, quick_json, verdict
 from frictionid.report.figures.style import png
 

@@ -90,11 +90,12 @@ def _numbers_alone(content: bytes, cells: int) -> Array | None:
 
     That is where a cell is empty, quoted or no number, a line is blank, or rows differ in length.
     """
-    if len(content) < _LONG or not content.isascii() or any(mark in content for mark in _ODD):
+    names = content.partition(b"\n")[0]
+    odd = any(content.find(mark, len(names)) >= 0 for mark in _ODD)
+    if len(content) < _LONG or not content.isascii() or odd:
         return None
-    separator = separator_of(content.partition(b"\n")[0].decode())
     try:
-        text = io.StringIO(content.decode())
+        text, separator = io.StringIO(content.decode()), separator_of(names.decode())
         numbers = np.loadtxt(text, delimiter=separator, comments=None, skiprows=1, ndmin=2)
     except ValueError:
         return None

@@ -3,15 +3,16 @@
 import hashlib
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from frictionid.config import imported, nearest, read_toml
+from frictionid.config import imported, nearest, read_toml, untrusted
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
 from frictionid.mechanics import Mechanism, mechanism_of
@@ -21,11 +22,13 @@ from ..signals import Signal, cut
 from .column_toml import CURRENTS, OWN, check_per_joint
 from .dataset_path import dataset_path
 from .dataset_toml import DatasetToml, check_dataset_toml
-from .formats import part_of
+from .formats import READERS, part_of
 from .public_collections import cached, check_file, download_hint, is_cached
-from .reader_names import Reader, reader_of
 from .table import read_headerless, read_table, table_name
 from .table_recording import recorded
+
+# From a file and the settings in [reader] to a recording in SI units.
+Reader = Callable[[Path, Mapping[str, Any]], Recording]
 
 
 def load_dataset(
@@ -319,3 +322,59 @@ def _around(signal: Signal, start: float, stop: float) -> Signal:
     before = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     behind = min(int(np.searchsorted(time, stop, side="left")), len(time) - 1)
     return cut(signal, time[before], time[behind])
+
+
+# --- Readers by their names -----------------------------------------------------------------------
+
+
+def reader_of(kind: str, file: Path, *, trust: bool = False) -> Reader:
+    """Reader of a name in dataset.toml: built-in, an installed one, or `package.module:function`.
+
+    Installed packages offer readers as entry points of the group `frictionid.readers`, by their
+    names. A reader by its module is code that the data set brings along: only with `trust` it is
+    searched beside the dataset.toml, in the current folder and among the installed packages.
+
+    Raises
+    ------
+    InputError
+        Where there is no such reader, or it is not trusted.
+    """
+    installed = {point.name: point for point in entry_points(group="frictionid.readers")}
+    if kind in installed and kind not in READERS:
+        return _checked(installed[kind].load(), kind)
+    if ":" in kind:
+        if not trust:
+            raise InputError(f"{file}: [reader] kind = {untrusted(kind)}")
+        read = imported(kind, file.parent, f"{file}: [reader] kind")
+        if not callable(read):
+            raise InputError(f"{file}: [reader] kind = {kind!r} is no function (path, settings)")
+        return _checked(read, kind)
+    if kind not in READERS:
+        raise InputError(
+            f"{file}: [reader] kind = {kind!r} is unknown; {nearest(kind, READERS)}; one's own is "
+            "package.module:function"
+        )
+    reader: Reader = part_of(kind, "read")
+    return reader
+
+
+def _checked(read: Reader, kind: str) -> Reader:
+    """A reader of one's own, with errors that name it and the file."""
+
+    def checked(path: Path, settings: Mapping[str, Any]) -> Recording:
+        try:
+            recording = read(path, settings)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"{path}: the reader {kind!r} failed ({type(error).__name__}: {error})"
+            ) from error
+        if not isinstance(recording, Recording):
+            raise InputError(
+                f"{path}: the reader {kind!r} must return a Recording, "
+                f"not {type(recording).__name__}"
+            )
+        return recording
+
+    return checked

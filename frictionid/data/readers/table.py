@@ -48,6 +48,11 @@ class Table(NamedTuple):
         columns = {name: column[keep] for name, column in self.columns.items()}
         return Table(self.file, self.rows[keep], columns)
 
+    def complete(self, names: Sequence[str]) -> "Table":
+        """The rows that have all of some columns."""
+        cells = np.stack([self.columns[name] for name in names])
+        return self.taken(~np.isnan(cells).any(axis=0))
+
     def split(self, name: str, clock: str) -> "list[Table]":
         """Tables of the runs: a new one begins where a column changes, or a clock falls back.
 

@@ -11,9 +11,9 @@ from frictionid.errors import InputError
 
 from ..base_motion import base_motion
 from ..servo import Servo, servo_torque
-from ..signals import Signal
+from ..signals import Signal, check_span
 from .base_toml import Base
-from .column_toml import RELATIVE, UNITS, ColumnNames, Motor
+from .column_toml import RELATIVE, UNITS, Motor
 from .dataset_toml import DatasetToml
 from .table import Table, signal_of
 
@@ -47,7 +47,9 @@ def recorded(table: Table, toml: DatasetToml, name: str = "") -> Recorded:
     """
     columns = toml.columns
     assert columns is not None
-    seen = _seen(table, columns) if columns.missing == "drop" else table
+    seen = table.complete(columns.angle) if columns.missing == "drop" else table
+    if not len(seen.rows):
+        raise InputError(f"{table.file}: no row has all angles; name other columns")
     signal, at_joints = partial(_signal, seen, toml), partial(_at_joints, motor=toml.motor)
     truth = None
     if columns.truth:
@@ -89,15 +91,6 @@ def _on_base(
         signals[quantity] = signal._replace(value=signal.value * base.units.scale(quantity))
     wrench = signals.pop("wrench", None)
     return base_motion(base.mounting, **signals), wrench
-
-
-def _seen(table: Table, columns: ColumnNames) -> Table:
-    """The rows that have all angles."""
-    cells = np.stack([table.columns[name] for name in columns.angle])
-    keep = ~np.isnan(cells).any(axis=0)
-    if not keep.any():
-        raise InputError(f"{table.file}: no row has all angles; name other columns")
-    return table.taken(keep)
 
 
 def _signal(
@@ -163,7 +156,8 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         return _at_joints(quantity, columns, toml.motor) if quantity else columns
 
     goal = signal("angle" if actuator.kind == "position" else "velocity", actuator.target)
-    _check_span(table.file, goal, angle)
+    gaps = [float(np.median(np.diff(s.time))) for s in (goal, angle) if len(s.time) > 1]
+    check_span(f"{table.file}: targets are", goal, angle, _GAPS * max(gaps, default=0.0))
     goal_velocity = feedforward = None
     if actuator.target_velocity:
         goal_velocity = signal("velocity", actuator.target_velocity)
@@ -195,15 +189,3 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         backlash=np.array(actuator.backlash),
         envelope=actuator.envelope,
     )
-
-
-def _check_span(file: str, goal: Signal, angle: Signal) -> None:
-    gap = float(np.median(np.diff(goal.time))) if len(goal.time) > 1 else 0.0
-    gap = _GAPS * max(gap, float(np.median(np.diff(angle.time))))
-    begin, end = float(angle.time[0]), float(angle.time[-1])
-    if goal.time[0] > begin + gap or goal.time[-1] < end - gap:
-        raise InputError(
-            f"{file}: targets are known from {goal.time[0]:g} to {goal.time[-1]:g} s only, the "
-            f"angles from {begin:g} to {end:g} s: keep the common span by start and stop in "
-            "[recordings], or log the targets throughout"
-        )

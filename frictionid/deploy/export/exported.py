@@ -16,8 +16,8 @@ from frictionid.arrays import Array
 from frictionid.config import validated
 from frictionid.data.calibration import calibrated_dataset
 from frictionid.data.envelope import Envelope
-from frictionid.data.position_control import PositionControl, position_control
 from frictionid.data.recordings import Dataset
+from frictionid.data.servo import PositionControl, position_control
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration

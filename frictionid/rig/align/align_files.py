@@ -330,7 +330,7 @@ def read_angles(
                 f"[angles] {key} = {listed} must name one column for each of {joints} joints"
             )
     table = read_table(content, file, [time, *names, *sigma, *([marker] if marker else [])])
-    complete = _rows(table, [time, *names])
+    complete = table.complete([time, *names])
     if len(complete.rows) < _MIN_ROWS:
         raise InputError(
             f"{file} has {len(complete.rows)} rows with all of {', '.join((time, *names))}; "
@@ -343,16 +343,9 @@ def read_angles(
     return angle, _column(table, time, marker) if marker else None
 
 
-def _rows(table: Table, names: list[str]) -> Table:
-    """The rows that have numbers in all of some columns."""
-    complete = np.isfinite(np.stack([table.columns[name] for name in names])).all(axis=0)
-    columns = {name: column[complete] for name, column in table.columns.items()}
-    return table._replace(rows=table.rows[complete], columns=columns)
-
-
 def _column(table: Table, time: str, name: str) -> Signal:
     """A column as a signal, in all rows that have it and a time."""
-    complete = _rows(table, [time, name])
+    complete = table.complete([time, name])
     if len(complete.rows) < 2:
         raise InputError(f"{table.file}: the column {name!r} is empty; name another --marker")
     return signal_of(complete, time, [name])

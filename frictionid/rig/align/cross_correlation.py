@@ -13,7 +13,7 @@ from scipy.fft import irfft, next_fast_len, rfft  # scipy.signal takes a second 
 from frictionid.arrays import Array
 from frictionid.check.motion import MIN_WINDOWS, WIDTH
 from frictionid.check.partial_regression import partial_regression
-from frictionid.data.integrals import averages, integrals_of
+from frictionid.data.integrals import integrals_of, window_means
 from frictionid.data.signals import Signal, cut
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.balances import Rows
@@ -219,12 +219,9 @@ def _basis(columns: Array) -> Array:
 
 
 def _means(torque: Signal, clock: Array) -> Array:
-    """Mean torque over a window around each time of an even clock."""
-    half = round(WIDTH / 2 / STEP)
-    edges = clock[0] + STEP * (np.arange(len(clock) + 2 * half) - half)
-    fine = averages(torque, np.append(edges, edges[-1] + STEP))[:, 0]
-    sums = np.concatenate([[0.0], np.cumsum(fine)])
-    return (sums[2 * half :] - sums[: -2 * half])[: len(clock)] / (2 * half)
+    """Mean torque over a window around each time of a clock."""
+    half, recording = STEP * round(WIDTH / 2 / STEP), np.zeros(len(clock), dtype=int)
+    return window_means(integrals_of([torque]), recording, clock - half, clock + half)[:, 0]
 
 
 def _peaks(offsets: Array, explained: Array) -> Array:

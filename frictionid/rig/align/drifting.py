@@ -44,12 +44,8 @@ class DriftBlock(ParameterBlock):
         yield Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT)
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        values_by_field = {
-            f: getattr(estimate.calibration, f) for f in Calibration.__dataclass_fields__
-        }
-        return estimate._replace(
-            calibration=ClockCalibration(**values_by_field, drift=float(values[0][1]))
-        )
+        numbers = {**vars(estimate.calibration), "drift": float(values[0][1])}
+        return estimate._replace(calibration=ClockCalibration(**numbers))
 
 
 @dataclass(frozen=True, eq=False)

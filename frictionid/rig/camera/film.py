@@ -11,11 +11,11 @@ from scipy.interpolate import CubicHermiteSpline
 from frictionid.config import NotNegative, Positive, read_toml, validated
 from frictionid.data.recordings import TrueMotion
 from frictionid.data.signals import Array
-from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
 from frictionid.simulate.dataset_folder import settings_of
 
 from .scene import Image, Look, Scene, SyncLed, View, chain
+from .source import VideoFormat, video_file
 
 with needs("camera"):
     import cv2

@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
@@ -12,11 +11,12 @@ from frictionid.config import Positive, validated
 from frictionid.data.signals import Array
 from frictionid.errors import InputError, needs
 
+from .source import Image
+
 with needs("camera"):
     import cv2
 
 
-Image = NDArray[np.uint8]
 _SHIFT = 4  # fractional bits of the coordinates of lines
 
 

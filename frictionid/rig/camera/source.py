@@ -1,4 +1,7 @@
-"""Frames of a video file, a sequence of pictures or a live camera, each with its time."""
+"""Frames of a video file, a sequence of pictures or a live camera; video files that are written.
+
+The encoder says nothing of a full disk: what it has written is read again.
+"""
 
 import glob
 import os
@@ -13,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictionid.errors import InputError, needs
-from frictionid.files import regular_file
+from frictionid.files import regular_file, written_beside
 
 with needs("camera"):
     import cv2
@@ -216,3 +219,57 @@ def _sequence(what: str, files: list[str], rate: float | None) -> Source:
     return Source(
         what, "pictures", (first.shape[1], first.shape[0]), rate, len(files), tuple(files)
     )
+
+
+# --- Written --------------------------------------------------------------------------------------
+
+
+class VideoFormat(NamedTuple):
+    """Four letters of the codec, frames per second, (width, height) [px], options of OpenCV."""
+
+    codec: str
+    rate: float
+    size: tuple[int, int]
+    options: tuple[int, ...] = ()
+
+
+@contextmanager
+def video_file(path: Path, form: VideoFormat) -> Iterator[cv2.VideoWriter]:
+    """A writer of a QuickTime or MPEG-4 file, which has its name once it is whole.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be written, as on a full disk.
+    """
+    with written_beside(path) as beside:
+        code = cv2.VideoWriter.fourcc(*form.codec)
+        writer = cv2.VideoWriter(
+            str(beside), cv2.CAP_FFMPEG, code, form.rate, form.size, form.options
+        )
+        try:
+            if not writer.isOpened():
+                raise InputError(f"{path} cannot be written as a video; name another .mp4 or .mov")
+            yield writer
+        finally:
+            writer.release()
+        if "moov" not in boxes(beside):
+            raise InputError(
+                f"{path}: cannot be written as a whole: make room, or choose another place"
+            )
+
+
+def boxes(path: Path) -> list[str]:
+    """Kinds of the boxes that a QuickTime or MPEG-4 file is made of, none where one is cut off."""
+    size, kinds, at = path.stat().st_size, [], 0
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            head = file.read(16)
+            length = int.from_bytes(head[:4], "big")
+            length = int.from_bytes(head[8:], "big") if length == 1 else length
+            if length < 8 or at + length > size:
+                return []
+            kinds.append(head[4:8].decode("latin-1"))
+            at += length
+    return kinds

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.config import nearest
-from frictionid.data.video_file import VideoFormat, video_file
 from frictionid.errors import InputError, needs
 from frictionid.files import write_bytes, write_text
 from frictionid.outputs import check_outputs
@@ -18,7 +17,7 @@ from frictionid.outputs import check_outputs
 from .angles import FOUND, LOST, PREDICTED, Angles, angles_csv
 from .follow import Markers
 from .marker_setup import MarkerSetup, load_marker_setup
-from .source import Frame, Image, Source, open_source
+from .source import Frame, Image, Source, VideoFormat, open_source, video_file
 from .track import Method
 from .track import track as track_frames
 

@@ -9,7 +9,7 @@ from fixtures.dataset_files import csv_bytes, described
 from fixtures.own_reader import read_by
 from fixtures.refusals import assert_one_line, assert_refused
 
-from frictionid.data.readers import reader_names
+from frictionid.data.readers import dataset
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.mechanics import pendulum
@@ -51,8 +51,8 @@ def test_an_installed_package_offers_readers_by_name(tmp_path, monkeypatch):
         def load(self):
             return read_bam
 
-    monkeypatch.setattr(reader_names, "entry_points", lambda **_: [Point()])
-    assert reader_names.reader_of("bam", tmp_path) is read_bam
+    monkeypatch.setattr(dataset, "entry_points", lambda **_: [Point()])
+    assert dataset.reader_of("bam", tmp_path) is read_bam
     with assert_refused(r"the reader 'mylab' failed|a\.log"):
         read_by(tmp_path, {"kind": "mylab"}, trust=False)
 

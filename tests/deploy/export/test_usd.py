@@ -10,7 +10,7 @@ from fixtures.refusals import assert_refused
 import frictionid as fid
 from frictionid.data.calibration import Calibration
 from frictionid.data.envelope import Envelope
-from frictionid.data.position_control import PositionControl
+from frictionid.data.servo import PositionControl
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
 from frictionid.deploy.export.nearest import break_away, nearest

@@ -83,11 +83,10 @@ def _seen(table: Table, settings: MarkerSettings) -> Table:
     """The rows that have all markers."""
     if settings.missing == "refuse":
         return table
-    cells = np.stack([table.columns[name] for name in (*settings.x, *settings.y)])
-    keep = ~np.isnan(cells).any(axis=0)
-    if not keep.any():
+    seen = table.complete([*settings.x, *settings.y])
+    if not len(seen.rows):
         raise InputError(f"{table.file}: no row has all markers; name other columns")
-    return table.taken(keep)
+    return seen
 
 
 def _angles(markers: Array, settings: MarkerSettings, table: Table) -> Array:

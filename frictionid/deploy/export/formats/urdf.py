@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from frictionid.data.position_control import PositionControl
+from frictionid.data.servo import PositionControl
 from frictionid.errors import InputError
 from frictionid.files import json_text
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from frictionid.data.position_control import PositionControl
+from frictionid.data.servo import PositionControl
 from frictionid.errors import InputError, needs
 from frictionid.files import read_bytes
 from frictionid.friction import Friction
