@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes, norm_of
+from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.closed_loop import closed_loop
 from frictionid.dynamics.rollout import rollout
@@ -28,7 +28,7 @@ from .prepared import (
     prepared_for,
 )
 from .reference_model import StartErrors
-from .score_frame import Score, summarise_rollouts
+from .score_frame import Score, parts_of, summarise_rollouts
 from .statistics import FEWEST
 
 
@@ -72,20 +72,21 @@ def rollout_scores(
     motion: State,
     initial: InitialStates,
     fold: Array,
-    position_units: Sequence[str] = (),
+    units: Sequence[str],
     *,
     true: bool = False,
 ) -> Iterator[Score]:
     """Scores for every horizon against the measured angles, and the true ones where they are known.
 
-    position_units : of each joint, "rad" or "m"; all "rad" where there are none
+    units : of each joint's position, "rad" or "m"
     fold : (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data
     true : whether the motion starts from true states, and is compared with the true angles only
     """
     angles = {"rollout_angle": initial.measured, "rollout_angle_truth": initial.truth}
     angles = {"rollout_true_start": initial.truth} if true else angles
-    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
     limit = joint_sizes(units, initial.truth if true else initial.measured)
+    far = {str(j): float(size) for j, size in enumerate(limit, 1)}
+    far["all"] = TURN if are_mixed(units) else float(limit.max())
     for score, reference in angles.items():
         for h, horizon in enumerate(initial.horizons):
             use = (initial.last[h] > 0) & (fold[h] >= 0)
@@ -93,7 +94,8 @@ def rollout_scores(
                 at = initial.last[h, use], np.flatnonzero(use)
                 error = motion.q[at] - reference[at]
                 template = Score("all", score, horizon_s=float(horizon))
-                yield from _horizon_scores(error, fold[h, use], template, units, limit)
+                for size, part in parts_of(error, fold[h, use], template, units, limit):
+                    yield from summarise_rollouts(size, part, far[part.joint])
 
 
 class HorizonErrors(NamedTuple):
@@ -142,10 +144,9 @@ def _grouped(error: Array, recording: Array, fold: Array) -> StartErrors:
 
 
 def horizon_errors(
-    motion: State, initial: InitialStates, fold: Array, position_units: Sequence[str] = ()
+    motion: State, initial: InitialStates, fold: Array, units: Sequence[str]
 ) -> HorizonErrors:
     """Errors of all predictions against the measured angles; `fold` as for `rollout_scores`."""
-    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
     limit = joint_sizes(units, initial.measured)
     held_out = (initial.last > 0) & (fold >= 0)
     error = (motion.q - initial.measured)[initial.last, np.arange(len(initial.recording))]
@@ -153,19 +154,6 @@ def horizon_errors(
     size = limit if are_mixed(units) else limit.max()
     owner = fold.max(axis=0)
     return HorizonErrors(initial.horizons, initial.recording, owner, held_out, error / size)
-
-
-def _horizon_scores(
-    error: Array, fold: Array, template: Score, units: Sequence[str], limit: Array
-) -> Iterator[Score]:
-    norm, unit = norm_of(error, units, limit)
-    template, most = template._replace(unit=unit), TURN if unit == "1" else float(limit.max())
-    for f in np.unique(fold):
-        yield from summarise_rollouts(norm[fold == f], template._replace(fold=str(f)), most)
-    yield from summarise_rollouts(norm, template, most)
-    for j, (unit, joint_limit) in enumerate(zip(units, limit, strict=True)):
-        joint = template._replace(joint=str(j + 1), unit=unit)
-        yield from summarise_rollouts(np.abs(error[:, j]), joint, float(joint_limit))
 
 
 _NEVER = 1e9  # [s] to the next start
