@@ -205,6 +205,7 @@ class SummaryData:
     folds : (task, fold) x columns, scores of each fold
     level : task x columns, scores as they stand in tables: mean over the folds one step ahead,
         else pooled over all folds
+    scores : score frame of all models with their positions as `task`
     """
 
     dataset: str
@@ -214,6 +215,7 @@ class SummaryData:
     horizons: tuple[float, ...]
     folds: pd.DataFrame
     level: pd.DataFrame
+    scores: pd.DataFrame
 
     @property
     def held_out(self) -> bool:
@@ -327,7 +329,8 @@ def _section(results: Results, dataset: str) -> Section:
         hashes = results.provenance.get("data", {}).get(name, {}).values()
         description = description_of(results.datasets[name], hashes)
         shown = tuple(model for model in models if name in tasks[model.task]["rows"])
-        data.append(SummaryData(name, dataset, description, shown, horizons, *score_tables(rows)))
+        tables = *score_tables(rows), rows
+        data.append(SummaryData(name, dataset, description, shown, horizons, *tables))
     return Section(dataset, recipes, tuple(models), tuple(data))
 
 
