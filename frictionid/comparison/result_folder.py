@@ -99,24 +99,11 @@ def unfinished(
         ) from None
 
 
-def task_file(folder: Path, name: str) -> Path:
-    """Where a task's result is: of the comparison that is made, else of the finished one."""
-    new = folder / UNFINISHED / "tasks" / name
-    is_new = not (folder / PROVENANCE).exists() and new.exists()
-    return new if is_new else folder / "tasks" / name
-
-
-def described(folder: Path, name: str) -> dict[str, Any]:
-    """Document of a finished comparison or, where there is none yet, of the unfinished one.
-
-    Raises
-    ------
-    InputError
-        Where there is neither, or the file is damaged or was changed.
-    """
+def place_of(folder: Path, name: str) -> Path:
+    """Where a file is: of the finished comparison or, while there is none, of the unfinished."""
     new = folder / UNFINISHED / name
     is_new = not (folder / PROVENANCE).exists() and new.exists()
-    return read_sealed(new if is_new else folder / name)
+    return new if is_new else folder / name
 
 
 def read_sealed(path: Path) -> dict[str, Any]:

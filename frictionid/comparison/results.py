@@ -46,9 +46,8 @@ from .processes import versions
 from .result_folder import (
     DATASETS,
     PROVENANCE,
-    described,
+    place_of,
     read_sealed,
-    task_file,
     write_sealed,
 )
 from .tasks import Outcome, Task, content_of, file_name
@@ -243,8 +242,8 @@ def load_results(folder: Path) -> Results:
         If the folder holds no comparison, none of its tasks is finished, no model could be fitted,
         or a file was changed.
     """
-    provenance, datasets = described(folder, PROVENANCE), described(folder, DATASETS)
-    paths = [task_file(folder, name) for name in provenance["tasks"]]
+    provenance, datasets = (read_sealed(place_of(folder, n)) for n in (PROVENANCE, DATASETS))
+    paths = [place_of(folder, f"tasks/{name}") for name in provenance["tasks"]]
     documents = {path: read_sealed(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
