@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -62,17 +62,12 @@ class Trajectory(NamedTuple):
 
     def take(self, rows: Array) -> Trajectory:
         """Some of the recordings."""
-        return Trajectory(
-            tuple(self.names[r] for r in rows),
-            self.time[:, rows],
-            self.q[rows],
-            self.w[rows],
-            self.u[:, rows],
-            self.measured[:, rows],
-            tuple(self.servos[r] for r in rows) if self.servos else (),
-            None if self.temperature is None else self.temperature[:, rows],
-            None if self.base_motion is None else self.base_motion[:, rows],
-        )
+        by_row: dict[str, Any] = {"q": self.q[rows], "w": self.w[rows]}
+        for name in ("time", "u", "measured", "temperature", "base_motion"):
+            values = getattr(self, name)
+            by_row[name] = None if values is None else values[:, rows]
+        servos = tuple(self.servos[r] for r in rows) if self.servos else ()
+        return self._replace(names=tuple(self.names[r] for r in rows), servos=servos, **by_row)
 
 
 def with_motor_torque(dataset: Dataset, plant: Plant) -> Dataset:

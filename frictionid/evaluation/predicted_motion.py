@@ -18,6 +18,7 @@ from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 
+from .example_motions import example
 from .free_run import free_run
 from .initial_states import InitialStates, estimate_initial_states
 from .prepared import (
@@ -218,7 +219,7 @@ def predicted_motion(
     batch = friction[None]
     data = calibrated_views(prepared, batch.calibration, 1)[0].data
     parts = _whole(data, batch) if whole else _pieces(data, batch)
-    return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+    return pd.concat(parts, ignore_index=True)
 
 
 def check_joints(friction: Friction, dataset: Dataset) -> None:
@@ -248,23 +249,21 @@ def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
         )
 
 
-def _pieces(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
+def _pieces(data: Prepared, friction: Friction) -> Iterator[pd.DataFrame]:
     initial: InitialStates = data.initial_states
     owner = np.zeros(len(initial.recording), dtype=int)
     motion = predict(data.plant[initial.recording], friction[owner], initial)
-    for s, r in enumerate(initial.recording):
-        last = int(initial.last[-1, s])
-        start = float(data.causal[r].time[initial.index[s]])
-        ahead = np.concatenate([[0.0], np.cumsum(initial.dt[:last, s])])
-        yield {
-            **_lines(data.dataset.recordings[r].name, start, ahead),
-            **_columns("q", motion.q[: last + 1, s]),
-            **_columns("w", motion.w[: last + 1, s]),
-            **_columns("measured_q", initial.measured[: last + 1, s]),
+    for s in range(len(owner)):
+        seen = example(motion.q, initial, data, s)
+        values = {
+            "q": seen["predicted"],
+            "w": motion.w[: len(seen["time"]), s],
+            "measured_q": seen["measured"],
         }
+        yield _table(seen["recording"], seen["start_s"], seen["time"], values)
 
 
-def _whole(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
+def _whole(data: Prepared, friction: Friction) -> Iterator[pd.DataFrame]:
     trajectory = data.trajectory
     assert trajectory is not None
     owner = np.zeros(len(trajectory.names), dtype=int)
@@ -272,21 +271,16 @@ def _whole(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
     for r, name in enumerate(trajectory.names):
         count = int(np.isfinite(trajectory.measured[:, r]).all(axis=-1).sum())
         time = trajectory.time[:count, r]
-        yield {
-            **_lines(name, float(time[0]), time - time[0]),
-            **_columns("q", q[:count, r]),
-            **_columns("measured_q", trajectory.measured[:count, r]),
-        }
+        values = {"q": q[:count, r], "measured_q": trajectory.measured[:count, r]}
+        yield _table(name, float(time[0]), time - time[0], values)
 
 
-def _lines(recording: str, start: float, ahead: Array) -> dict[str, Any]:
-    return {
-        "recording": recording,
-        "start_s": start,
-        "time_s": start + ahead,
-        "ahead_s": ahead,
+def _table(recording: str, start: float, ahead: Array, values: Mapping[str, Array]) -> pd.DataFrame:
+    """A motion, a line for each time `ahead` (T,) of its start; values (T, n) of the joints."""
+    time = {"recording": recording, "start_s": start, "time_s": start + ahead, "ahead_s": ahead}
+    columns = {
+        f"{name}{j}": column
+        for name, joints in values.items()
+        for j, column in enumerate(joints.T, 1)
     }
-
-
-def _columns(name: str, values: Array) -> dict[str, Array]:
-    return {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}
+    return pd.DataFrame(time | columns)

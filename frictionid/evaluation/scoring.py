@@ -332,8 +332,7 @@ def _curve_scores(
     true = curves(steady_state(prepared.dataset.truth), grid)
     if lines is None:
         lines = np.concatenate([curves(friction, grid), curves(overall, grid)[None]])
-    errors = curve_error(lines, true, grid)
-    return curve_scores(errors[:-1], errors[-1])
+    return curve_scores(curve_error(lines, true, grid))
 
 
 def _parameter_count(friction: Friction) -> Score:

@@ -233,7 +233,7 @@ def test_the_true_curve_is_that_of_the_simulation(prepared):
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():
-    rows = list(curve_scores(np.array([[0.1, np.nan], [0.2, np.nan]]), np.array([0.15, np.nan])))
+    rows = list(curve_scores(np.array([[0.1, np.nan], [0.2, np.nan], [0.15, np.nan]])))
     assert select(rows, score="curve_error", unit="1") == {
         ("0", "1"): 0.1,
         ("1", "1"): 0.2,
