@@ -19,7 +19,6 @@ whose figures docs/machine_cards.md has, and draws its picture.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from typing import Any, NamedTuple
 
 import go2
 import numpy as np
+from script import call
 
 import frictionid as fid
 from frictionid.api.machines import Machine
@@ -297,7 +297,7 @@ def draw(axes: Any, card: Machine, joint: int, colour: Any, label: str) -> None:
         axes.fill_between(v, middle - half, middle + half, color=colour, alpha=0.2, linewidth=0)
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str] | None = None) -> None:
     """Make cards, those that are not there without names."""
     for name in names or [n for n in CARDS if not (shipped("machines") / f"{n}.json").exists()]:
         print(name, flush=True)
@@ -309,4 +309,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    call(main)

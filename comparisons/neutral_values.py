@@ -12,7 +12,6 @@ that without neutral values, in units of its standard error.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -20,6 +19,7 @@ import numpy as np
 from coverage_cases import MACHINES, NOISE, Case, case_of, runs_of, sets_of
 from rich.console import Console
 from rich.table import Table
+from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
@@ -123,19 +123,19 @@ def cost(case: Case, seeds: Sequence[int]) -> float:
     return most
 
 
-def main() -> None:
-    """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("laws", nargs="*", help=", ".join(HIDDEN))
-    parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    seeds, console = range(asked.seed, asked.seed + asked.sets), Console(width=110)
-    title = f"error on other motion over that of coulomb_viscous, {asked.sets} sets"
+def main(laws: list[str] | None = None, *, sets: int = 100, seed: int = 0) -> None:
+    """Print both tables.
+
+    Parameters
+    ----------
+    laws : Names of laws [all].
+    """
+    seeds, console = range(seed, seed + sets), Console(width=110)
+    title = f"error on other motion over that of coulomb_viscous, {sets} sets"
     table = Table(title=title)
     for head in ("law", "median", "worst", "without neutral values: median", "worst"):
         table.add_column(head)
-    for name in asked.laws or HIDDEN:
+    for name in laws or HIDDEN:
         with_, without = (harm(*HIDDEN[name], seeds, neutral) for neutral in (True, False))
         each = (np.median(with_), with_.max(), np.median(without), without.max())
         table.add_row(name, *(f"{value:.3f}" for value in each))
@@ -150,4 +150,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -8,13 +8,13 @@ for 0.3 s, or a tenth of the mass is added, and nobody tells the fit.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from coverage_cases import case_of, rig_of
 from coverage_fits import BLOCKS, SETTINGS
+from script import call
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
@@ -73,7 +73,7 @@ def named(dataset: Dataset) -> tuple[str, ...]:
     return tuple(odd.recording for odd in found.diagnostics.odd)
 
 
-def main(sets: int) -> None:
+def main(sets: int = 20) -> None:
     """Print how many are named."""
     for fault in ("none", "push", "mass"):
         datasets = sets_with(fault, range(sets))
@@ -87,4 +87,4 @@ def main(sets: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    call(main)

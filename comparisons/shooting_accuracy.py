@@ -9,7 +9,6 @@ on a set that was not fitted, of another seed.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import time
@@ -21,6 +20,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
+from script import call
 from threadpoolctl import threadpool_limits
 
 from frictionid.comparison.cross_validate import Benchmark, run
@@ -157,7 +157,7 @@ def shortest(rig: Rig) -> Rig:
     return replace(rig, recordings=rig.recordings[:1], camera=replace(rig.camera, samples=2))
 
 
-def folds(jobs: int) -> Lines:
+def ten_folds(jobs: int) -> Lines:
     """Four laws, ten folds, acrobot_clean, in a fresh process."""
     begin = time.perf_counter()
     command = [sys.executable, __file__, "--folds", "--jobs", str(jobs)]
@@ -195,25 +195,27 @@ def rows(seeds: int, jobs: int) -> Iterator[tuple[str, str]]:
     rig = load_rig(DATA / "acrobot_clean" / "rig.toml")
     for part in (plainer, gained, weighed):
         yield from part(rig)
-    yield from folds(jobs)
+    yield from ten_folds(jobs)
 
 
-def main() -> None:
-    """Measure and print."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--seeds", type=int, default=5, help="simulated data sets")
-    options.add_argument("--jobs", type=int, default=2, help="processes side by side")
-    options.add_argument("--folds", action="store_true", help="the four laws only, for their time")
-    given = options.parse_args()
-    if given.folds:
-        times = Parallel(n_jobs=given.jobs)(delayed(one_law)(law) for law in LAWS)
+def main(*, seeds: int = 5, jobs: int = 2, folds: bool = False) -> None:
+    """Measure and print.
+
+    Parameters
+    ----------
+    seeds : Simulated data sets.
+    jobs : Processes side by side.
+    folds : The four laws only, for their time.
+    """
+    if folds:
+        times = Parallel(n_jobs=jobs)(delayed(one_law)(law) for law in LAWS)
         print(f"{sum(times):.0f}")
         return
     table = Table("what", "figure", title="shooting")
-    for row in rows(given.seeds, given.jobs):
+    for row in rows(seeds, jobs):
         table.add_row(*row)
     Console().print(table)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

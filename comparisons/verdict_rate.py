@@ -12,7 +12,6 @@ wide one; then it has other friction that neither model has.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 from scipy.optimize import brentq
+from script import call
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.data.recordings import Dataset
@@ -200,17 +200,18 @@ def report(counted: Iterator[tuple[str, str, Counter[str]]], sets: int) -> None:
     console.print(table)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--recordings", action="store_true", help="simulate and fit recordings")
-    parser.add_argument("--sets", type=int, help="data sets of each kind [200, recordings: 20]")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    sets = asked.sets or (20 if asked.recordings else 200)
-    make = from_recordings if asked.recordings else from_draws
-    report(make(asked.seed, sets), sets)
+def main(*, recordings: bool = False, sets: int | None = None, seed: int = 0) -> None:
+    """Print the table.
+
+    Parameters
+    ----------
+    recordings : Simulate and fit recordings.
+    sets : Data sets of each kind [200, recordings: 20].
+    """
+    count = sets or (20 if recordings else 200)
+    make = from_recordings if recordings else from_draws
+    report(make(seed, count), count)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -9,11 +9,10 @@ by 3 % a kelvin.
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pandas as pd
 from drive_logs import ServoPendulum
+from script import call
 
 import frictionid as fid
 
@@ -44,7 +43,7 @@ def after_a_second(fit: fid.Fit, data: fid.Dataset) -> float:
     return float(scores[row & (scores.joint == "all")].value.iloc[0])
 
 
-def main(count: int) -> None:
+def main(count: int = 20) -> None:
     """Print errors in per cent, and how often intervals hold the truth, of each way to fit."""
     rows = []
     for seed in range(count):
@@ -66,4 +65,4 @@ def main(count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    call(main)
