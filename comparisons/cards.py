@@ -38,6 +38,7 @@ from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.mujoco import physical_parameters
 from frictionid.deploy.export.nearest import cost_of, cost_sentence, is_coulomb_viscous, nearest
 from frictionid.errors import InputError
+from frictionid.evaluation import score_value
 from frictionid.files import shipped, shipped_names, write_json
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction
@@ -153,9 +154,8 @@ def without_friction(friction: Friction) -> Friction:
 def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
     """Median errors after half a second."""
     scores = fid.evaluate(models, dataset, [AHEAD])
-    rows = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
-    rows = rows[rows.joint == "all"].set_index("identifier")
-    return {name: float(rows.value[name]) for name in models}
+    each = {name: scores[scores.identifier == name] for name in models}
+    return {n: score_value(frame, "rollout_angle", "median", AHEAD) for n, frame in each.items()}
 
 
 def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:

@@ -156,11 +156,9 @@ def trial(seeds: Sequence[int], integral: float) -> Mapping[str, Outcome]:
 
 def main(*, seeds: int = 20) -> None:
     """Print a table of all variants, with and without integral action."""
-    table = Table(title=f"Compensation in closed loop, {seeds} seeds")
-    for name in ("control", "compensated", "error [mrad]", "at rest [mrad]"):
-        table.add_column(name)
-    table.add_column("swing at rest [mrad]")
-    table.add_column(f"runs that swing by {1e3 * SWING:g} mrad")
+    heads = ("control", "compensated", "error [mrad]", "at rest [mrad]", "swing at rest [mrad]")
+    swings = f"runs that swing by {1e3 * SWING:g} mrad"
+    table = Table(*heads, swings, title=f"Compensation in closed loop, {seeds} seeds")
     for control, integral in (("PD", 0.0), ("PID", 1.5)):
         for name, own in trial(range(seeds), integral).items():
             error, rest, swing = (

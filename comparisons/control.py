@@ -291,9 +291,8 @@ def main(*, seeds: int = 50) -> None:
     trials = [
         trial(seed, guesses) for seed in track(range(seeds), "fit, plan, run", console=console)
     ]
-    table = Table(title=f"{seeds} seeds; means with 95 % intervals")
-    for name in ("task", "friction in the plan", "success", "error [rad]", "elbow [rad]", "effort"):
-        table.add_column(name)
+    heads = ("task", "friction in the plan", "success", "error [rad]", "elbow [rad]", "effort")
+    table = Table(*heads, title=f"{seeds} seeds; means with 95 % intervals")
     for task, name in trials[0]:
         own = [each[task, name] for each in trials]
         hits = np.concatenate([o.success for o in own])

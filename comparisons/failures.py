@@ -14,12 +14,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from outliers import error_of as curve_errors
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
-from frictionid.evaluation import curves, steady_state, velocity_grid
-from frictionid.evaluation.curves import curve_error
 
 LATE = 0.03  # [s]
 GEAR = 2.0
@@ -88,11 +87,7 @@ def error_of(data: Dataset, method: str | None, free: list[str] | None = None) -
         fit = fid.fit(data, "stribeck", method=method, free=free, settings={"symmetric": False})
     except fid.InputError:
         return "no fit"
-    true = steady_state(data.truth)
-    speeds = np.concatenate([r.truth.velocity.value for r in data.recordings])
-    grid = velocity_grid(speeds)
-    errors = curve_error(curves(fit.friction, grid), curves(true, grid), grid)
-    return " / ".join(map(share, errors))
+    return " / ".join(map(share, curve_errors(fit.friction, data)))
 
 
 def share(error: float) -> str:

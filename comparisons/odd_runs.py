@@ -13,14 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from coverage_cases import case_of, rig_of
-from coverage_fits import BLOCKS, SETTINGS
+from coverage_fits import shot
 from script import call
 
-from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.shooting import refine
 from frictionid.simulate import simulate
 from frictionid.simulate.torques import Command
 
@@ -67,10 +63,7 @@ def sets_with(fault: str, seeds: Sequence[int]) -> list[Dataset]:
 
 def named(dataset: Dataset) -> tuple[str, ...]:
     """Recordings that shooting names as odd."""
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-    first = LeastSquares(CASE.law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    found = refine(first, dataset, BLOCKS, SETTINGS)
-    return tuple(odd.recording for odd in found.diagnostics.odd)
+    return tuple(odd.recording for odd in shot(dataset, CASE.law).diagnostics.odd)
 
 
 def main(sets: int = 20) -> None:

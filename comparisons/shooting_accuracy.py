@@ -17,7 +17,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from coverage_fits import BLOCKS, shot
 from joblib import Parallel, delayed
+from outliers import error_of
 from rich.console import Console
 from rich.table import Table
 from script import call
@@ -30,32 +32,25 @@ from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
     Protocol,
     Split,
-    curve_error,
-    curves,
     make_folds,
     prepare,
     score_model,
-    steady_state,
-    velocity_grid,
 )
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import (
-    DelayBlock,
     FrictionBlock,
     GainBlock,
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting import Shooting, refine
+from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system
 
 DATA = Path(__file__).parent.parent / "data"
-ALL = (FrictionBlock(), InertiaBlock(), DelayBlock())
 LAWS = (CoulombViscous(), Stribeck(), Stribeck(symmetric=False), Spline())
 COULOMB = Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))
 ONE = 1.0  # [s] ahead
@@ -63,20 +58,14 @@ UNSEEN = 100  # added to the seeds of sets that only test
 Lines = list[tuple[str, str]]
 
 
-def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = ALL) -> Fit:
+def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = BLOCKS) -> Fit:
     """What `frictionid fit --by shooting` finds."""
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-    start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    return refine(start, dataset, blocks)
+    return shot(dataset, law, blocks, Settings())
 
 
 def off(found: Fit, dataset: Dataset) -> np.ndarray:
     """Curve error (n,) of each joint."""
-    moved = np.concatenate([r.truth.velocity.value for r in dataset.recordings])
-    grid = velocity_grid(moved)
-    return curve_error(
-        curves(found.friction, grid), curves(steady_state(dataset.truth), grid), grid
-    )
+    return error_of(found.friction, dataset)
 
 
 def ahead(found: Fit, dataset: Dataset) -> np.ndarray:
@@ -175,7 +164,7 @@ def one_law(law: object) -> float:
         dataset, make_folds(dataset.recordings, Split(count=10)), Protocol((0.1,))
     )
     with threadpool_limits(1):
-        run(benchmark, LeastSquares(law), Shooting(blocks=ALL))
+        run(benchmark, LeastSquares(law), Shooting(blocks=BLOCKS))
     return time.process_time() - begin
 
 

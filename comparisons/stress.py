@@ -16,7 +16,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from coverage_cases import NOISE, case_of, rig_of
+from coverage_cases import NOISE, case_of, parts_of, rig_of
 from outliers import Wild, error_of, with_outliers
 from scipy.signal import lfilter
 from script import call
@@ -138,9 +138,7 @@ STRESSES = {
 
 
 @cache
-def recorded(
-    rate: float, noise: float, rod: float | None, seeds: Sequence[int]
-) -> tuple[Dataset, ...]:
+def recorded(rate: float, noise: float, rod: float | None, seeds: Sequence[int]) -> list[Dataset]:
     """Simulated sets without stress, their motions computed side by side."""
     rig = rig_of(case_of(LAW, MACHINE), seeds, RECORDINGS, late=False)
     camera = replace(rig.camera, samples=round(SECONDS * rate) + 1, rate=rate, angle_noise=noise)
@@ -149,11 +147,7 @@ def recorded(
         machine = {"kind": "double_pendulum", "driven": [False, True]}
         rig = replace(rig, mechanism=machine | {"parameters": TWO_RODS | {"I1": rod}})
         steps *= 8
-    everything = simulate(replace(rig, camera=camera, substeps=steps))
-    at = range(0, len(everything.recordings), RECORDINGS)
-    return tuple(
-        replace(everything, recordings=everything.recordings[i : i + RECORDINGS]) for i in at
-    )
+    return parts_of(simulate(replace(rig, camera=camera, substeps=steps)), RECORDINGS)
 
 
 class Found(NamedTuple):

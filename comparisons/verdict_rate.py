@@ -19,7 +19,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from coverage_cases import MOMENT, Case, rig_of
+from coverage_cases import MOMENT, Case, parts_of, rig_of
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
@@ -148,11 +148,9 @@ class Truth:
 
     def sets(self, seed: int, count: int) -> list[Dataset]:
         """Simulated sets, moved side by side."""
-        n = self.recordings
-        rig = rig_of(self.case(), range(seed, seed + count), n, late=False)
-        everything = simulate(replace(rig, drive=replace(rig.drive, delay=self.delay)))
-        parts = (everything.recordings[n * k : n * (k + 1)] for k in range(count))
-        return [replace(everything, recordings=part) for part in parts]
+        rig = rig_of(self.case(), range(seed, seed + count), self.recordings, late=False)
+        late = simulate(replace(rig, drive=replace(rig.drive, delay=self.delay)))
+        return parts_of(late, self.recordings)
 
 
 TRUTHS = {
@@ -189,15 +187,14 @@ def from_recordings(seed: int, sets: int) -> Iterator[tuple[str, str, Counter[st
 
 def report(counted: Iterator[tuple[str, str, Counter[str]]], sets: int) -> None:
     """A table of how often the rule is right, undecided and wrong."""
-    table, console = Table(title=f"verdicts on {sets} data sets each"), Console(width=110)
-    for head in ("condition", "right is", "right", "undecided", "wrong"):
-        table.add_column(head)
+    heads = ("condition", "right is", "right", "undecided", "wrong")
+    table = Table(*heads, title=f"verdicts on {sets} data sets each")
     for name, right, counts in counted:
         wrong = sum(counts.values()) - counts[right] - counts[UNDECIDED]
         row: Sequence[int] = (counts[right], counts[UNDECIDED], wrong)
         table.add_row(name, right, *map(str, row))
         print(name, right, *row, flush=True)
-    console.print(table)
+    Console(width=110).print(table)
 
 
 def main(*, recordings: bool = False, sets: int | None = None, seed: int = 0) -> None:

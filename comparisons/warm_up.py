@@ -15,6 +15,7 @@ from drive_logs import ServoPendulum
 from script import call
 
 import frictionid as fid
+from frictionid.evaluation import score_value
 
 TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": -0.008, "viscous_decay": 0.03}
 WAYS = [("thermal", "one_step", False), ("thermal", "shooting", False)]
@@ -38,9 +39,7 @@ def warm_up(seed: int, *, held: bool = False) -> fid.Dataset:
 
 def after_a_second(fit: fid.Fit, data: fid.Dataset) -> float:
     """Median error [rad] of predictions one second ahead."""
-    scores = fit.score(data, horizons=(1.0,))
-    row = (scores.score == "rollout_angle") & (scores.statistic == "median")
-    return float(scores[row & (scores.joint == "all")].value.iloc[0])
+    return score_value(fid.evaluate(fit, data, (1.0,)), "rollout_angle", "median", 1.0)
 
 
 def main(count: int = 20) -> None:
