@@ -26,7 +26,7 @@ from .figures.scores import (
     rollout_errors,
 )
 from .figures.studies import learning_curves
-from .figures.style import Style, styles
+from .figures.style import Styles, styles
 from .fit_table import parameter_numbers, parameter_table
 from .memory import loop_pictures, loop_table
 from .sections import Model, Section, SummaryData, rollout
@@ -95,7 +95,7 @@ class Names(NamedTuple):
 
     stems: Mapping[tuple[str, str], str]
     fits: Mapping[Model, str]
-    styles: Mapping[str, Style]
+    styles: Styles
 
 
 def names_of(sections: tuple[Section, ...]) -> Names:
@@ -188,7 +188,7 @@ def fit_tables(
 # --- Pictures -------------------------------------------------------------------------------------
 
 # Draws one figure, several, or nothing.
-Draw = Callable[[Section, Mapping[str, Style]], Any]
+Draw = Callable[[Section, Styles], Any]
 # Pictures about what was fitted, with their captions, in the order of the page.
 FITTED: Mapping[str, tuple[Draw, str]] = {
     "choice": (

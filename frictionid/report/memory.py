@@ -23,7 +23,7 @@ from .figures.style import (
     DASHED,
     GREY,
     ZERO,
-    Style,
+    Styles,
     mixed,
     model_title,
     panels,
@@ -105,7 +105,7 @@ RESOLVED = 0.01  # of the largest velocity: closer samples on both sides of a re
 TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
 
 
-def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, list[Any]]:
+def loop_pictures(section: Section, styles: Styles) -> dict[str, list[Any]]:
     """Pictures of the loops by recipe: a column for each model, rows of joints and motions."""
     models = with_loops(section)
     by_recipe = {m.recipe: [o for o in models if o.recipe == m.recipe] for m in models}
@@ -115,7 +115,7 @@ def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, li
     }
 
 
-def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:
+def _picture(section: Section, columns: Sequence[Model], styles: Styles) -> Any:
     data = section.description
     rows = list(product(range(len(data.joints)), KINDS))
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from frictionid.comparison.result_folder import Document
 from frictionid.comparison.results import Results
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import StartErrors, loss
@@ -101,7 +102,7 @@ def side_by_side(first: Results, second: Results) -> SideBySide:
     )
 
 
-def _equal(a: Mapping[str, Any], b: Mapping[str, Any], key: str, dataset: str) -> bool:
+def _equal(a: Document, b: Document, key: str, dataset: str) -> bool:
     """Whether the hashes of a data set, or of its folds, are known and the same."""
     hashes = [provenance.get(key, {}).get(dataset) for provenance in (a, b)]
     return bool(hashes[0]) and hashes[0] == hashes[1]
@@ -120,7 +121,7 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
     return {key: leaf for part in parts for key, leaf in part.items()}
 
 
-def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Change, ...]:
+def _changes(before: Document, after: Document) -> tuple[Change, ...]:
     every = (Change(n, before.get(n), after.get(n)) for n in dict.fromkeys([*before, *after]))
     return tuple(change for change in every if change.before != change.after)
 

@@ -30,7 +30,7 @@ from .style import (
     HALF_PAGE,
     PALE,
     WIDTH,
-    Style,
+    Styles,
     draw_truth,
     figure,
     frame,
@@ -247,7 +247,7 @@ WIDEST = 2.5  # a rival's curve may be so many times as high as the model's with
 RIVAL: Mapping[str, Any] = {"color": "#B5B5B5", "linewidth": 0.7}
 
 
-def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any:
+def friction_of_the_choice(section: Section, styles: Styles) -> Any:
     """Friction over velocity, a panel for each joint: the model that the verdict names, and rivals.
 
     With its 95 % band, by shooting or by what leaving out each fold changes. Rivals are the fits by

@@ -19,7 +19,7 @@ from .style import (
     DARK,
     DASHED,
     GREY,
-    Style,
+    Styles,
     figure,
     key_above,
     line,
@@ -68,7 +68,7 @@ def losses_of(model: Model) -> Mapping[str, Array] | None:
     return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
 
 
-def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
+def learning_curves(section: Section, styles: Styles) -> Any:
     """Picture of all that learned in epochs, a panel for each; None where nothing did."""
     models = section.of_role("fitted")
     shown = [(model, losses) for model in models if (losses := losses_of(model))]

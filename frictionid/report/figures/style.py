@@ -43,6 +43,9 @@ class Style(NamedTuple):
     line: Any
 
 
+Styles = Mapping[str, Style]  # by the labels of models
+
+
 def styles(models: Iterable[Model]) -> dict[str, Style]:
     """Style of each identifier by its label: no friction grey, the truth black, others coloured."""
     out: dict[str, Style] = {}
@@ -238,7 +241,7 @@ def label_panels(
     axes: Any,
     models: Sequence[Model],
     data: DataDescription,
-    styles: Mapping[str, Style],
+    styles: Styles,
 ) -> None:
     """Titles of the columns, and the joints' names at the upper panels."""
     for joint, name in enumerate(data.joints):
@@ -249,7 +252,7 @@ def label_panels(
     picture.supxlabel(f"velocity [{data.velocity_unit}]")
 
 
-def model_title(axis: Any, model: Model, styles: Mapping[str, Style]) -> None:
+def model_title(axis: Any, model: Model, styles: Styles) -> None:
     """The model's name in its colour above a panel."""
     axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
 
