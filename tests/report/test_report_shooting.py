@@ -14,9 +14,7 @@ from fixtures import result_folders as made
 from fixtures.driven_pendulum import LEVEL, driven_pendulum
 
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.results import describe
-from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -65,12 +63,7 @@ def computed(tmp_path_factory):
     recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
     benchmark = Benchmark(dataset, folds, Protocol((0.25,)))
     tasks = [Task(benchmark, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
-    prepared_benchmarks = prepare_benchmarks(tasks)
-    describe(
-        folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, prepared_benchmarks
-    )
-    run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
-    return made.built(folder)
+    return made.built(made.computed(folder, tasks, 2))
 
 
 @pytest.fixture(scope="module")
