@@ -11,7 +11,7 @@ from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 
 from .figures.curves import curve_bands, friction_curves, spread_caption, spreads
-from .figures.fits import correlation, correlation_caption, friction_of_the_choice
+from .figures.fits import correlation_caption, fit_correlation, friction_of_the_choice
 from .figures.motion import (
     example_motions,
     motions,
@@ -309,7 +309,6 @@ def correlation_picture(
     section: Section, model: Model, names: Names, *, linked: bool = False
 ) -> Picture:
     """The correlation of a fit's parameters."""
-    data = section.description
+    figure = fit_correlation(model.refined or Estimates(), section.description.joints)
     caption = correlation_caption(model, section.dataset)
-    stem = f"correlation--{names.fits[model]}"
-    return Picture(stem, correlation(model, data), caption, linked)
+    return Picture(f"correlation--{names.fits[model]}", figure, caption, linked)

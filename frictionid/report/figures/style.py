@@ -184,10 +184,12 @@ def side_by_side(items: Sequence[T], most: int = COLUMNS) -> list[Sequence[T]]:
     return [items[a:b] for a, b in pairwise(ends) if b > a]
 
 
-def panel_grid(count: int, most: int, height: float, margin: float) -> tuple[Any, list[Any]]:
+def panel_grid(
+    count: int, most: int, height: float, margin: float, width: float = WIDTH
+) -> tuple[Any, list[Any]]:
     """A figure with so many panels, `most` abreast, their lines so high [inch]; its axes."""
     rows = -(-count // most)
-    picture = figure(margin + height * rows)
+    picture = figure(margin + height * rows, width)
     axes = picture.subplots(rows, min(count, most), squeeze=False).ravel()
     for spare in axes[count:]:
         spare.set_axis_off()
