@@ -204,8 +204,7 @@ class SummaryData:
     models : those that were scored on it
     horizons : of the rollouts of the whole comparison [s], ascending
     folds : (task, fold) x columns, scores of each fold
-    level : task x columns, scores as they stand in tables: mean over the folds one step ahead,
-        else pooled over all folds
+    level : task x columns, as tables have it: mean over the folds one step ahead, else pooled
     scores : score frame of all models with their positions as `task`
     """
 
@@ -330,8 +329,8 @@ def _section(results: Results, dataset: str) -> Section:
         hashes = results.provenance.get("data", {}).get(name, {}).values()
         description = description_of(results.datasets[name], hashes)
         shown = tuple(model for model in models if name in tasks[model.task]["rows"])
-        tables = *score_tables(rows), rows
-        data.append(SummaryData(name, dataset, description, shown, horizons, *tables))
+        frames = *score_tables(rows), rows
+        data.append(SummaryData(name, dataset, description, shown, horizons, *frames))
     return Section(dataset, recipes, tuple(models), tuple(data))
 
 
