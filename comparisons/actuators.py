@@ -12,8 +12,6 @@ gap as it is, without one, and as it follows from the smallest angle noise. Prin
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +19,7 @@ import numpy as np
 import pandas as pd
 from drive_logs import LooseAxis, ServoPendulum
 from scipy.optimize import minimize_scalar
+from script import call
 
 import frictionid as fid
 
@@ -174,9 +173,9 @@ def axis(seed: int) -> dict[str, float]:
     return out
 
 
-def main(many: Sequence[int]) -> None:
+def main(many: list[int] | None = None) -> None:
     """Print median, 95 % quantile and largest of all errors."""
-    for study, cases in zip((loose, tight, behind, axis), many, strict=True):
+    for study, cases in zip((loose, tight, behind, axis), many or 4 * [20], strict=True):
         if not cases:
             continue
         table = pd.DataFrame([study(seed) for seed in range(cases)])
@@ -187,4 +186,4 @@ def main(many: Sequence[int]) -> None:
 
 
 if __name__ == "__main__":
-    main([int(a) for a in sys.argv[1:]] or [20, 20, 20, 20])
+    call(main)

@@ -10,10 +10,10 @@ parameters, or finds one outside the interval that `quick` printed.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from dataclasses import replace
 
+from script import call
 from verdict_rate import TRUTHS
 
 import frictionid as fid
@@ -44,18 +44,14 @@ def answers(data: Dataset) -> tuple[str, str, bool]:
     return first.chosen.name, second.provisional or "none", within
 
 
-def main() -> None:
+def main(*, sets: int = 100, seed: int = 0) -> None:
     """Print how often which answers are given, and each set with two."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
     counted: Counter[tuple[str, str, bool]] = Counter()
-    for k in range(asked.sets):
-        (data,) = KINDS[k % len(KINDS)].sets(asked.seed + k, 1)
+    for k in range(sets):
+        (data,) = KINDS[k % len(KINDS)].sets(seed + k, 1)
         counted[answers(data)] += 1
         print(k, dict(counted), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -11,7 +11,6 @@ the sums of squares over joints and time. The law is chosen by cross-validation 
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
+from script import call
 
 import frictionid
 from frictionid import load_dataset
@@ -187,7 +187,7 @@ def _percent(value: float) -> str:
     return f"{100 * value:.2f} %"
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str] | None = None) -> None:
     """Compare laws on the arms, and print the friction that is chosen."""
     for name in names or list(ARMS):
         table, fit = compare(name)
@@ -196,4 +196,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    call(main)

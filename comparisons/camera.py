@@ -9,7 +9,6 @@ against decoding alone.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from rich.console import Console
 from rich.progress import track as progress
 from rich.table import Table
 from scipy.interpolate import CubicHermiteSpline
+from script import call
 
 from frictionid import load_dataset
 from frictionid.data.recordings import TrueMotion
@@ -217,13 +217,14 @@ def speed(folder: Path) -> str:
     )
 
 
-def main() -> None:
-    """Print all figures."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="a tenth of the seeds")
-    share = 10 if parser.parse_args().quick else 1
+def main(*, quick: bool = False) -> None:
+    """Print all figures.
+
+    Parameters
+    ----------
+    quick : A tenth of the seeds.
+    """
+    share = 10 if quick else 1
     cv2.setNumThreads(1)
     console = Console()
     table = Table(title="angles from 1280 x 720 films, joint 1 / 2 [deg]")
@@ -239,4 +240,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -19,7 +19,6 @@ whose figures docs/machine_cards.md has, and draws its picture.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from typing import Any, NamedTuple
 
 import go2
 import numpy as np
+from script import call
 
 import frictionid as fid
 from frictionid.api.machines import Machine
@@ -38,6 +38,7 @@ from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.mujoco import physical_parameters
 from frictionid.deploy.export.nearest import cost_of, cost_sentence, is_coulomb_viscous, nearest
 from frictionid.errors import InputError
+from frictionid.evaluation import score_value
 from frictionid.files import shipped, shipped_names, write_json
 from frictionid.friction import Friction
 from frictionid.friction.laws import NoFriction
@@ -153,9 +154,8 @@ def without_friction(friction: Friction) -> Friction:
 def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
     """Median errors after half a second."""
     scores = fid.evaluate(models, dataset, [AHEAD])
-    rows = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
-    rows = rows[rows.joint == "all"].set_index("identifier")
-    return {name: float(rows.value[name]) for name in models}
+    each = {name: scores[scores.identifier == name] for name in models}
+    return {n: score_value(frame, "rollout_angle", "median", AHEAD) for n, frame in each.items()}
 
 
 def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:
@@ -297,7 +297,7 @@ def draw(axes: Any, card: Machine, joint: int, colour: Any, label: str) -> None:
         axes.fill_between(v, middle - half, middle + half, color=colour, alpha=0.2, linewidth=0)
 
 
-def main(names: list[str]) -> None:
+def main(names: list[str] | None = None) -> None:
     """Make cards, those that are not there without names."""
     for name in names or [n for n in CARDS if not (shipped("machines") / f"{n}.json").exists()]:
         print(name, flush=True)
@@ -309,4 +309,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    call(main)

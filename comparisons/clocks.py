@@ -10,10 +10,10 @@ how often the intervals hold. Angles at 60 Hz with 1.6 mrad of noise, 250 torque
 
 from __future__ import annotations
 
-import argparse
 import time
 
 import numpy as np
+from script import call
 
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
@@ -80,19 +80,18 @@ def tried(recording: Recording) -> list[float] | str:
     return [*out, 1e6 * drift, 1e6 * found.t_quantile * found.drift_error]
 
 
-def main() -> None:
-    """Try all seeds and print what came of it."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--seeds", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--together", type=int, default=25, help="simulated side by side")
-    given = parser.parse_args()
+def main(*, seconds: float = 30.0, seeds: int = 200, first: int = 0, together: int = 25) -> None:
+    """Try all seeds and print what came of it.
+
+    Parameters
+    ----------
+    together : Simulated side by side.
+    """
     found, refused, start = [], 0, time.process_time()
-    seeds = range(given.first, given.first + given.seeds)
-    for begin in range(0, len(seeds), given.together):
-        some = seeds[begin : begin + given.together]
-        for seed, recording in zip(some, recorded(some, given.seconds), strict=True):
+    drawn = range(first, first + seeds)
+    for begin in range(0, len(drawn), together):
+        some = drawn[begin : begin + together]
+        for seed, recording in zip(some, recorded(some, seconds), strict=True):
             one = tried(recording)
             if isinstance(one, str):
                 refused += 1
@@ -115,4 +114,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

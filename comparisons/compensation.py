@@ -10,7 +10,6 @@ error (RMS over moves and joints), and what moves in the last two seconds of res
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
+from script import call
 
 import frictionid as fid
 from frictionid.arrays import times
@@ -154,18 +154,13 @@ def trial(seeds: Sequence[int], integral: float) -> Mapping[str, Outcome]:
     return {name: Outcome(*(v[i] for v in split)) for i, name in enumerate(FACTORS)}
 
 
-def main() -> None:
+def main(*, seeds: int = 20) -> None:
     """Print a table of all variants, with and without integral action."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--seeds", type=int, default=20)
-    seeds = range(parser.parse_args().seeds)
-    table = Table(title=f"Compensation in closed loop, {len(seeds)} seeds")
-    for name in ("control", "compensated", "error [mrad]", "at rest [mrad]"):
-        table.add_column(name)
-    table.add_column("swing at rest [mrad]")
-    table.add_column(f"runs that swing by {1e3 * SWING:g} mrad")
+    heads = ("control", "compensated", "error [mrad]", "at rest [mrad]", "swing at rest [mrad]")
+    swings = f"runs that swing by {1e3 * SWING:g} mrad"
+    table = Table(*heads, swings, title=f"Compensation in closed loop, {seeds} seeds")
     for control, integral in (("PD", 0.0), ("PID", 1.5)):
-        for name, own in trial(seeds, integral).items():
+        for name, own in trial(range(seeds), integral).items():
             error, rest, swing = (
                 f"{1e3 * v.mean():.2f} +- {1e3 * v.std():.2f}"
                 for v in (own.error, own.rest_error, own.swing)
@@ -175,4 +170,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -12,7 +12,6 @@ linear-quadratic regulator made from the same model; angles are noisy, torques l
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from script import call
 
 import frictionid as fid
 from frictionid.deploy.export.exported import exported
@@ -279,17 +279,20 @@ def interval(values: Array) -> str:
     return f"{values.mean():.4f} +- {half:.4f}"
 
 
-def main() -> None:
-    """Print a table of both tasks and all models."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--seeds", type=int, default=50, help="of recordings, starts and noise")
-    seeds = range(parser.parse_args().seeds)
+def main(*, seeds: int = 50) -> None:
+    """Print a table of both tasks and all models.
+
+    Parameters
+    ----------
+    seeds : Of recordings, starts and noise.
+    """
     guesses: dict[str, Plan] = {}
     console = Console()
-    trials = [trial(seed, guesses) for seed in track(seeds, "fit, plan, run", console=console)]
-    table = Table(title=f"{len(seeds)} seeds; means with 95 % intervals")
-    for name in ("task", "friction in the plan", "success", "error [rad]", "elbow [rad]", "effort"):
-        table.add_column(name)
+    trials = [
+        trial(seed, guesses) for seed in track(range(seeds), "fit, plan, run", console=console)
+    ]
+    heads = ("task", "friction in the plan", "success", "error [rad]", "elbow [rad]", "effort")
+    table = Table(*heads, title=f"{seeds} seeds; means with 95 % intervals")
     for task, name in trials[0]:
         own = [each[task, name] for each in trials]
         hits = np.concatenate([o.success for o in own])
@@ -304,4 +307,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -183,6 +183,12 @@ def rig_of(
     )
 
 
+def parts_of(data: Dataset, recordings: int) -> list[Dataset]:
+    """The data sets of so many recordings each that were simulated side by side."""
+    at = range(0, len(data.recordings), recordings)
+    return [replace(data, recordings=data.recordings[i : i + recordings]) for i in at]
+
+
 def sets_of(
     case: Case,
     seeds: Sequence[int],
@@ -198,9 +204,7 @@ def sets_of(
     substeps : of the simulation, between two samples
     """
     rig = rig_of(case, seeds, recordings, late=late, rotor_known=wrong > 0.0)
-    everything = simulate(replace(rig, substeps=substeps))
-    at = range(0, len(everything.recordings), recordings)
-    parts = [replace(everything, recordings=everything.recordings[i : i + recordings]) for i in at]
+    parts = parts_of(simulate(replace(rig, substeps=substeps)), recordings)
     return parts if not wrong else [_off(*pair, wrong) for pair in zip(parts, seeds, strict=True)]
 
 

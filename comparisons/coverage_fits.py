@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from coverage_cases import DELAY, Case, rig_of
@@ -10,10 +10,11 @@ from scipy.special import stdtrit
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
+from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
-from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
+from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock, ParameterBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction import Inputs
 from frictionid.simulate.rig import true_system
@@ -67,12 +68,21 @@ def by_integral(case: Case, dataset: Dataset) -> list[Estimated]:
     return out
 
 
-def by_shooting(case: Case, dataset: Dataset, rotor_known: bool = False) -> list[Estimated]:
-    """What shooting finds, beginning with the one-step fit."""
+def shot(
+    dataset: Dataset,
+    law: Any,
+    blocks: tuple[ParameterBlock, ...] = BLOCKS,
+    settings: Settings = SETTINGS,
+) -> Fit:
+    """The fit by shooting, beginning with the one-step fit."""
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-    first = LeastSquares(case.law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    found = refine(first, dataset, BLOCKS, SETTINGS)
-    c, true = found.covariance, true_values(case, dataset)
+    start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
+    return refine(start, dataset, blocks, settings)
+
+
+def by_shooting(case: Case, dataset: Dataset, rotor_known: bool = False) -> list[Estimated]:
+    """What shooting finds."""
+    c, true = shot(dataset, case.law).covariance, true_values(case, dataset)
     base = true_system(rig_of(case, [0], 2, late=True, rotor_known=rotor_known)).p
     out = []
     intervals = c.interval(0.95)

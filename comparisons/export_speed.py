@@ -6,15 +6,16 @@ as a multiple of one tanh and one exp of the same machine.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from script import call
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportedFriction, ExportSettings, exported
@@ -80,17 +81,14 @@ def _least(function: Callable[[], object]) -> float:
     return min(times) / COUNT / 2 * 1e9
 
 
-def main() -> None:
+def main(*, precision: Literal["double", "float"] = "double") -> None:
     """A line for each law."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--precision", choices=("double", "float"), default="double")
-    options = parser.parse_args()
     print("law               ns  of one tanh and exp")
     for name, law in LAWS.items():
         with tempfile.TemporaryDirectory() as folder:
-            own, reference = nanoseconds(friction_of(law), options.precision, Path(folder))
+            own, reference = nanoseconds(friction_of(law), precision, Path(folder))
         print(f"{name:15} {own:5.0f}  {own / reference:.1f}")
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

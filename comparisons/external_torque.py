@@ -11,7 +11,6 @@ python comparisons/external_torque.py [--hours N]
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -19,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset, Recording
@@ -118,11 +118,13 @@ def print_false_contacts(
             print(f"{count} false contacts in {seen:.3g} h, {rate:g} an hour asked for", flush=True)
 
 
-def main() -> None:
-    """Print all figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=1.0, help="without contact, held out")
-    hours = parser.parse_args().hours
+def main(*, hours: float = 1.0) -> None:
+    """Print all figures.
+
+    Parameters
+    ----------
+    hours : Without contact, held out.
+    """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         clean = [simulate(rig(folder, seed, n)) for seed, n in ((1, 3), (2, QUIET + 1))]
@@ -144,4 +146,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

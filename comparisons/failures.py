@@ -14,30 +14,21 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from outliers import error_of as curve_errors
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal
-from frictionid.evaluation import curves, steady_state, velocity_grid
-from frictionid.evaluation.curves import curve_error
 
 LATE = 0.03  # [s]
 GEAR = 2.0
 _FAR = 10.0  # times as large: nothing of the friction is left
 
 
-def with_angles(data: Dataset, change: Callable[[Signal], Signal]) -> Dataset:
-    """The data set with other angles."""
-    return replace(
-        data, recordings=tuple(replace(r, angle=change(r.angle)) for r in data.recordings)
-    )
-
-
-def with_torques(data: Dataset, change: Callable[[Signal], Signal]) -> Dataset:
-    """The data set with other torques."""
-    return replace(
-        data, recordings=tuple(replace(r, torque=change(r.torque)) for r in data.recordings)
-    )
+def changed(data: Dataset, quantity: str, change: Callable[[Signal], Signal]) -> Dataset:
+    """The data set with other signals of a quantity, "angle" or "torque"."""
+    new = [replace(r, **{quantity: change(getattr(r, quantity))}) for r in data.recordings]
+    return replace(data, recordings=tuple(new))
 
 
 def held(signal: Signal) -> Signal:
@@ -51,7 +42,7 @@ def without_rotor() -> Dataset:
     """The second simulated acrobot with its torque's clock corrected: only the rotor is missing."""
     data = fid.load_dataset("acrobot_sim")
     delay = data.truth["rig"]["torque_delay"]
-    return with_torques(data, lambda u: u._replace(time=u.time + delay))
+    return changed(data, "torque", lambda u: u._replace(time=u.time + delay))
 
 
 def mistakes() -> Mapping[str, Callable[[], Dataset]]:
@@ -59,16 +50,18 @@ def mistakes() -> Mapping[str, Callable[[], Dataset]]:
     good = fid.load_dataset("acrobot_clean")
     return {
         "nothing": lambda: good,
-        f"torque logged {1e3 * LATE:g} ms late": lambda: with_torques(
-            good, lambda u: u._replace(time=u.time + LATE)
+        f"torque logged {1e3 * LATE:g} ms late": lambda: changed(
+            good, "torque", lambda u: u._replace(time=u.time + LATE)
         ),
-        "unsigned torque": lambda: with_torques(good, lambda u: u._replace(value=np.abs(u.value))),
-        "degrees taken for radians": lambda: with_angles(
-            good, lambda q: q._replace(value=np.degrees(q.value))
+        "unsigned torque": lambda: changed(
+            good, "torque", lambda u: u._replace(value=np.abs(u.value))
         ),
-        "held samples (30 Hz as 60 Hz)": lambda: with_angles(good, held),
-        f"wrong gear (torque {GEAR:g} times)": lambda: with_torques(
-            good, lambda u: u._replace(value=GEAR * u.value)
+        "degrees taken for radians": lambda: changed(
+            good, "angle", lambda q: q._replace(value=np.degrees(q.value))
+        ),
+        "held samples (30 Hz as 60 Hz)": lambda: changed(good, "angle", held),
+        f"wrong gear (torque {GEAR:g} times)": lambda: changed(
+            good, "torque", lambda u: u._replace(value=GEAR * u.value)
         ),
         "rotor inertia missing": without_rotor,
     }
@@ -88,11 +81,7 @@ def error_of(data: Dataset, method: str | None, free: list[str] | None = None) -
         fit = fid.fit(data, "stribeck", method=method, free=free, settings={"symmetric": False})
     except fid.InputError:
         return "no fit"
-    true = steady_state(data.truth)
-    speeds = np.concatenate([r.truth.velocity.value for r in data.recordings])
-    grid = velocity_grid(speeds)
-    errors = curve_error(curves(fit.friction, grid), curves(true, grid), grid)
-    return " / ".join(map(share, errors))
+    return " / ".join(map(share, curve_errors(fit.friction, data)))
 
 
 def share(error: float) -> str:

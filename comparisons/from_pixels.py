@@ -10,16 +10,17 @@ comparisons/from_pixels.toml runs on both.
 
 from __future__ import annotations
 
-import argparse
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import tomli_w
 from joblib import Parallel, delayed
 from rich.progress import track as progress
 from scipy.interpolate import CubicHermiteSpline
+from script import call
 
 from frictionid import load_dataset
 from frictionid.data.recordings import Recording
@@ -92,15 +93,9 @@ def document(name: str, described: str) -> bytes:
     return tomli_w.dumps({**head, **kept, "columns": columns}).encode()
 
 
-def main() -> None:
+def main(*, jobs: int = 2, codec: Literal["jpeg", "jpeg444"] = FILM.codec) -> None:
     """Film, track, write both data sets, compare."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--codec", choices=("jpeg", "jpeg444"), default=FILM.codec)
-    given = parser.parse_args()
-    jobs, film = given.jobs, replace(FILM, codec=given.codec)
+    film = replace(FILM, codec=codec)
     recordings = load_dataset(CLEAN).recordings[::2][:COUNT]
     for name in ("tracked", "perfect"):
         (OUT / name).mkdir(parents=True, exist_ok=True)
@@ -144,4 +139,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -15,7 +15,6 @@ times the number of pairs.
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
+from script import call
 
 import frictionid as fid
 from frictionid.data.readers.dataset import load_dataset, within
@@ -125,7 +125,7 @@ def show_harmonics(fit: fid.Fit, data: Dataset) -> None:
         print(f"  {joint.removesuffix('_joint'):9s} {', '.join(names) or 'none'}")
 
 
-def main(arms: list[str]) -> None:
+def main(arms: list[str] | None = None) -> None:
     """Print the free runs of some arms, of all without names."""
     train, test = part(0, 2 / 3), part(2 / 3, 1)
     print(*(joint.removesuffix("_joint") for joint in train.mechanism.joints))
@@ -143,4 +143,4 @@ def main(arms: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    call(main)

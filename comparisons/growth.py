@@ -10,20 +10,18 @@ stays in growth.csv until it is measured again. Tables and pictures are of all t
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import growth_data
 import numpy as np
 import pandas as pd
-from growth_data import Data
+from script import call
 
 from frictionid.report.figures.style import COLOURS, GREY, drawn, figure, rendered
 
@@ -166,37 +164,44 @@ def write(table: pd.DataFrame, out: Path) -> None:
         (out / f"growth.{ending}").write_bytes(content)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure what is asked for, and write it beside what has been measured before."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default=",".join(COMMANDS), help="commands")
-    parser.add_argument("--data", default=",".join(KINDS), help="kinds of data")
-    parser.add_argument("--largest", type=int, default=100, help="times the smallest size")
-    parser.add_argument("--smallest", type=int, default=1)
-    parser.add_argument("--limit", type=int, default=1800, help="[s] of a command")
-    parser.add_argument("--work", type=Path, help="folder that keeps the data [a temporary one]")
-    parser.add_argument("--out", type=Path, default=Path("report/growth"))
-    options = parser.parse_args(arguments)
-    work = options.work or Path(tempfile.mkdtemp())
-    try:
-        for data in _chosen(options):
-            folder = growth_data.make(data, work)
-            for command in options.only.split(","):
-                if data.kind == "short" and command == "compare":
-                    continue  # a third of a second is too short for predictions
-                row = {"data": data.kind, "recordings": data.count, "samples": data.total}
-                row |= {"command": command, **measured(command, folder, options.limit)}
-                print(row, flush=True)
-                _add(row, options.out)
-    finally:
-        if options.work is None:
-            shutil.rmtree(work)
+def main(
+    *,
+    only: str = ",".join(COMMANDS),
+    data: str = ",".join(KINDS),
+    largest: int = 100,
+    smallest: int = 1,
+    limit: int = 1800,
+    work: Path | None = None,
+    out: Path = Path("report/growth"),
+) -> None:
+    """Measure what is asked for, and write it beside what has been measured before.
 
-
-def _chosen(options: argparse.Namespace) -> list[Data]:
+    Parameters
+    ----------
+    only : Commands.
+    data : Kinds of data.
+    largest : Times the smallest size.
+    smallest : Times the smallest size.
+    limit : Seconds of a command.
+    work : Folder that keeps the data [a temporary one].
+    out : Folder of table and picture.
+    """
+    place = work or Path(tempfile.mkdtemp())
     sizes = zip((1, 10, 100), growth_data.DEFAULT, growth_data.ONE, growth_data.MANY, strict=True)
-    some = [own for times, *own in sizes if options.smallest <= times <= options.largest]
-    return [data for own in some for data in own if data.kind in options.data.split(",")]
+    chosen = [each for times, *each in sizes if smallest <= times <= largest]
+    try:
+        for made in (made for each in chosen for made in each if made.kind in data.split(",")):
+            folder = growth_data.make(made, place)
+            for command in only.split(","):
+                if made.kind == "short" and command == "compare":
+                    continue  # a third of a second is too short for predictions
+                row = {"data": made.kind, "recordings": made.count, "samples": made.total}
+                row |= {"command": command, **measured(command, folder, limit)}
+                print(row, flush=True)
+                _add(row, out)
+    finally:
+        if work is None:
+            shutil.rmtree(place)
 
 
 def _add(row: dict[str, Any], out: Path) -> None:
@@ -209,4 +214,4 @@ def _add(row: dict[str, Any], out: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

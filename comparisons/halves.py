@@ -8,7 +8,6 @@ where all data ended, and each parameter's difference is told in standard errors
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from script import call
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -50,7 +50,9 @@ def fitted(task: Task, recipe: Shooting, which: Sequence[int], begin: Fit | None
     return refine(friction, dataset, recipe.blocks, recipe.settings, sample_time=apart)
 
 
-def splits(count: int, most: int, seed: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+def splits_of(
+    count: int, most: int, seed: int
+) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Ways to split so many recordings into halves, each once, in an order drawn by the seed."""
     half = list(itertools.combinations(range(count), count // 2))
     if count % 2 == 0:
@@ -59,21 +61,16 @@ def splits(count: int, most: int, seed: int) -> Iterator[tuple[tuple[int, ...], 
         yield half[k], tuple(i for i in range(count) if i not in half[k])
 
 
-def main() -> None:
+def main(
+    suite: Path, identifier: str, *, data: Path | None = None, splits: int = 6, seed: int = 0
+) -> None:
     """Print the parameters of all data, and how the halves agree."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("suite", type=Path)
-    parser.add_argument("identifier")
-    parser.add_argument("--data", type=Path)
-    parser.add_argument("--splits", type=int, default=6)
-    parser.add_argument("--seed", type=int, default=0)
-    told = parser.parse_args()
-    task, recipe = chosen(told.suite, told.identifier, told.data)
+    task, recipe = chosen(suite, identifier, data)
     count = len(task.benchmark.dataset.recordings)
     whole = fitted(task, recipe, range(count), None)
     names = [entry.name for entry in whole.covariance.parameters]
     off = []
-    for first, second in splits(count, told.splits, told.seed):
+    for first, second in splits_of(count, splits, seed):
         one, other = (fitted(task, recipe, own, whole).covariance for own in (first, second))
         difference = (one.values - other.values) / np.hypot(one.error, other.error)
         known = np.isfinite(one.error) & np.isfinite(other.error)
@@ -106,4 +103,4 @@ def report(whole: Fit, names: Sequence[str], off: np.ndarray) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -11,7 +11,6 @@ With --wrong 3 nominal masses are 3 % off, and stated as known to 5 %.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -20,6 +19,7 @@ from coverage_fits import Estimated, by_integral, by_shooting
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
+from script import call
 from threadpoolctl import threadpool_limits
 
 BAR = (0.92, 0.98)
@@ -38,15 +38,14 @@ def some(
         return [by_shooting(case, dataset, wrong > 0.0) for dataset in sets]
 
 
-def computed(case: Case, method: str, given: argparse.Namespace) -> list[list[Estimated]]:
-    """Results of all sets, in processes side by side."""
-    last = given.seed + given.sets
-    chunks = [range(k, min(k + TOGETHER, last)) for k in range(given.seed, last, TOGETHER)]
-    run = Parallel(n_jobs=given.jobs)
-    parts = run(
-        delayed(some)(case, method, chunk, given.recordings, given.wrong) for chunk in chunks
+def computed(
+    case: Case, method: str, seeds: range, recordings: int, wrong: float, jobs: int
+) -> Iterable[list[list[Estimated]]]:
+    """Results of all sets, a few in a process, in processes side by side."""
+    return Parallel(n_jobs=jobs)(
+        delayed(some)(case, method, seeds[k : k + TOGETHER], recordings, wrong)
+        for k in range(0, len(seeds), TOGETHER)
     )
-    return [one for part in parts for one in part]
 
 
 def shares(found: Iterable[Estimated]) -> tuple[int, float, float]:
@@ -78,34 +77,46 @@ def table_of_parameters(sets: list[list[Estimated]]) -> Table:
     return table
 
 
-def main() -> None:
-    """Measure and print."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--sets", type=int, default=100, help="simulated data sets")
-    options.add_argument("--laws", default=",".join(LAWS))
-    options.add_argument("--machines", default=",".join(MACHINES))
-    options.add_argument("--methods", default=",".join(METHODS))
-    options.add_argument("--seed", type=int, default=1, help="of the first set")
-    options.add_argument("--recordings", type=int, default=8, help="in each set")
-    options.add_argument("--wrong", type=float, default=0.0, help="masses off by so many %%")
-    options.add_argument("--jobs", type=int, default=1, help="processes side by side")
-    options.add_argument("--each", action="store_true", help="show each parameter")
-    given = options.parse_args()
+def main(
+    *,
+    sets: int = 100,
+    laws: str = ",".join(LAWS),
+    machines: str = ",".join(MACHINES),
+    methods: str = ",".join(METHODS),
+    seed: int = 1,
+    recordings: int = 8,
+    wrong: float = 0.0,
+    jobs: int = 1,
+    each: bool = False,
+) -> None:
+    """Measure and print.
+
+    Parameters
+    ----------
+    sets : Simulated data sets.
+    seed : Of the first set.
+    recordings : In each set.
+    wrong : Masses off by so many %.
+    jobs : Processes side by side.
+    each : Show each parameter.
+    """
+    seeds = range(seed, seed + sets)
     heads = ("law", "machine", "method", "sets", "cases", "held %", "not identified %", "92 to 98")
     table, console = Table(*heads, title="95 % intervals that hold the truth"), Console()
-    for machine in given.machines.split(","):
-        for law in given.laws.split(","):
+    for machine in machines.split(","):
+        for law in laws.split(","):
             if law == "gear_load" and machine == "acrobot":
                 continue  # its load is that of one pendulum
-            for method in given.methods.split(","):
-                sets = computed(case_of(law, machine), method, given)
-                row = row_of((law, machine, method), sets)
+            for method in methods.split(","):
+                chunks = computed(case_of(law, machine), method, seeds, recordings, wrong, jobs)
+                shown = [one for chunk in chunks for one in chunk]
+                row = row_of((law, machine, method), shown)
                 table.add_row(*row)
                 print(*row, flush=True)
-                if given.each:
-                    console.print(table_of_parameters(sets))
+                if each:
+                    console.print(table_of_parameters(shown))
     console.print(table)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -20,7 +20,6 @@ over that of the best fitted model by hindsight.
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -31,6 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import tomli_w
+from script import call
 
 from frictionid.api.suites import run_suite
 from frictionid.comparison.suite import Suite
@@ -209,30 +209,31 @@ def table_of(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Run all machines, or some, and print the table of all that are finished."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("machines", nargs="*", metavar="MACHINE", help=", ".join(MACHINES))
-    parser.add_argument("--out", type=Path, help="page whose table is replaced")
-    parser.add_argument("--jobs", type=int, default=0, help="tasks side by side; 0: one per core")
-    asked = parser.parse_args()
-    unknown = set(asked.machines) - set(MACHINES)
-    if unknown:
-        parser.error(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
-    for name in asked.machines or MACHINES:
+def main(machines: list[str] | None = None, *, out: Path | None = None, jobs: int = 0) -> None:
+    """Run all machines, or some, and print the table of all that are finished.
+
+    Parameters
+    ----------
+    machines : Names of machines [all].
+    out : Page whose table is replaced.
+    jobs : Tasks side by side; 0: one per core.
+    """
+    if unknown := set(machines or ()) - set(MACHINES):
+        raise SystemExit(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
+    for name in machines or MACHINES:
         print(name, flush=True)
         try:
-            run(MACHINES[name], asked.jobs)
+            run(MACHINES[name], jobs)
         except InputError as error:  # the others may be as they should
             print(f"  {error}", flush=True)
     finished = [m for m in MACHINES.values() if (REPORT / m.name / "verdict.json").exists()]
     table = table_of([row for machine in finished for row in rows_of(machine)])
     print(table)
-    if asked.out is not None:
-        before, _, after = asked.out.read_text(encoding="utf-8").partition("\n| machine |")
+    if out is not None:
+        before, _, after = out.read_text(encoding="utf-8").partition("\n| machine |")
         rest = after.partition("\n\n")[2]
-        asked.out.write_text(f"{before}\n{table}\n\n{rest}", encoding="utf-8")
+        out.write_text(f"{before}\n{table}\n\n{rest}", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -11,7 +11,6 @@ what was interrupted. Stubs sleep, at most; for them and the speed-up processes 
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from distributed import Client
+from script import call
 
 from frictionid.api.suites import run_suite
 from frictionid.comparison.cluster import on_cluster
@@ -31,40 +31,44 @@ from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.comparison.tasks import prepare_benchmarks, results_of
 
 
-def main() -> int:
-    """Exit status 1 where a job failed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("address", nargs="?")
-    parser.add_argument("suite", nargs="?", type=Path)
-    parser.add_argument("folders", nargs="*", type=Path)
-    parser.add_argument("--out", type=Path, default=Path("results"))
-    parser.add_argument("--trust", action="store_true", help="Run code that the suite names.")
-    parser.add_argument("--stubs", type=int)
-    parser.add_argument("--sleep", type=float, default=0.0, help="Seconds of each stub.")
-    parser.add_argument("--speed-up", type=Path)
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    if options.stubs:
-        _simulate(options.stubs, options.workers, options.sleep)
-    elif options.speed_up:
-        _speed_up(options.speed_up, options.workers)
-    elif options.folders:
-        places = options.folders, options.out
-        return _compare(options.address, options.suite, *places, trust=options.trust)
-    else:
-        parser.error("name the scheduler's address, a suite, and folders of tables")
-    return 0
+def main(
+    address: str = "",
+    suite: Path | None = None,
+    folders: list[Path] | None = None,
+    *,
+    out: Path = Path("results"),
+    trust: bool = False,
+    stubs: int = 0,
+    sleep: float = 0.0,
+    speed_up: Path | None = None,
+    workers: int = 2,
+) -> None:
+    """Compare every data set; exit status 1 where a job failed.
+
+    Parameters
+    ----------
+    trust : Run code that the suite names.
+    sleep : Seconds of each stub.
+    """
+    if stubs:
+        _simulate(stubs, workers, sleep)
+    elif speed_up:
+        _speed_up(speed_up, workers)
+    elif not (suite and folders):
+        raise SystemExit("name the scheduler's address, a suite, and folders of tables")
+    elif not _compare(address, suite, folders, out, trust=trust):
+        raise SystemExit(1)
 
 
-def _compare(address: str, suite: Path, folders: Sequence[Path], out: Path, *, trust: bool) -> int:
-    """Run one job per folder, and say how each ended."""
+def _compare(address: str, suite: Path, folders: Sequence[Path], out: Path, *, trust: bool) -> bool:
+    """Run one job per folder, and say how each ended; whether all ended well."""
     places = [(folder.resolve(), (out / folder.name).resolve()) for folder in folders]
     calls = [(suite.resolve(), *place, trust) for place in places]
     failed = 0
     for i, (done, said) in on_cluster(compared, calls, address):
         failed += not done
         print(f"{folders[i].name}: {said}", flush=True)
-    return int(failed > 0)
+    return not failed
 
 
 def compared(suite: Path, folder: Path, out: Path, trust: bool) -> tuple[bool, str]:
@@ -166,4 +170,4 @@ def _cluster(workers: int) -> Iterator[Client]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    call(main)

@@ -9,17 +9,17 @@ Run from the clone: python comparisons/monitoring.py [--sets N] [--only simulate
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import beta
+from script import call
 
 from frictionid import baseline, load_dataset, mechanisms, monitor
 from frictionid.data.recordings import Dataset, Recording
@@ -250,18 +250,20 @@ def real() -> None:
         print(f"{name}: {found.answer}; {found.sentence}", *found.judgement.notes[:1], flush=True)
 
 
-def main() -> None:
-    """Print all rates."""
+def main(*, sets: int | None = None, only: Literal["simulated", "real"] | None = None) -> None:
+    """Print all rates.
+
+    Parameters
+    ----------
+    sets : Simulated data sets [those of monitoring.toml].
+    only : One of both parts.
+    """
     settings = tomllib.loads((Path(__file__).parent / "monitoring.toml").read_text("utf-8"))
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sets", type=int, default=settings["sets"])
-    parser.add_argument("--only", choices=("simulated", "real"))
-    given = parser.parse_args()
-    if given.only != "real":
-        simulated(settings, given.sets)
-    if given.only != "simulated":
+    if only != "real":
+        simulated(settings, sets or settings["sets"])
+    if only != "simulated":
         real()
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -12,17 +12,17 @@ that without neutral values, in units of its standard error.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
-from coverage_cases import MACHINES, NOISE, Case, case_of, runs_of, sets_of
+from coverage_cases import MACHINES, NOISE, Case, case_of, parts_of, runs_of, sets_of
 from rich.console import Console
 from rich.table import Table
+from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
+from frictionid.evaluation import score_value
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Law
 from frictionid.friction.laws import (
@@ -81,18 +81,13 @@ def hidden(motion: Motion, seeds: Sequence[int]) -> list[Dataset]:
     for seed in seeds:
         draw = np.random.default_rng([seed, 11])
         runs += [motion(draw, f"{seed:04d}_{k:02d}") for k in range(RECORDINGS)]
-    everything = rig(runs, 1.0)
-    parts = range(0, len(runs), RECORDINGS)
-    return [
-        replace(everything, recordings=everything.recordings[i : i + RECORDINGS]) for i in parts
-    ]
+    return parts_of(rig(runs, 1.0), RECORDINGS)
 
 
 def error(model: fid.Fit, test: Dataset) -> float:
     """Median error [rad] after the horizon."""
-    table = fid.evaluate(model, test, horizons=(HORIZON,))
-    rows = (table.score == "rollout_angle") & (table.statistic == "median") & (table.joint == "all")
-    return float(table[rows].value.iloc[0])
+    scores = fid.evaluate(model, test, horizons=(HORIZON,))
+    return score_value(scores, "rollout_angle", "median", HORIZON)
 
 
 def harm(law: Law, motion: Motion, seeds: Sequence[int], neutral: bool) -> np.ndarray:
@@ -123,19 +118,18 @@ def cost(case: Case, seeds: Sequence[int]) -> float:
     return most
 
 
-def main() -> None:
-    """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("laws", nargs="*", help=", ".join(HIDDEN))
-    parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    seeds, console = range(asked.seed, asked.seed + asked.sets), Console(width=110)
-    title = f"error on other motion over that of coulomb_viscous, {asked.sets} sets"
-    table = Table(title=title)
-    for head in ("law", "median", "worst", "without neutral values: median", "worst"):
-        table.add_column(head)
-    for name in asked.laws or HIDDEN:
+def main(laws: list[str] | None = None, *, sets: int = 100, seed: int = 0) -> None:
+    """Print both tables.
+
+    Parameters
+    ----------
+    laws : Names of laws [all].
+    """
+    seeds, console = range(seed, seed + sets), Console(width=110)
+    title = f"error on other motion over that of coulomb_viscous, {sets} sets"
+    heads = ("law", "median", "worst", "without neutral values: median", "worst")
+    table = Table(*heads, title=title)
+    for name in laws or HIDDEN:
         with_, without = (harm(*HIDDEN[name], seeds, neutral) for neutral in (True, False))
         each = (np.median(with_), with_.max(), np.median(without), without.max())
         table.add_row(name, *(f"{value:.3f}" for value in each))
@@ -150,4 +144,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -8,19 +8,15 @@ for 0.3 s, or a tenth of the mass is added, and nobody tells the fit.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from coverage_cases import case_of, rig_of
-from coverage_fits import BLOCKS, SETTINGS
+from coverage_fits import shot
+from script import call
 
-from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.shooting import refine
 from frictionid.simulate import simulate
 from frictionid.simulate.torques import Command
 
@@ -67,13 +63,10 @@ def sets_with(fault: str, seeds: Sequence[int]) -> list[Dataset]:
 
 def named(dataset: Dataset) -> tuple[str, ...]:
     """Recordings that shooting names as odd."""
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-    first = LeastSquares(CASE.law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    found = refine(first, dataset, BLOCKS, SETTINGS)
-    return tuple(odd.recording for odd in found.diagnostics.odd)
+    return tuple(odd.recording for odd in shot(dataset, CASE.law).diagnostics.odd)
 
 
-def main(sets: int) -> None:
+def main(sets: int = 20) -> None:
     """Print how many are named."""
     for fault in ("none", "push", "mass"):
         datasets = sets_with(fault, range(sets))
@@ -87,4 +80,4 @@ def main(sets: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    call(main)

@@ -36,6 +36,11 @@ from frictionid.simulate import Stribeck as SimulatedStribeck
 DATA = Path(__file__).parent.parent / "data"
 
 
+def fitted(identifier: Any, problem: Any) -> Any:
+    """Friction fitted to all rows of a problem."""
+    return identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+
+
 def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     """Curve errors of the study's recipe and ours, fitted to all data."""
     grid = prepare(dataset, Protocol(horizons=(0.1,))).grid
@@ -43,9 +48,7 @@ def accuracy(name: str, dataset: Any) -> list[tuple[str, str]]:
     rows, errors = [], []
     for recipe, robust in ((STUDY, None), (INTEGRAL, None), (INTEGRAL, 3.0)):
         problem = training_problem(dataset, plant_of(dataset), recipe)
-        weights = np.ones((1, len(problem.r)))
-        identifier = LeastSquares(Stribeck(symmetric=False), robust=robust)
-        friction = identifier.fit(problem, weights, 0)[0]
+        friction = fitted(LeastSquares(Stribeck(symmetric=False), robust=robust), problem)
         errors.append(curve_error(curves(friction, grid), true, grid))
         shown = " / ".join(f"{100 * e:.1f} %" for e in errors[-1])
         how = f"{recipe.name}, robust" if robust else recipe.name
@@ -61,7 +64,7 @@ def networks(dataset: Any) -> list[tuple[str, str]]:
     true = curves(steady_state(dataset.truth), grid)
     rows = []
     for name, identifier in (("mlp", CompressedNetwork(MLP())), ("lstm", Network(LSTM()))):
-        friction = identifier.fit(problem, np.ones((1, len(problem.r))), 0)[0]
+        friction = fitted(identifier, problem)
         shown = " / ".join(
             f"{100 * e:.1f} %" for e in curve_error(curves(friction, grid), true, grid)
         )
@@ -93,7 +96,7 @@ def supports(rig: Any, seeds: int = 10) -> list[tuple[str, str]]:
             noisy = tuple(_seen(r, rig.camera.angle_noise, random) for r in made.recordings)
             dataset = replace(made, recordings=noisy)
             problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-            friction = SINDy().fit(problem, np.ones((1, len(problem.r))), 0)[0]
+            friction = fitted(SINDy(), problem)
             names = np.array(friction.law.names)
             right += [names[row != 0].tolist() for row in friction.theta] == TERMS[name]
         rows.append((f"sindy, {name} truth: seeds with the true terms only", f"{right} of {seeds}"))

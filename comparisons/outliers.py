@@ -7,12 +7,12 @@ The asymmetric Stribeck law on `data/acrobot_clean`, by one-step least squares a
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from script import call
 
 from frictionid.arrays import Array
 from frictionid.comparison.fit_model import fit_model
@@ -62,7 +62,7 @@ def error_of(friction: Friction, clean: Dataset) -> Array:
     return np.asarray(curve_error(curves(friction, grid), curves(steady_state(truth), grid), grid))
 
 
-def main(seeds: int) -> None:
+def main(seeds: int = 1) -> None:
     """Print curve errors [%] of each case, and whether they are within the limit."""
     clean = load_dataset(Path(__file__).parents[1] / "data" / "acrobot_clean")
     identifier = LeastSquares(Stribeck(symmetric=False))
@@ -81,4 +81,4 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1)
+    call(main)

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from script import call
 
 from frictionid.comparison.registry import LAWS
 from frictionid.files import shipped, write_json
@@ -148,4 +148,4 @@ def main(checkout: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    call(main)

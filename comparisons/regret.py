@@ -16,7 +16,6 @@ says what the defaults are.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from typing import NamedTuple
 import arms
 import numpy as np
 from numpy.typing import NDArray
+from script import call
 
 import frictionid as fid
 from frictionid.api.evaluate import scores_of
@@ -311,17 +311,18 @@ def table_of(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the table of all machines, or of some, and write it where --out says."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("machines", nargs="*", metavar="MACHINE", help=", ".join(MACHINES))
-    parser.add_argument("--out", type=Path)
-    asked = parser.parse_args()
-    unknown = set(asked.machines) - set(MACHINES)
-    if unknown:
-        parser.error(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
+def main(machines: list[str] | None = None, *, out: Path | None = None) -> None:
+    """Print the table of all machines, or of some, and write it where --out says.
+
+    Parameters
+    ----------
+    machines : Names of machines [all].
+    out : File of the table.
+    """
+    if unknown := set(machines or ()) - set(MACHINES):
+        raise SystemExit(f"{', '.join(sorted(unknown))}: there are {', '.join(MACHINES)}")
     rows: list[Row] = []
-    for name in asked.machines or MACHINES:
+    for name in machines or MACHINES:
         begin = time.perf_counter()
         print(name, flush=True)
         try:
@@ -329,10 +330,10 @@ def main() -> None:
         except InputError as error:  # a default that fails is worse than any arm
             rows.append(Row(name, f"fails: {error}", "", "", "", np.inf))
         print(f"  regret {rows[-1].regret:.2f}, {time.perf_counter() - begin:.0f} s", flush=True)
-        if asked.out is not None:
-            asked.out.write_text(table_of(rows) + "\n", encoding="utf-8")
+        if out is not None:
+            out.write_text(table_of(rows) + "\n", encoding="utf-8")
     print(table_of(rows))
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

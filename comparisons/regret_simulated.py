@@ -11,13 +11,13 @@ two. Laws are fitted to 12 recordings, and tested on 10 others with nearly twice
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from regret import USUAL, Machine, row_of, table_of
+from script import call
 
 from frictionid.data.recordings import Dataset
 from frictionid.mechanics import mechanism_of
@@ -136,23 +136,24 @@ def drawn(seed: int) -> tuple[str, Machine]:
     return what, Machine(train, {"test": test}, (*USUAL, "quadratic"), sample_time=apart)
 
 
-def main() -> None:
-    """Print the table of some machines, and write it where --out says."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--machines", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1, help="of the first machine")
-    parser.add_argument("--out", type=Path)
-    asked = parser.parse_args()
+def main(*, machines: int = 20, seed: int = 1, out: Path | None = None) -> None:
+    """Print the table of some machines, and write it where --out says.
+
+    Parameters
+    ----------
+    seed : Of the first machine.
+    out : File of the table.
+    """
     rows = []
-    for seed in range(asked.seed, asked.seed + asked.machines):
-        name, machine = drawn(seed)
+    for each in range(seed, seed + machines):
+        name, machine = drawn(each)
         print(name, flush=True)
         rows.append(row_of(name, machine))
         print(f"  regret {rows[-1].regret:.2f}", flush=True)
-        if asked.out is not None:
-            asked.out.write_text(table_of(rows) + "\n", encoding="utf-8")
+        if out is not None:
+            out.write_text(table_of(rows) + "\n", encoding="utf-8")
     print(table_of(rows))
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -9,7 +9,6 @@ masses and rotors 20 % off the nominal ones, all drawn from each set's seed.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ import numpy as np
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
+from script import call
 from threadpoolctl import threadpool_limits
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -84,28 +84,34 @@ def row_of(method: str, sets: Sequence[Shown]) -> list[str]:
     ]
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--sets", type=int, default=50, help="simulated data sets")
-    parser.add_argument("--seed", type=int, default=1, help="of the first set")
-    parser.add_argument("--methods", default=",".join(METHODS))
-    parser.add_argument("--recordings", type=int, default=3, help="in each set")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each recording")
-    parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
-    given = parser.parse_args()
-    table = Table(title="Seven joints: friction curves and 95 % intervals")
+def main(
+    *,
+    sets: int = 50,
+    seed: int = 1,
+    methods: str = ",".join(METHODS),
+    recordings: int = 3,
+    seconds: float = 5.0,
+    jobs: int = 1,
+) -> None:
+    """Print the table.
+
+    Parameters
+    ----------
+    sets : Simulated data sets.
+    seed : Of the first set.
+    recordings : In each set.
+    seconds : Of each recording.
+    jobs : Processes side by side.
+    """
     heads = ("method", "sets", "median error %", "worst %", "intervals", "held %", "unknown %", "s")
-    for head in heads:
-        table.add_column(head)
-    for method in given.methods.split(","):
-        sets = Parallel(n_jobs=given.jobs)(
-            delayed(shown)(method, seed, given.recordings, given.seconds)
-            for seed in range(given.seed, given.seed + given.sets)
+    table = Table(*heads, title="Seven joints: friction curves and 95 % intervals")
+    for method in methods.split(","):
+        results = Parallel(n_jobs=jobs)(
+            delayed(shown)(method, each, recordings, seconds) for each in range(seed, seed + sets)
         )
-        table.add_row(*row_of(method, sets))
+        table.add_row(*row_of(method, results))
     Console().print(table)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

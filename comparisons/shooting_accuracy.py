@@ -9,7 +9,6 @@ on a set that was not fitted, of another seed.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import time
@@ -18,9 +17,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from coverage_fits import BLOCKS, shot
 from joblib import Parallel, delayed
+from outliers import error_of
 from rich.console import Console
 from rich.table import Table
+from script import call
 from threadpoolctl import threadpool_limits
 
 from frictionid.comparison.cross_validate import Benchmark, run
@@ -30,32 +32,25 @@ from frictionid.data.recordings import Dataset
 from frictionid.evaluation import (
     Protocol,
     Split,
-    curve_error,
-    curves,
     make_folds,
     prepare,
     score_model,
-    steady_state,
-    velocity_grid,
 )
 from frictionid.fitting.fit import Fit
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import (
-    DelayBlock,
     FrictionBlock,
     GainBlock,
     InertiaBlock,
     ParameterBlock,
 )
-from frictionid.fitting.shooting import Shooting, refine
+from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.friction.laws import CoulombViscous, Spline, Stribeck
 from frictionid.simulate import Curve, Rig, load_rig, simulate
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system
 
 DATA = Path(__file__).parent.parent / "data"
-ALL = (FrictionBlock(), InertiaBlock(), DelayBlock())
 LAWS = (CoulombViscous(), Stribeck(), Stribeck(symmetric=False), Spline())
 COULOMB = Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))
 ONE = 1.0  # [s] ahead
@@ -63,20 +58,14 @@ UNSEEN = 100  # added to the seeds of sets that only test
 Lines = list[tuple[str, str]]
 
 
-def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = ALL) -> Fit:
+def fitted(dataset: Dataset, law: object, blocks: tuple[ParameterBlock, ...] = BLOCKS) -> Fit:
     """What `frictionid fit --by shooting` finds."""
-    problem = training_problem(dataset, plant_of(dataset), INTEGRAL)
-    start = LeastSquares(law).fit(problem, np.ones((1, len(problem.r))), seed=0)[0]
-    return refine(start, dataset, blocks)
+    return shot(dataset, law, blocks, Settings())
 
 
 def off(found: Fit, dataset: Dataset) -> np.ndarray:
     """Curve error (n,) of each joint."""
-    moved = np.concatenate([r.truth.velocity.value for r in dataset.recordings])
-    grid = velocity_grid(moved)
-    return curve_error(
-        curves(found.friction, grid), curves(steady_state(dataset.truth), grid), grid
-    )
+    return error_of(found.friction, dataset)
 
 
 def ahead(found: Fit, dataset: Dataset) -> np.ndarray:
@@ -157,7 +146,7 @@ def shortest(rig: Rig) -> Rig:
     return replace(rig, recordings=rig.recordings[:1], camera=replace(rig.camera, samples=2))
 
 
-def folds(jobs: int) -> Lines:
+def ten_folds(jobs: int) -> Lines:
     """Four laws, ten folds, acrobot_clean, in a fresh process."""
     begin = time.perf_counter()
     command = [sys.executable, __file__, "--folds", "--jobs", str(jobs)]
@@ -175,7 +164,7 @@ def one_law(law: object) -> float:
         dataset, make_folds(dataset.recordings, Split(count=10)), Protocol((0.1,))
     )
     with threadpool_limits(1):
-        run(benchmark, LeastSquares(law), Shooting(blocks=ALL))
+        run(benchmark, LeastSquares(law), Shooting(blocks=BLOCKS))
     return time.process_time() - begin
 
 
@@ -195,25 +184,27 @@ def rows(seeds: int, jobs: int) -> Iterator[tuple[str, str]]:
     rig = load_rig(DATA / "acrobot_clean" / "rig.toml")
     for part in (plainer, gained, weighed):
         yield from part(rig)
-    yield from folds(jobs)
+    yield from ten_folds(jobs)
 
 
-def main() -> None:
-    """Measure and print."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--seeds", type=int, default=5, help="simulated data sets")
-    options.add_argument("--jobs", type=int, default=2, help="processes side by side")
-    options.add_argument("--folds", action="store_true", help="the four laws only, for their time")
-    given = options.parse_args()
-    if given.folds:
-        times = Parallel(n_jobs=given.jobs)(delayed(one_law)(law) for law in LAWS)
+def main(*, seeds: int = 5, jobs: int = 2, folds: bool = False) -> None:
+    """Measure and print.
+
+    Parameters
+    ----------
+    seeds : Simulated data sets.
+    jobs : Processes side by side.
+    folds : The four laws only, for their time.
+    """
+    if folds:
+        times = Parallel(n_jobs=jobs)(delayed(one_law)(law) for law in LAWS)
         print(f"{sum(times):.0f}")
         return
     table = Table("what", "figure", title="shooting")
-    for row in rows(given.seeds, given.jobs):
+    for row in rows(seeds, jobs):
         table.add_row(*row)
     Console().print(table)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -9,7 +9,6 @@ friction is fitted by the momentum balance and by shooting, as `frictionid fit` 
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,9 +16,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from coverage_cases import NOISE, case_of, rig_of
+from coverage_cases import NOISE, case_of, parts_of, rig_of
 from outliers import Wild, error_of, with_outliers
 from scipy.signal import lfilter
+from script import call
 
 import frictionid as fid
 from frictionid.data.recordings import Dataset
@@ -138,9 +138,7 @@ STRESSES = {
 
 
 @cache
-def recorded(
-    rate: float, noise: float, rod: float | None, seeds: Sequence[int]
-) -> tuple[Dataset, ...]:
+def recorded(rate: float, noise: float, rod: float | None, seeds: Sequence[int]) -> list[Dataset]:
     """Simulated sets without stress, their motions computed side by side."""
     rig = rig_of(case_of(LAW, MACHINE), seeds, RECORDINGS, late=False)
     camera = replace(rig.camera, samples=round(SECONDS * rate) + 1, rate=rate, angle_noise=noise)
@@ -149,11 +147,7 @@ def recorded(
         machine = {"kind": "double_pendulum", "driven": [False, True]}
         rig = replace(rig, mechanism=machine | {"parameters": TWO_RODS | {"I1": rod}})
         steps *= 8
-    everything = simulate(replace(rig, camera=camera, substeps=steps))
-    at = range(0, len(everything.recordings), RECORDINGS)
-    return tuple(
-        replace(everything, recordings=everything.recordings[i : i + RECORDINGS]) for i in at
-    )
+    return parts_of(simulate(replace(rig, camera=camera, substeps=steps)), RECORDINGS)
 
 
 class Found(NamedTuple):
@@ -204,28 +198,30 @@ def cells(method: str, pairs: Sequence[tuple[Dataset, Dataset]], usual: Array | 
     return ["; ".join(filter(None, [texts, said])), ratio, f"{held} of {known.sum()}"]
 
 
-def main() -> None:
-    """Print the table, a line for each stress."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("seeds", type=int, nargs="?", default=5)
-    options.add_argument("--only", default="", help="stresses whose name has this word")
-    given = options.parse_args()
-    seeds = tuple(range(1, given.seeds + 1))
+def main(seeds: int = 5, *, only: str = "") -> None:
+    """Print the table, a line for each stress.
+
+    Parameters
+    ----------
+    seeds : Simulated data sets.
+    only : Stresses whose name has this word.
+    """
+    drawn = tuple(range(1, seeds + 1))
     usual: dict[str, Array] = {}
-    calm = recorded(60.0, NOISE[MACHINE], None, seeds)
+    calm = recorded(60.0, NOISE[MACHINE], None, drawn)
     for method in METHODS:
         usual[method] = np.mean([found_by(method, d, d).error for d in calm], axis=0)
     print("| stress | `check` says | " + " | ".join(f"{m} | ratio | held" for m in METHODS) + " |")
     print("| --- | --- | " + " | ".join(["---"] * 3 * len(METHODS)) + " |")
     for name, stress in STRESSES.items():
-        if given.only not in name:
+        if only not in name:
             continue
-        clean = recorded(stress.rate, stress.noise, stress.rod, seeds)
-        stressed = [stress.change(data, seed) for data, seed in zip(clean, seeds, strict=True)]
+        clean = recorded(stress.rate, stress.noise, stress.rod, drawn)
+        stressed = [stress.change(data, seed) for data, seed in zip(clean, drawn, strict=True)]
         pairs = list(zip(stressed, clean, strict=True))
         row = [c for method in METHODS for c in cells(method, pairs, usual[method])]
         print("| " + " | ".join([name, findings(stressed), *row]) + " |", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

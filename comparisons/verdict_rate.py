@@ -12,7 +12,6 @@ wide one; then it has other friction that neither model has.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,11 +19,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from coverage_cases import MOMENT, Case, rig_of
+from coverage_cases import MOMENT, Case, parts_of, rig_of
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 from scipy.optimize import brentq
+from script import call
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
 from frictionid.data.recordings import Dataset
@@ -148,11 +148,9 @@ class Truth:
 
     def sets(self, seed: int, count: int) -> list[Dataset]:
         """Simulated sets, moved side by side."""
-        n = self.recordings
-        rig = rig_of(self.case(), range(seed, seed + count), n, late=False)
-        everything = simulate(replace(rig, drive=replace(rig.drive, delay=self.delay)))
-        parts = (everything.recordings[n * k : n * (k + 1)] for k in range(count))
-        return [replace(everything, recordings=part) for part in parts]
+        rig = rig_of(self.case(), range(seed, seed + count), self.recordings, late=False)
+        late = simulate(replace(rig, drive=replace(rig.drive, delay=self.delay)))
+        return parts_of(late, self.recordings)
 
 
 TRUTHS = {
@@ -189,28 +187,28 @@ def from_recordings(seed: int, sets: int) -> Iterator[tuple[str, str, Counter[st
 
 def report(counted: Iterator[tuple[str, str, Counter[str]]], sets: int) -> None:
     """A table of how often the rule is right, undecided and wrong."""
-    table, console = Table(title=f"verdicts on {sets} data sets each"), Console(width=110)
-    for head in ("condition", "right is", "right", "undecided", "wrong"):
-        table.add_column(head)
+    heads = ("condition", "right is", "right", "undecided", "wrong")
+    table = Table(*heads, title=f"verdicts on {sets} data sets each")
     for name, right, counts in counted:
         wrong = sum(counts.values()) - counts[right] - counts[UNDECIDED]
         row: Sequence[int] = (counts[right], counts[UNDECIDED], wrong)
         table.add_row(name, right, *map(str, row))
         print(name, right, *row, flush=True)
-    console.print(table)
+    Console(width=110).print(table)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--recordings", action="store_true", help="simulate and fit recordings")
-    parser.add_argument("--sets", type=int, help="data sets of each kind [200, recordings: 20]")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    sets = asked.sets or (20 if asked.recordings else 200)
-    make = from_recordings if asked.recordings else from_draws
-    report(make(asked.seed, sets), sets)
+def main(*, recordings: bool = False, sets: int | None = None, seed: int = 0) -> None:
+    """Print the table.
+
+    Parameters
+    ----------
+    recordings : Simulate and fit recordings.
+    sets : Data sets of each kind [200, recordings: 20].
+    """
+    count = sets or (20 if recordings else 200)
+    make = from_recordings if recordings else from_draws
+    report(make(seed, count), count)
 
 
 if __name__ == "__main__":
-    main()
+    call(main)

@@ -9,13 +9,13 @@ by 3 % a kelvin.
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pandas as pd
 from drive_logs import ServoPendulum
+from script import call
 
 import frictionid as fid
+from frictionid.evaluation import score_value
 
 TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": -0.008, "viscous_decay": 0.03}
 WAYS = [("thermal", "one_step", False), ("thermal", "shooting", False)]
@@ -39,12 +39,10 @@ def warm_up(seed: int, *, held: bool = False) -> fid.Dataset:
 
 def after_a_second(fit: fid.Fit, data: fid.Dataset) -> float:
     """Median error [rad] of predictions one second ahead."""
-    scores = fit.score(data, horizons=(1.0,))
-    row = (scores.score == "rollout_angle") & (scores.statistic == "median")
-    return float(scores[row & (scores.joint == "all")].value.iloc[0])
+    return score_value(fid.evaluate(fit, data, (1.0,)), "rollout_angle", "median", 1.0)
 
 
-def main(count: int) -> None:
+def main(count: int = 20) -> None:
     """Print errors in per cent, and how often intervals hold the truth, of each way to fit."""
     rows = []
     for seed in range(count):
@@ -66,4 +64,4 @@ def main(count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    call(main)

@@ -286,14 +286,9 @@ ESTIMATORS: Mapping[str, Kind] = {
 }
 RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (STUDY, INTEGRAL)}
 BLOCKS: Mapping[str, Callable[..., ParameterBlock]] = {
-    "friction": FrictionBlock,
-    "inertia": InertiaBlock,
-    "delay": DelayBlock,
-    "gain": GainBlock,
-    "bias": BiasBlock,
-    "offset": OffsetBlock,
-    "actuator": ActuatorBlock,
-    "target_delay": TargetDelayBlock,
-    "backlash": BacklashBlock,
-    "envelope": EnvelopeBlock,
+    block.name: block
+    for block in (
+        *(FrictionBlock, InertiaBlock, DelayBlock, GainBlock, BiasBlock, OffsetBlock),
+        *(ActuatorBlock, TargetDelayBlock, BacklashBlock, EnvelopeBlock),
+    )
 }

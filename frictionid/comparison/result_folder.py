@@ -21,6 +21,7 @@ from frictionid.errors import InputError
 from frictionid.files import plain, read_json, remove_unfinished, sync_folder, write_json
 from frictionid.outputs import check_unchanged, linked
 
+Document = Mapping[str, Any]  # as JSON has it
 UNFINISHED = "unfinished"
 PROVENANCE, DATASETS = "provenance.json", "datasets.json"
 SEAL = "sha256"  # key of the hash of a document's content
@@ -99,24 +100,11 @@ def unfinished(
         ) from None
 
 
-def task_file(folder: Path, name: str) -> Path:
-    """Where a task's result is: of the comparison that is made, else of the finished one."""
-    new = folder / UNFINISHED / "tasks" / name
-    is_new = not (folder / PROVENANCE).exists() and new.exists()
-    return new if is_new else folder / "tasks" / name
-
-
-def described(folder: Path, name: str) -> dict[str, Any]:
-    """Document of a finished comparison or, where there is none yet, of the unfinished one.
-
-    Raises
-    ------
-    InputError
-        Where there is neither, or the file is damaged or was changed.
-    """
+def place_of(folder: Path, name: str) -> Path:
+    """Where a file is: of the finished comparison or, while there is none, of the unfinished."""
     new = folder / UNFINISHED / name
     is_new = not (folder / PROVENANCE).exists() and new.exists()
-    return read_sealed(new if is_new else folder / name)
+    return new if is_new else folder / name
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
@@ -139,7 +127,7 @@ def read_sealed(path: Path) -> dict[str, Any]:
     return document
 
 
-def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+def sealed(document: Document) -> dict[str, Any]:
     """The document as JSON has it, with the SHA-256 of its content.
 
     >>> is_sealed(sealed({"a": 1})), is_sealed({**sealed({"a": 1}), "a": 2})
@@ -149,7 +137,7 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     return {SEAL: _hash(content), **content}
 
 
-def write_sealed(path: Path, document: Mapping[str, Any], indent: int | None = None) -> None:
+def write_sealed(path: Path, document: Document, indent: int | None = None) -> None:
     """Write a document as a whole, with the SHA-256 of its content."""
     write_json(path, sealed(document), indent, durable=True)
 
@@ -163,12 +151,12 @@ def finished(path: Path, digest: str) -> dict[str, Any] | None:
     return document if is_sealed(document) and document.get("digest") == digest else None
 
 
-def is_sealed(document: Mapping[str, Any]) -> bool:
+def is_sealed(document: Document) -> bool:
     """Whether a document has the content that it was sealed with."""
     return document.get(SEAL) == _hash({k: v for k, v in document.items() if k != SEAL})
 
 
-def _hash(content: Mapping[str, Any]) -> str:
+def _hash(content: Document) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -46,9 +46,9 @@ from .processes import versions
 from .result_folder import (
     DATASETS,
     PROVENANCE,
-    described,
+    Document,
+    place_of,
     read_sealed,
-    task_file,
     write_sealed,
 )
 from .tasks import Outcome, Task, content_of, file_name
@@ -202,9 +202,9 @@ class Results:
     """
 
     folder: Path
-    provenance: Mapping[str, Any]
-    datasets: Mapping[str, Mapping[str, Any]]
-    tasks: tuple[Mapping[str, Any], ...]
+    provenance: Document
+    datasets: Mapping[str, Document]
+    tasks: tuple[Document, ...]
     missing: tuple[str, ...]
     not_fitted: tuple[str, ...]
     scores: pd.DataFrame
@@ -243,8 +243,8 @@ def load_results(folder: Path) -> Results:
         If the folder holds no comparison, none of its tasks is finished, no model could be fitted,
         or a file was changed.
     """
-    provenance, datasets = described(folder, PROVENANCE), described(folder, DATASETS)
-    paths = [task_file(folder, name) for name in provenance["tasks"]]
+    provenance, datasets = (read_sealed(place_of(folder, n)) for n in (PROVENANCE, DATASETS))
+    paths = [place_of(folder, f"tasks/{name}") for name in provenance["tasks"]]
     documents = {path: read_sealed(path) for path in paths if path.exists()}
     if not documents:
         raise InputError(f"{folder}: holds no finished task: run frictionid compare first")
@@ -254,9 +254,9 @@ def load_results(folder: Path) -> Results:
 
 def _results(
     folder: Path,
-    provenance: Mapping[str, Any],
-    datasets: Mapping[str, Mapping[str, Any]],
-    documents: Sequence[Mapping[str, Any]],
+    provenance: Document,
+    datasets: Mapping[str, Document],
+    documents: Sequence[Document],
     missing: tuple[str, ...],
 ) -> Results:
     tasks = tuple(task for task in documents if "not_fitted" not in task)
@@ -268,7 +268,7 @@ def _results(
     return Results(folder, provenance, datasets, tasks, missing, why, table)
 
 
-def _score_frame(suite: str, tasks: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def _score_frame(suite: str, tasks: Sequence[Document]) -> pd.DataFrame:
     """Scores of all tasks, see `Results.scores`.
 
     Rows count numbers of friction: here `n_parameters` counts what shooting freed beside it, too.
@@ -312,7 +312,7 @@ def reduction(results: Results) -> dict[str, bytes]:
     return {name: text.encode() for name, text in texts.items()}
 
 
-def model_document_of(task: Mapping[str, Any]) -> dict[str, Any]:
+def model_document_of(task: Document) -> dict[str, Any]:
     """Model document of a task's document: friction of all data, and where it is from."""
     source = {key: task[key] for key in ("dataset", "identifier", "fit", "seed", "settings")}
     if task["refined"]:
@@ -321,7 +321,7 @@ def model_document_of(task: Mapping[str, Any]) -> dict[str, Any]:
     return {**model, "provenance": {**model.get("provenance", {}), **source}}
 
 
-def task_provenance(task: Mapping[str, Any]) -> Provenance:
+def task_provenance(task: Document) -> Provenance:
     """Provenance of the model of a task's document, and what its fit estimated."""
     document = model_document_of(task)
     return read_provenance(document["provenance"], tuple(document["shape"]))

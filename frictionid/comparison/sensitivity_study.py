@@ -6,7 +6,7 @@ is fitted with the wrong mechanism or data, and judged on held-out recordings of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,6 @@ from joblib import cpu_count
 from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal, taken
 from frictionid.errors import InputError, located
 from frictionid.evaluation import curves, prepare, score_model, score_value, steady_state
 from frictionid.evaluation.curves import curve_error
@@ -39,6 +38,7 @@ from .variations import (
     Variation,
     variations_of,
     varied,
+    with_samples,
 )
 
 EVERY = 3  # the last of three recordings is held out
@@ -55,9 +55,8 @@ def training_and_test(dataset: Dataset) -> tuple[Dataset, Dataset]:
     """
     recordings = dataset.recordings
     if len(recordings) >= EVERY:
-        held = np.arange(len(recordings)) % EVERY == EVERY - 1
-        train = tuple(r for r, out in zip(recordings, held, strict=True) if not out)
-        test = tuple(r for r, out in zip(recordings, held, strict=True) if out)
+        train = tuple(r for i, r in enumerate(recordings, 1) if i % EVERY)
+        test = recordings[EVERY - 1 :: EVERY]
     else:
         train, test = zip(*map(_parts, recordings), strict=True)
     return replace(dataset, recordings=train), replace(dataset, recordings=test)
@@ -67,15 +66,8 @@ def _parts(recording: Recording) -> tuple[Recording, Recording]:
     """The recording before and after a moment; the torque keeps its samples."""
     begin, end = recording.angle.time[[0, -1]]
     moment = begin + TRAINING * (end - begin)
-
-    def part(late: bool) -> Recording:
-        def part_of(signal: Signal) -> Signal:
-            return taken(signal, (signal.time >= moment) == late)
-
-        velocity = recording.velocity and part_of(recording.velocity)
-        return replace(recording, angle=part_of(recording.angle), velocity=velocity)
-
-    return part(False), part(True)
+    early = with_samples(recording, lambda signal: signal.time < moment)
+    return early, with_samples(recording, lambda signal: signal.time >= moment)
 
 
 FORMAT = 1  # of the result files
@@ -199,7 +191,8 @@ def run_cases(
         if case.file in results:
             done(case.label)
     left = [case for case in cases if case.file not in results]
-    grids = {case.task.benchmark.dataset.name: _grid(case) for case in _first(left)}
+    by_data = {case.task.benchmark.dataset.name: case for case in left}
+    grids = {name: _grid(case) for name, case in by_data.items()}
     calls = [(case, grids[case.task.benchmark.dataset.name]) for case in left]
     for i, result in side_by_side(_run, calls, jobs or cpu_count()):
         case = left[i]
@@ -208,11 +201,6 @@ def run_cases(
             write_sealed(folder / case.file, {"digest": case.digest, **result})
         done(case.label)
     return result_frame(cases, [results[case.file] for case in cases])
-
-
-def _first(cases: Sequence[Case]) -> list[Case]:
-    """A case of each data set."""
-    return list({case.task.benchmark.dataset.name: case for case in cases}.values())
 
 
 def _grid(case: Case) -> Array:
@@ -233,20 +221,17 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         friction = fit_model(wrong, task.identifier, task.recipe, protocol, task.seed)
         scores = score_model(friction, prepare(judged, protocol)).scores
     horizon = protocol.horizons[0]
-    true = _true_curves(task.benchmark.dataset, grid)
-    estimate = curves(friction, grid)
+    estimate, error, truth = curves(friction, grid), None, task.benchmark.dataset.truth
+    if truth is not None:
+        error = curve_error(estimate, curves(steady_state(truth), grid), grid)
     return {
         "loss": score_value(scores, "one_step_euler", "mean"),
         "rollout": score_value(scores, "rollout_angle", "median", horizon),
         "velocity": grid,
         "curves": estimate,
-        "curve_error": None if true is None else curve_error(estimate, true, grid),
+        "curve_error": error,
         "seconds": sum(float(np.ptp(r.angle.time)) for r in wrong.recordings),
     }
-
-
-def _true_curves(dataset: Dataset, grid: Array) -> Array | None:
-    return None if dataset.truth is None else curves(steady_state(dataset.truth), grid)
 
 
 def result_frame(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> pd.DataFrame:
@@ -257,11 +242,7 @@ def result_frame(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> pd
     horizon, for each joint J `curve_change_J`, RMS difference to the nominal fit's curve over RMS
     of that, and `curve_error_J` against the true one, NaN where that is not known.
     """
-    return pd.DataFrame(list(_rows(cases, results)))
-
-
-def _rows(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    nominal: Array = np.zeros((1, 1))
+    rows, nominal = [], np.zeros((1, 1))
     for case, result in zip(cases, results, strict=True):
         task, variation = case
         curve, grid = np.asarray(result["curves"]), np.asarray(result["velocity"])
@@ -270,15 +251,14 @@ def _rows(cases: Sequence[Case], results: Sequence[dict[str, Any]]) -> Iterator[
         change = curve_error(curve, nominal, grid)
         error = result["curve_error"]
         errors = np.full(len(change), np.nan) if error is None else np.asarray(error, dtype=float)
-        yield {
+        row = {
             "dataset": task.benchmark.dataset.name,
             "identifier": task.name,
             "recipe": task.recipe.name,
-            "cause": variation.cause,
-            "name": variation.name,
-            "text": variation.text,
-            "amount": variation.amount,
+            **{name: getattr(variation, name) for name in ("cause", "name", "text", "amount")},
             **{key: float(result[key]) for key in ("seconds", "loss", "rollout")},
             **{f"curve_change_{j + 1}": float(x) for j, x in enumerate(change)},
             **{f"curve_error_{j + 1}": float(x) for j, x in enumerate(errors)},
         }
+        rows.append(row)
+    return pd.DataFrame(rows)

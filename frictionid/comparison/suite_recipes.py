@@ -291,31 +291,22 @@ def blocks_of(
     )
 
 
-_PARTLY_FIXED = (
-    "inertia",
-    "friction",
-    "actuator",
-    "gain",
-    "bias",
-    "offset",
-    "backlash",
-    "envelope",
-)
+_WHOLE = ("delay", "target_delay")  # blocks of a single parameter
 
 
 def _fixed(fixed: Sequence[str], free: Sequence[str], where: str) -> dict[str, tuple[str, ...]]:
     """Fixed parameters of each block, from names such as "inertia.x" or "friction.x"."""
-    parts: dict[str, list[str]] = {name: [] for name in _PARTLY_FIXED}
+    parts: dict[str, tuple[str, ...]] = {}
     for name in fixed:
         block, _, parameter = name.partition(".")
-        if block not in parts or not parameter or block not in free:
+        if not parameter or block not in free or block in _WHOLE:
             raise InputError(
                 f"{where}: fixed = {name!r} must be inertia.NAME or friction.NAME, actuator.kt or "
                 "actuator.R, gain.JOINT, bias.JOINT, offset.JOINT, backlash.JOINT or "
                 'envelope.JOINT of a free block, such as "inertia.gravity_2"'
             )
-        parts[block].append(parameter)
-    return {block: tuple(names) for block, names in parts.items()}
+        parts[block] = (*parts.get(block, ()), parameter)
+    return parts
 
 
 def _start_named(name: str, starts: Mapping[str, Start], where: str) -> Start:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
+from frictionid.arrays import Array
 from frictionid.config import Strict
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.recordings import Dataset, Recording
@@ -40,7 +41,7 @@ class Variation(NamedTuple):
         >>> Variation("parameter", 0.1, "m4").name, Variation("delay", 0.01).name
         ('m4', 'torque delay')
         """
-        return self.parameter or _NAMES[self.cause]
+        return self.parameter or _CAUSES[self.cause][0]
 
     @property
     def text(self) -> str:
@@ -49,7 +50,7 @@ class Variation(NamedTuple):
         >>> Variation("parameter", 0.1, "m4").text, Variation("delay", -0.01).text
         ('+10 %', '-10 ms')
         """
-        factor, unit = _UNITS[self.cause]
+        _, factor, unit = _CAUSES[self.cause]
         if self.cause == "rate":
             return f"1/{self.amount:g}"
         sign = "" if self.cause in ("nominal", "recordings") else "+"
@@ -62,24 +63,16 @@ class Variation(NamedTuple):
 
 
 NOMINAL = Variation("nominal")
-_NAMES = {
-    "nominal": "as recorded",
-    "delay": "torque delay",
-    "gain": "torque gain",
-    "tilt": "tilt of the base",
-    "noise": "noise of angles",
-    "rate": "sampling rate",
-    "recordings": "recordings",
-}
-_UNITS = {
-    "nominal": (0.0, ""),
-    "parameter": (100.0, "%"),
-    "gain": (100.0, "%"),
-    "delay": (1e3, "ms"),
-    "tilt": (1.0, "deg"),
-    "noise": (1.0, "deg"),
-    "rate": (1.0, ""),
-    "recordings": (100.0, "%"),
+# Name of each cause, and factor and unit of its amount in tables.
+_CAUSES = {
+    "nominal": ("as recorded", 0.0, ""),
+    "parameter": ("", 100.0, "%"),
+    "delay": ("torque delay", 1e3, "ms"),
+    "gain": ("torque gain", 100.0, "%"),
+    "tilt": ("tilt of the base", 1.0, "deg"),
+    "noise": ("noise of angles", 1.0, "deg"),
+    "rate": ("sampling rate", 1.0, ""),
+    "recordings": ("recordings", 100.0, "%"),
 }
 
 
@@ -135,29 +128,25 @@ def _with_parameter(dataset: Dataset, variation: Variation) -> Dataset:
     return replace(dataset, mechanism=mechanism, recordings=recordings)
 
 
-def _with_delay(dataset: Dataset, variation: Variation) -> Dataset:
-    """The torque logged so much later than it acted."""
-    ideal = Calibration.ideal(dataset.mechanism.n)
-    return calibrated_dataset(dataset, replace(ideal, delay=np.array(variation.amount)))
+def _with_calibration(dataset: Dataset, variation: Variation) -> Dataset:
+    """The torque logged so much later or larger than it was, or angles from a base that is tilted.
 
-
-def _with_gain(dataset: Dataset, variation: Variation) -> Dataset:
-    """The torque logged larger than it was."""
-    ideal = Calibration.ideal(dataset.mechanism.n)
-    return calibrated_dataset(dataset, replace(ideal, gain=ideal.gain * (1.0 + variation.amount)))
-
-
-def _with_tilt(dataset: Dataset, variation: Variation) -> Dataset:
-    """The first joint's angle measured from a base, or by a camera, that is tilted."""
-    if dataset.mechanism.position_units[0] != "rad":
+    The tilt, or that of a camera, is an offset of the first joint.
+    """
+    joints, amount = dataset.mechanism.n, variation.amount
+    ideal, offset = Calibration.ideal(joints), np.zeros(joints)
+    offset[0] = -np.deg2rad(amount)
+    if variation.cause == "tilt" and dataset.mechanism.position_units[0] != "rad":
         raise InputError(
             f"data set {dataset.name!r}: joint {dataset.mechanism.joints[0]} slides, a tilt of the "
             "base is no offset of it: leave the tilt out"
         )
-    offset = np.zeros(dataset.mechanism.n)
-    offset[0] = -np.deg2rad(variation.amount)
-    ideal = Calibration.ideal(dataset.mechanism.n)
-    return calibrated_dataset(dataset, replace(ideal, offset=offset))
+    wrong = {
+        "delay": replace(ideal, delay=np.array(amount)),
+        "gain": replace(ideal, gain=ideal.gain * (1.0 + amount)),
+        "tilt": replace(ideal, offset=offset),
+    }
+    return calibrated_dataset(dataset, wrong[variation.cause])
 
 
 def _with_noise(dataset: Dataset, amount: float, seed: int) -> Dataset:
@@ -180,9 +169,6 @@ def _at_lower_rate(dataset: Dataset, variation: Variation) -> Dataset:
     """One of so many samples of the angles; the torque's clock stays."""
     keep = int(variation.amount)
 
-    def thinned_signal(signal: Signal) -> Signal:
-        return taken(signal, np.arange(0, len(signal.time), keep))
-
     def thinned(recording: Recording) -> Recording:
         if len(recording.angle.time) < keep * FEWEST:
             raise InputError(
@@ -190,10 +176,19 @@ def _at_lower_rate(dataset: Dataset, variation: Variation) -> Dataset:
                 f"{len(recording.angle.time)} samples, one of {keep} leaves fewer than {FEWEST}: "
                 "leave this rate out"
             )
-        velocity = recording.velocity and thinned_signal(recording.velocity)
-        return replace(recording, angle=thinned_signal(recording.angle), velocity=velocity)
+        return with_samples(recording, lambda signal: np.arange(0, len(signal.time), keep))
 
     return replace(dataset, recordings=tuple(map(thinned, dataset.recordings)))
+
+
+def with_samples(recording: Recording, chosen: Callable[[Signal], Array]) -> Recording:
+    """The recording with some samples of angles and velocities; the torque's clock stays.
+
+    chosen : mask, or increasing indices, of the samples of a signal
+    """
+    velocity = recording.velocity and taken(recording.velocity, chosen(recording.velocity))
+    angle = taken(recording.angle, chosen(recording.angle))
+    return replace(recording, angle=angle, velocity=velocity)
 
 
 def _with_fewer(dataset: Dataset, variation: Variation) -> Dataset:
@@ -205,9 +200,7 @@ def _with_fewer(dataset: Dataset, variation: Variation) -> Dataset:
 
 _CHANGES: Mapping[str, Callable[[Dataset, Variation], Dataset]] = {
     "parameter": _with_parameter,
-    "delay": _with_delay,
-    "gain": _with_gain,
-    "tilt": _with_tilt,
+    **dict.fromkeys(("delay", "gain", "tilt"), _with_calibration),
     "rate": _at_lower_rate,
     "recordings": _with_fewer,
 }

@@ -67,12 +67,9 @@ def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:
     return np.sqrt(off / np.where(size > 0, size, np.nan))
 
 
-def curve_scores(errors: Array, overall: Array) -> Iterator[Score]:
-    """Scores of curve errors: (F, n) of the folds, and (n,) of the friction fitted to all data.
-
-    Joints without a curve error have no score.
-    """
-    for fold, error in [*((str(f), e) for f, e in enumerate(errors)), ("all", overall)]:
+def curve_scores(errors: Array) -> Iterator[Score]:
+    """Scores of curve errors (F + 1, n): of the folds and, last, of the friction of all data."""
+    for fold, error in zip((*map(str, range(len(errors) - 1)), "all"), errors, strict=True):
         for j in np.flatnonzero(np.isfinite(error)):
             yield Score(fold, "curve_error", "rms", joint=str(j + 1), value=float(error[j]))
 

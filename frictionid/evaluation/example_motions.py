@@ -33,7 +33,7 @@ def common_examples(
     full = np.flatnonzero(use)
     chosen = full[np.linspace(0, len(full) - 1, most + 2).round().astype(int)[1:-1]]
     for s in np.unique(chosen):
-        yield _example(q, initial, prepared, int(s))
+        yield example(q, initial, prepared, int(s))
 
 
 def ranked_examples(
@@ -57,10 +57,10 @@ def ranked_examples(
     rows = order[[round(rank * (len(order) - 1)) for rank in PLACES.values()]]
     widths = None if band is None else band(rows)
     for i, (place, s) in enumerate(zip(PLACES, rows, strict=True)):
-        example = _example(q, initial, prepared, int(s))
+        motion = example(q, initial, prepared, int(s))
         place_facts = {"place": place, "error": norm[full == s][0], "error_unit": unit}
         width = None if widths is None else widths[: last[s] + 1, i]
-        yield {**example, **place_facts, "band": width, **_drawing(prepared, example)}
+        yield {**motion, **place_facts, "band": width, **_drawing(prepared, motion)}
 
 
 def _moving(full: Array, initial: InitialStates, prepared: Prepared) -> Array:
@@ -92,7 +92,8 @@ def jackknife_width(values: Array) -> Array:
         return np.asarray(stdtrit(folds - 1, 0.975) * np.sqrt((folds - 1) / folds * scatter))
 
 
-def _example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> dict[str, Any]:
+def example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> dict[str, Any]:
+    """Predicted and measured motion of one rollout over the longest horizon that it reaches."""
     last, r = int(initial.last[-1, s]), int(initial.recording[s])
     return {
         "dataset": prepared.dataset.name,
@@ -104,13 +105,13 @@ def _example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> di
     }
 
 
-def _drawing(prepared: Prepared, example: dict[str, Any]) -> dict[str, Any]:
-    """Lines of the mechanism (f, k, 2 or 3) at some of an example's times; nothing without them."""
-    time = example["time"]
+def _drawing(prepared: Prepared, motion: dict[str, Any]) -> dict[str, Any]:
+    """Lines of the mechanism (f, k, 2 or 3) at some of a motion's times; nothing without them."""
+    time = motion["time"]
     frames = np.unique(np.linspace(0, len(time) - 1, FRAMES).round().astype(int))
     mechanism = prepared.dataset.mechanism
     measured, predicted = (
-        mechanism.points(example[name][frames]) for name in ("measured", "predicted")
+        mechanism.points(motion[name][frames]) for name in ("measured", "predicted")
     )
     if measured is None or predicted is None:
         return {}

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from frictionid.mechanics import Plant
 
 from .folds import Folds
 from .initial_states import base_motion_between, padded, servos_of, temperatures
-from .score_frame import Score
+from .score_frame import Score, parts_of
 
 _AT_ONE_TEMPERATURE = 100  # intervals
 
@@ -62,17 +62,12 @@ class Trajectory(NamedTuple):
 
     def take(self, rows: Array) -> Trajectory:
         """Some of the recordings."""
-        return Trajectory(
-            tuple(self.names[r] for r in rows),
-            self.time[:, rows],
-            self.q[rows],
-            self.w[rows],
-            self.u[:, rows],
-            self.measured[:, rows],
-            tuple(self.servos[r] for r in rows) if self.servos else (),
-            None if self.temperature is None else self.temperature[:, rows],
-            None if self.base_motion is None else self.base_motion[:, rows],
-        )
+        by_row: dict[str, Any] = {"q": self.q[rows], "w": self.w[rows]}
+        for name in ("time", "u", "measured", "temperature", "base_motion"):
+            values = getattr(self, name)
+            by_row[name] = None if values is None else values[:, rows]
+        servos = tuple(self.servos[r] for r in rows) if self.servos else ()
+        return self._replace(names=tuple(self.names[r] for r in rows), servos=servos, **by_row)
 
 
 def with_motor_torque(dataset: Dataset, plant: Plant) -> Dataset:
@@ -183,32 +178,27 @@ def trajectory_folds(trajectory: Trajectory, folds: Folds) -> Array:
 
 
 def free_run_scores(
-    q: Array, trajectory: Trajectory, fold: Array, position_units: Sequence[str] = ()
+    q: Array, trajectory: Trajectory, fold: Array, units: Sequence[str]
 ) -> Iterator[Score]:
-    """Mean and RMS position errors of free runs q (T + 1, R, n).
+    """Mean and RMS position errors of free runs q (T + 1, R, n), in the joints' units.
 
     Both are taken over each recording, then over the recordings: of each fold (R,), and of all that
     a fold holds out; a recording's own stand under the statistic "mean NAME" and "rms NAME".
     """
     error = q - trajectory.measured
-    measured = np.asarray(np.isfinite(trajectory.measured).all(-1))
-    error = np.where(measured[..., None], np.where(np.isfinite(error), error, np.inf), 0.0)
-    units = tuple(position_units) or ("rad",) * error.shape[-1]
-    norm, unit = norm_of(error, units, joint_sizes(units, trajectory.measured))
-    score, use = Score("all", "free_run", unit=unit), fold >= 0
-    for f in np.unique(fold[use]):
-        yield from _pooled(norm[:, fold == f], measured[:, fold == f], score._replace(fold=str(f)))
-    yield from _pooled(norm[:, use], measured[:, use], score)
-    for j, joint_unit in enumerate(units):
-        joint = score._replace(joint=str(j + 1), unit=joint_unit)
-        yield from _pooled(np.abs(error[:, use, j]), measured[:, use], joint)
-    for r in np.flatnonzero(use):
-        yield from _pooled(norm[:, [r]], measured[:, [r]], score, f" {trajectory.names[r]}")
+    error = np.where(np.isfinite(error), error, np.inf)
+    error[~np.isfinite(trajectory.measured).all(-1)] = np.nan
+    held, sizes = np.flatnonzero(fold >= 0), joint_sizes(units, trajectory.measured)
+    for size, part in parts_of(error[:, held], fold[held], Score("all", "free_run"), units, sizes):
+        yield from _pooled(size, part)
+    norm, unit = norm_of(error, units, sizes)
+    for r in held:
+        name = f" {trajectory.names[r]}"
+        yield from _pooled(norm[:, [r]], Score("all", "free_run", unit=unit), name)
 
 
-def _pooled(error: Array, measured: Array, score: Score, name: str = "") -> Iterator[Score]:
-    count = measured.sum(axis=0)
-    mean, square = error.sum(axis=0) / count, (error**2).sum(axis=0) / count
+def _pooled(error: Array, score: Score, name: str = "") -> Iterator[Score]:
+    mean, square = (np.nanmean(error**power, axis=0) for power in (1, 2))
     values = {"mean": float(mean.mean()), "rms": float(np.sqrt(square.mean()))}
     for statistic, value in values.items():
         yield score._replace(statistic=f"{statistic}{name}", value=value)

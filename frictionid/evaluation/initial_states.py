@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,12 @@ from frictionid.friction.coordinates import at_places, of_last_joints, recorded_
 from frictionid.mechanics import Plant
 
 from .folds import Folds
+
+# Where the rollouts stand in each array.
+_AXIS = {
+    **dict.fromkeys(("recording", "index", "q", "w", "temperature", "time", "play"), 0),
+    **dict.fromkeys(("u", "dt", "measured", "truth", "last", "base_motion"), 1),
+}
 
 
 class InitialStates(NamedTuple):
@@ -66,15 +72,13 @@ class InitialStates(NamedTuple):
 
     def take(self, rows: Array) -> InitialStates:
         """Some (k,) of the rollouts, as often as they are asked for."""
-        first = {name: getattr(self, name)[rows] for name in ("recording", "index", "q", "w")}
-        second = {name: getattr(self, name)[:, rows] for name in ("u", "dt", "measured", "last")}
-        truth = None if self.truth is None else self.truth[:, rows]
-        temperature = None if self.temperature is None else self.temperature[rows]
+        parts = {name: (getattr(self, name), axis) for name, axis in _AXIS.items()}
+        chosen: dict[str, Any] = {
+            name: None if values is None else np.take(values, rows, axis)
+            for name, (values, axis) in parts.items()
+        }
         servos = tuple(self.servos[i] for i in rows) if self.servos else ()
-        time, play = (None if x is None else x[rows] for x in (self.time, self.play))
-        part = self._replace(**first, **second, truth=truth, temperature=temperature)
-        along = None if self.base_motion is None else self.base_motion[:, rows]
-        return part._replace(servos=servos, time=time, play=play, base_motion=along)
+        return self._replace(servos=servos, **chosen)
 
     def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
         """The initial states with some (k,) of another calibration of the same data."""
@@ -116,7 +120,7 @@ def make_initial_states(
     T = int(last.max())
     torques = [averages(r.torque, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
     measured = [sample(r.angle, s.time) for r, s in zip(dataset.recordings, states, strict=True)]
-    true = all(r.truth is not None for r in dataset.recordings)
+    true = true_states(dataset, states)
     steps = [np.diff(s.time)[:, None] for s in states]
     servos = servos_of(dataset)
     dt = _windows(steps, pairs, T, 1e-3)[..., 0]
@@ -130,7 +134,7 @@ def make_initial_states(
         u=_windows(torques, pairs, T, 0.0),
         dt=dt,
         measured=_windows(measured, pairs, T + 1, np.nan),
-        truth=_windows(_truths(dataset, states), pairs, T + 1, np.nan) if true else None,
+        truth=None if true is None else _windows([s.q for s in true], pairs, T + 1, np.nan),
         horizons=horizons_,
         last=last,
         nodes=_nodes(dataset, states, plant),
@@ -236,11 +240,6 @@ def _reach(time: Array, index: int, horizons: Array, interval: float) -> Array:
     gaps = np.flatnonzero(np.diff(ahead) > GAP * interval)
     whole = nearest <= (gaps[0] if len(gaps) else len(ahead))
     return np.where(inside & whole & (nearest > 0) & (off <= interval), nearest, -1)
-
-
-def _truths(dataset: Dataset, states: Sequence[States]) -> list[Array]:
-    pairs = zip(dataset.recordings, states, strict=True)
-    return [sample(r.truth.angle, s.time) for r, s in pairs if r.truth is not None]
 
 
 def _windows(

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes, norm_of
+from frictionid.data.joint_scales import TURN, are_mixed, joint_sizes
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.closed_loop import closed_loop
 from frictionid.dynamics.rollout import rollout
@@ -18,6 +18,7 @@ from frictionid.fitting.shooting import SampleWindows
 from frictionid.friction import Friction, Memory, memory_along
 from frictionid.mechanics import Plant
 
+from .example_motions import example
 from .free_run import free_run
 from .initial_states import InitialStates, estimate_initial_states
 from .prepared import (
@@ -28,7 +29,7 @@ from .prepared import (
     prepared_for,
 )
 from .reference_model import StartErrors
-from .score_frame import Score, summarise_rollouts
+from .score_frame import Score, parts_of, summarise_rollouts
 from .statistics import FEWEST
 
 
@@ -72,20 +73,21 @@ def rollout_scores(
     motion: State,
     initial: InitialStates,
     fold: Array,
-    position_units: Sequence[str] = (),
+    units: Sequence[str],
     *,
     true: bool = False,
 ) -> Iterator[Score]:
     """Scores for every horizon against the measured angles, and the true ones where they are known.
 
-    position_units : of each joint, "rad" or "m"; all "rad" where there are none
+    units : of each joint's position, "rad" or "m"
     fold : (H, S) as `initial_state_folds` gives it, or zeros where nothing was fitted to these data
     true : whether the motion starts from true states, and is compared with the true angles only
     """
     angles = {"rollout_angle": initial.measured, "rollout_angle_truth": initial.truth}
     angles = {"rollout_true_start": initial.truth} if true else angles
-    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
     limit = joint_sizes(units, initial.truth if true else initial.measured)
+    far = {str(j): float(size) for j, size in enumerate(limit, 1)}
+    far["all"] = TURN if are_mixed(units) else float(limit.max())
     for score, reference in angles.items():
         for h, horizon in enumerate(initial.horizons):
             use = (initial.last[h] > 0) & (fold[h] >= 0)
@@ -93,7 +95,8 @@ def rollout_scores(
                 at = initial.last[h, use], np.flatnonzero(use)
                 error = motion.q[at] - reference[at]
                 template = Score("all", score, horizon_s=float(horizon))
-                yield from _horizon_scores(error, fold[h, use], template, units, limit)
+                for size, part in parts_of(error, fold[h, use], template, units, limit):
+                    yield from summarise_rollouts(size, part, far[part.joint])
 
 
 class HorizonErrors(NamedTuple):
@@ -142,10 +145,9 @@ def _grouped(error: Array, recording: Array, fold: Array) -> StartErrors:
 
 
 def horizon_errors(
-    motion: State, initial: InitialStates, fold: Array, position_units: Sequence[str] = ()
+    motion: State, initial: InitialStates, fold: Array, units: Sequence[str]
 ) -> HorizonErrors:
     """Errors of all predictions against the measured angles; `fold` as for `rollout_scores`."""
-    units = tuple(position_units) or ("rad",) * motion.q.shape[-1]
     limit = joint_sizes(units, initial.measured)
     held_out = (initial.last > 0) & (fold >= 0)
     error = (motion.q - initial.measured)[initial.last, np.arange(len(initial.recording))]
@@ -153,19 +155,6 @@ def horizon_errors(
     size = limit if are_mixed(units) else limit.max()
     owner = fold.max(axis=0)
     return HorizonErrors(initial.horizons, initial.recording, owner, held_out, error / size)
-
-
-def _horizon_scores(
-    error: Array, fold: Array, template: Score, units: Sequence[str], limit: Array
-) -> Iterator[Score]:
-    norm, unit = norm_of(error, units, limit)
-    template, most = template._replace(unit=unit), TURN if unit == "1" else float(limit.max())
-    for f in np.unique(fold):
-        yield from summarise_rollouts(norm[fold == f], template._replace(fold=str(f)), most)
-    yield from summarise_rollouts(norm, template, most)
-    for j, (unit, joint_limit) in enumerate(zip(units, limit, strict=True)):
-        joint = template._replace(joint=str(j + 1), unit=unit)
-        yield from summarise_rollouts(np.abs(error[:, j]), joint, float(joint_limit))
 
 
 _NEVER = 1e9  # [s] to the next start
@@ -230,7 +219,7 @@ def predicted_motion(
     batch = friction[None]
     data = calibrated_views(prepared, batch.calibration, 1)[0].data
     parts = _whole(data, batch) if whole else _pieces(data, batch)
-    return pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
+    return pd.concat(parts, ignore_index=True)
 
 
 def check_joints(friction: Friction, dataset: Dataset) -> None:
@@ -260,23 +249,21 @@ def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
         )
 
 
-def _pieces(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
+def _pieces(data: Prepared, friction: Friction) -> Iterator[pd.DataFrame]:
     initial: InitialStates = data.initial_states
     owner = np.zeros(len(initial.recording), dtype=int)
     motion = predict(data.plant[initial.recording], friction[owner], initial)
-    for s, r in enumerate(initial.recording):
-        last = int(initial.last[-1, s])
-        start = float(data.causal[r].time[initial.index[s]])
-        ahead = np.concatenate([[0.0], np.cumsum(initial.dt[:last, s])])
-        yield {
-            **_lines(data.dataset.recordings[r].name, start, ahead),
-            **_columns("q", motion.q[: last + 1, s]),
-            **_columns("w", motion.w[: last + 1, s]),
-            **_columns("measured_q", initial.measured[: last + 1, s]),
+    for s in range(len(owner)):
+        seen = example(motion.q, initial, data, s)
+        values = {
+            "q": seen["predicted"],
+            "w": motion.w[: len(seen["time"]), s],
+            "measured_q": seen["measured"],
         }
+        yield _table(seen["recording"], seen["start_s"], seen["time"], values)
 
 
-def _whole(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
+def _whole(data: Prepared, friction: Friction) -> Iterator[pd.DataFrame]:
     trajectory = data.trajectory
     assert trajectory is not None
     owner = np.zeros(len(trajectory.names), dtype=int)
@@ -284,21 +271,16 @@ def _whole(data: Prepared, friction: Friction) -> Iterator[dict[str, Any]]:
     for r, name in enumerate(trajectory.names):
         count = int(np.isfinite(trajectory.measured[:, r]).all(axis=-1).sum())
         time = trajectory.time[:count, r]
-        yield {
-            **_lines(name, float(time[0]), time - time[0]),
-            **_columns("q", q[:count, r]),
-            **_columns("measured_q", trajectory.measured[:count, r]),
-        }
+        values = {"q": q[:count, r], "measured_q": trajectory.measured[:count, r]}
+        yield _table(name, float(time[0]), time - time[0], values)
 
 
-def _lines(recording: str, start: float, ahead: Array) -> dict[str, Any]:
-    return {
-        "recording": recording,
-        "start_s": start,
-        "time_s": start + ahead,
-        "ahead_s": ahead,
+def _table(recording: str, start: float, ahead: Array, values: Mapping[str, Array]) -> pd.DataFrame:
+    """A motion, a line for each time `ahead` (T,) of its start; values (T, n) of the joints."""
+    time = {"recording": recording, "start_s": start, "time_s": start + ahead, "ahead_s": ahead}
+    columns = {
+        f"{name}{j}": column
+        for name, joints in values.items()
+        for j, column in enumerate(joints.T, 1)
     }
-
-
-def _columns(name: str, values: Array) -> dict[str, Array]:
-    return {f"{name}{j + 1}": values[:, j] for j in range(values.shape[1])}
+    return pd.DataFrame(time | columns)

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import TURN
+from frictionid.data.joint_scales import TURN, norm_of
 from frictionid.errors import InputError
 
 
@@ -80,6 +80,23 @@ def score_value(
     if not at.any():
         raise InputError(f"no score {score!r}, {statistic!r} at {horizon} s for joint {joint}")
     return float(frame.value[at].iloc[0])
+
+
+def parts_of(
+    error: Array, fold: Array, score: Score, units: Sequence[str], sizes: Array
+) -> Iterator[tuple[Array, Score]]:
+    """Sizes of errors (..., K, n) that are summarised together, each with what it is a score of.
+
+    Those of each fold (K,), all of them, and those of each joint; over the joints their norm, see
+    `norm_of`, which `units` and `sizes` (n,) are for.
+    """
+    norm, unit = norm_of(error, units, sizes)
+    score = score._replace(unit=unit)
+    for f in np.unique(fold):
+        yield norm[..., fold == f], score._replace(fold=str(f))
+    yield norm, score
+    for j, joint_unit in enumerate(units):
+        yield np.abs(error[..., j]), score._replace(joint=str(j + 1), unit=joint_unit)
 
 
 def summarise(errors: Array, score: Score) -> Iterator[Score]:

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.data.joint_scales import norm_of
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import Problem
@@ -41,7 +40,7 @@ from .prepared import (
     Prepared,
     calibrated_views,
 )
-from .score_frame import Score, score_frame, summarise
+from .score_frame import Score, parts_of, score_frame, summarise
 from .torque_left import (
     TorqueWindows,
     has_torque,
@@ -71,28 +70,14 @@ def held_out_residual(friction: Friction, problem: Problem, use: Array, fold: Ar
 
 
 def one_step_scores(
-    residual: Array,
-    fold: Array,
-    score: str,
-    velocity_units: Sequence[str] = (),
-    sizes: Array | None = None,
+    residual: Array, fold: Array, score: str, units: Sequence[str], sizes: Array
 ) -> Iterator[Score]:
-    """Scores of the 2-norm over the joints of residuals (K, n): each fold's, and all pooled.
+    """Scores of residuals (K, n): of their norm over the joints in each fold and pooled, of joints.
 
-    velocity_units : of each joint, all "rad/s" where there are none
-    sizes : (n,) of the joints, see `joint_scales`
+    units : of the joints' velocities ; sizes : (n,) of the joints, see `joint_scales`
     """
-    n = residual.shape[-1]
-    units = tuple(velocity_units) or ("rad/s",) * n
-    norm, unit = norm_of(residual, units, np.ones(n) if sizes is None else sizes)
-    template = Score("all", score, unit=unit)
-    for f in np.unique(fold):
-        yield from summarise(norm[fold == f], template._replace(fold=str(f)))
-    yield from summarise(norm, template)
-    for j, joint_unit in enumerate(units):
-        yield from summarise(
-            np.abs(residual[:, j]), template._replace(joint=str(j + 1), unit=joint_unit)
-        )
+    for errors, part in parts_of(residual, fold, Score("all", score), units, sizes):
+        yield from summarise(errors, part)
 
 
 class Evaluation(NamedTuple):
@@ -347,8 +332,7 @@ def _curve_scores(
     true = curves(steady_state(prepared.dataset.truth), grid)
     if lines is None:
         lines = np.concatenate([curves(friction, grid), curves(overall, grid)[None]])
-    errors = curve_error(lines, true, grid)
-    return curve_scores(errors[:-1], errors[-1])
+    return curve_scores(curve_error(lines, true, grid))
 
 
 def _parameter_count(friction: Friction) -> Score:

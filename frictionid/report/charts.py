@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 
 from .figures.curves import curve_and_band, density_heights
 from .figures.motion import limits_of
-from .figures.style import DARK, DENSITY, PALE, Style, measured, most
+from .figures.style import DARK, DENSITY, PALE, Style, Styles, measured, most
 from .sections import DataDescription, Model, Section
 
 DIGITS = 5  # significant, of numbers in a chart
@@ -123,9 +123,7 @@ def thinned(count: int, most: int = MOST) -> Array:
 # --- Friction over velocity -----------------------------------------------------------------------
 
 
-def friction_charts(
-    section: Section, styles: Mapping[str, Style], chosen: Model | None
-) -> list[Chart]:
+def friction_charts(section: Section, styles: Styles, chosen: Model | None) -> list[Chart]:
     """A chart for each joint; none where no model has friction.
 
     chosen : the model that is shown at first, and with its folds; a click shows others
@@ -140,7 +138,7 @@ def friction_charts(
 
 
 def _friction_chart(
-    data: DataDescription, joint: int, models: Sequence[Model], styles: Mapping[str, Style]
+    data: DataDescription, joint: int, models: Sequence[Model], styles: Styles
 ) -> Chart:
     """The curves of a joint; that of the first model with its folds."""
     w = data.velocity[:, joint]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -54,13 +53,10 @@ def show_verdict(verdict: Verdict) -> None:
 
 def as_json(verdict: Verdict) -> str:
     """All of a verdict as JSON text; SI units, null for what is infinite or unknown."""
-    fields = {
-        f.name: plain(getattr(verdict, f.name), infinity=None)
-        for f in dataclasses.fields(verdict)
-        if f.name != "regression"
-    }
-    del fields["estimate"]["residual"]
-    return json.dumps(fields, indent=1, allow_nan=False)
+    fields = {name: value for name, value in vars(verdict).items() if name != "regression"}
+    document = plain(fields, infinity=None)
+    del document["estimate"]["residual"]
+    return json.dumps(document, indent=1, allow_nan=False)
 
 
 def _mechanism(verdict: Verdict) -> Mechanism:

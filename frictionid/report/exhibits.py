@@ -11,7 +11,7 @@ from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 
 from .figures.curves import curve_bands, friction_curves, spread_caption, spreads
-from .figures.fits import correlation, correlation_caption, friction_of_the_choice
+from .figures.fits import correlation_caption, fit_correlation, friction_of_the_choice
 from .figures.motion import (
     example_motions,
     motions,
@@ -26,7 +26,7 @@ from .figures.scores import (
     rollout_errors,
 )
 from .figures.studies import learning_curves
-from .figures.style import Style, styles
+from .figures.style import Styles, styles
 from .fit_table import parameter_numbers, parameter_table
 from .memory import loop_pictures, loop_table
 from .sections import Model, Section, SummaryData, rollout
@@ -95,7 +95,7 @@ class Names(NamedTuple):
 
     stems: Mapping[tuple[str, str], str]
     fits: Mapping[Model, str]
-    styles: Mapping[str, Style]
+    styles: Styles
 
 
 def names_of(sections: tuple[Section, ...]) -> Names:
@@ -188,7 +188,7 @@ def fit_tables(
 # --- Pictures -------------------------------------------------------------------------------------
 
 # Draws one figure, several, or nothing.
-Draw = Callable[[Section, Mapping[str, Style]], Any]
+Draw = Callable[[Section, Styles], Any]
 # Pictures about what was fitted, with their captions, in the order of the page.
 FITTED: Mapping[str, tuple[Draw, str]] = {
     "choice": (
@@ -309,7 +309,6 @@ def correlation_picture(
     section: Section, model: Model, names: Names, *, linked: bool = False
 ) -> Picture:
     """The correlation of a fit's parameters."""
-    data = section.description
+    figure = fit_correlation(model.refined or Estimates(), section.description.joints)
     caption = correlation_caption(model, section.dataset)
-    stem = f"correlation--{names.fits[model]}"
-    return Picture(stem, correlation(model, data), caption, linked)
+    return Picture(f"correlation--{names.fits[model]}", figure, caption, linked)

@@ -23,7 +23,7 @@ from .figures.style import (
     DASHED,
     GREY,
     ZERO,
-    Style,
+    Styles,
     mixed,
     model_title,
     panels,
@@ -105,7 +105,7 @@ RESOLVED = 0.01  # of the largest velocity: closer samples on both sides of a re
 TONES = (0.55, 0.0, -0.45)  # towards white, and towards black: from slow to fast
 
 
-def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, list[Any]]:
+def loop_pictures(section: Section, styles: Styles) -> dict[str, list[Any]]:
     """Pictures of the loops by recipe: a column for each model, rows of joints and motions."""
     models = with_loops(section)
     by_recipe = {m.recipe: [o for o in models if o.recipe == m.recipe] for m in models}
@@ -115,7 +115,7 @@ def loop_pictures(section: Section, styles: Mapping[str, Style]) -> dict[str, li
     }
 
 
-def _picture(section: Section, columns: Sequence[Model], styles: Mapping[str, Style]) -> Any:
+def _picture(section: Section, columns: Sequence[Model], styles: Styles) -> Any:
     data = section.description
     rows = list(product(range(len(data.joints)), KINDS))
 
@@ -225,12 +225,11 @@ class Advantage:
     pair: CorrelatedTest
 
 
-@dataclass(frozen=True)
-class MemoryAnalysis:
-    """What the advantage of memory consists of.
+def memory_analysis(data: SummaryData) -> dict[str, Any] | None:
+    """What the advantage of memory consists of, for the template.
 
-    Attributes
-    ----------
+    None where models with and without memory are missing under an Euler recipe.
+
     losses : models and their mean losses: no friction, without memory, with memory
     in_order, folds : in how many folds the losses fall in this order, of how many
     raw : advantage where nothing is corrected
@@ -238,19 +237,6 @@ class MemoryAnalysis:
     method, remaining : the method that leaves the fewest other reasons, and the advantage there
     rollouts : horizons [s], and the error that memory saves in predictions there
     """
-
-    losses: tuple[tuple[Model, float], ...]
-    in_order: int
-    folds: int
-    raw: Advantage
-    shares: Mapping[str, float]
-    method: Method
-    remaining: Advantage
-    rollouts: tuple[tuple[float, CorrelatedTest], ...]
-
-
-def memory_analysis(data: SummaryData) -> MemoryAnalysis | None:
-    """The analysis; None where models with and without memory are missing under an Euler recipe."""
     advantages = _advantages(data)
     if RAW not in advantages:
         return None
@@ -263,18 +249,16 @@ def memory_analysis(data: SummaryData) -> MemoryAnalysis | None:
     pairs = [
         (h, data.paired(remaining.static, remaining.dynamic, rollout(h))) for h in data.reported
     ]
-    return MemoryAnalysis(
-        losses=tuple(zip(models, (float(losses.mean()) for losses in each), strict=True))
-        if same
-        else (),
-        in_order=int((np.diff(each, axis=0) < 0).all(axis=0).sum()) if same else 0,
-        folds=len(each[0]),
-        raw=raw,
-        shares=_shares({m: advantage.pair.mean for m, advantage in advantages.items()}),
-        method=method,
-        remaining=remaining,
-        rollouts=tuple(p for p in pairs if p[1].clear is not None) if method.corrects else (),
-    )
+    return {
+        "losses": list(zip(models, np.mean(each, axis=1), strict=True)) if same else [],
+        "in_order": int((np.diff(each, axis=0) < 0).all(axis=0).sum()) if same else 0,
+        "folds": len(each[0]),
+        "raw": raw,
+        "shares": _shares({m: advantage.pair.mean for m, advantage in advantages.items()}),
+        "method": method,
+        "remaining": remaining,
+        "rollouts": [p for p in pairs if p[1].clear is not None] if method.corrects else [],
+    }
 
 
 def _advantages(data: SummaryData) -> dict[Method, Advantage]:

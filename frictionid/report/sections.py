@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
+from frictionid.comparison.result_folder import Document
 from frictionid.comparison.results import Results, task_provenance
 from frictionid.evaluation.curves import Beyond
 from frictionid.evaluation.hysteresis import HysteresisLoop
@@ -62,9 +63,9 @@ class DataDescription:
     measured: Array
     truth: Array | None = None
     velocities: Array | None = None
-    true_parameters: Mapping[str, Any] = field(default_factory=dict)
-    speeds: Mapping[str, Any] | None = None
-    check: Mapping[str, Any] | None = None
+    true_parameters: Document = field(default_factory=dict)
+    speeds: Document | None = None
+    check: Document | None = None
     hashes: frozenset[str] = frozenset()
 
     @property
@@ -94,7 +95,7 @@ class DataDescription:
         return tuple(str(j + 1) for j in range(len(self.joints)) if self.truth is not None)
 
 
-def description_of(document: Mapping[str, Any], hashes: Iterable[object] = ()) -> DataDescription:
+def description_of(document: Document, hashes: Iterable[object] = ()) -> DataDescription:
     """A data set's description by its entry of datasets.json, and hashes of its files."""
     arrays = ("velocity", "density", "measured", "truth", "velocities")
     values: dict[str, Any] = {
@@ -145,19 +146,19 @@ class Model:
     label: str
     name: str
     curves: Array
-    motions: Sequence[Mapping[str, Any]]
+    motions: Sequence[Document]
     theta: Array
-    document: Mapping[str, Any]
+    document: Document
     settings: Mapping[str, str]
     base: Mapping[str, float] = field(default_factory=dict)
     provenance: Provenance = Provenance()
     members: Array | None = None
     loops: Sequence[HysteresisLoop] = ()
-    method: Mapping[str, Any] = field(default_factory=dict)
+    method: Document = field(default_factory=dict)
     beyond: Beyond | None = None
-    examples: Sequence[Mapping[str, Any]] = ()
+    examples: Sequence[Document] = ()
     errors: HorizonErrors | None = None
-    torque: Mapping[str, Any] = field(default_factory=dict)
+    torque: Document = field(default_factory=dict)
 
     @property
     def curve_name(self) -> str:
@@ -203,8 +204,8 @@ class SummaryData:
     models : those that were scored on it
     horizons : of the rollouts of the whole comparison [s], ascending
     folds : (task, fold) x columns, scores of each fold
-    level : task x columns, scores as they stand in tables: mean over the folds one step ahead,
-        else pooled over all folds
+    level : task x columns, as tables have it: mean over the folds one step ahead, else pooled
+    scores : score frame of all models with their positions as `task`
     """
 
     dataset: str
@@ -214,6 +215,7 @@ class SummaryData:
     horizons: tuple[float, ...]
     folds: pd.DataFrame
     level: pd.DataFrame
+    scores: pd.DataFrame
 
     @property
     def held_out(self) -> bool:
@@ -327,13 +329,12 @@ def _section(results: Results, dataset: str) -> Section:
         hashes = results.provenance.get("data", {}).get(name, {}).values()
         description = description_of(results.datasets[name], hashes)
         shown = tuple(model for model in models if name in tasks[model.task]["rows"])
-        data.append(SummaryData(name, dataset, description, shown, horizons, *score_tables(rows)))
+        frames = *score_tables(rows), rows
+        data.append(SummaryData(name, dataset, description, shown, horizons, *frames))
     return Section(dataset, recipes, tuple(models), tuple(data))
 
 
-def _model(
-    number: int, task: Mapping[str, Any], tasks: Iterable[Mapping[str, Any]], *, several: bool
-) -> Model:
+def _model(number: int, task: Document, tasks: Iterable[Document], *, several: bool) -> Model:
     """A task's model; `tasks` are all of its section, `several` whether recipes differ there."""
     theta, overall = (
         np.asarray(task[part]["theta"], dtype=float).reshape(task[part]["shape"])

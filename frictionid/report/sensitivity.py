@@ -55,11 +55,9 @@ from .tables import (
 PAGE, FRAME, PROVENANCE = "summary.md", "sensitivity.csv", "provenance.json"
 
 
-def studies(frame: pd.DataFrame) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+def studies(frame: pd.DataFrame) -> Iterator[tuple[Any, pd.DataFrame]]:
     """The summarised frame of each data set and identifier."""
-    whole = summarised(frame)
-    for key in dict.fromkeys(zip(whole.dataset, whole.identifier, strict=True)):
-        yield key, whole[(whole.dataset == key[0]) & (whole.identifier == key[1])]
+    yield from summarised(frame).groupby(["dataset", "identifier"], sort=False)
 
 
 def write_sensitivity(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,37 +26,18 @@ from .estimates import (
 )
 from .numbers import MINUS, NOTHING
 from .sections import DataDescription, Model
-from .tables import Cell, Line, Table, line, table_of, text_columns
+from .tables import Cell, Line, Table, line, render, table_of, text_columns
 
 LATE = ("delay", "target_delay")
 LIKE_DELAY = ("viscous", "lag")  # friction parameters that a late torque styles like
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """An identified parameter of a sensor or motor.
+def shooting_results(refined: Estimates, data: DataDescription | None = None) -> dict[str, Any]:
+    """What a fit by shooting tells beside friction, and what limits it, for the templates.
 
-    text : value with its 95 % interval, delays in ms
-    side : 1 above the ideal value, -1 below it, 0 where the interval holds it
-    change : difference from the nominal value [%], or None
-    """
+    data : knows true values
 
-    block: str
-    name: str
-    unit: str
-    text: tuple[str, str, str]
-    side: int
-    nominal: float | None
-    change: tuple[str, str, str] | None
-
-
-@dataclass(frozen=True)
-class ShootingResults:
-    """What a fit by shooting tells beside friction, and what limits it.
-
-    Attributes
-    ----------
-    calibration : identified parameters of sensors and motors
+    calibration : identified parameters of sensors and motors, see `_calibration`
     nominal : number of identified base parameters with a nominal value
     differing : names of those whose interval does not hold it, with the difference [%]
     with_truth, missed : number of identified parameters with a known true value; those names whose
@@ -65,21 +46,6 @@ class ShootingResults:
     delay_explains : those that a delay within its interval explains entirely
     refined : what was estimated, for windows, iterations and warnings of the fit itself
     """
-
-    calibration: tuple[Calibration, ...]
-    nominal: int
-    differing: tuple[tuple[str, tuple[str, str, str]], ...]
-    with_truth: int
-    missed: tuple[str, ...]
-    not_identified: tuple[Estimate, ...]
-    delay_fixed: tuple[str, ...]
-    delay_explains: tuple[str, ...]
-    priors: tuple[str, ...]
-    refined: Estimates
-
-
-def shooting_results(refined: Estimates, data: DataDescription | None = None) -> ShootingResults:
-    """Facts of what a fit by shooting estimated; `data` knows true values."""
     read = refined.parameters
     identified = [e for e in read if e.identified]
     order = (*IDEAL, "actuator")
@@ -90,28 +56,47 @@ def shooting_results(refined: Estimates, data: DataDescription | None = None) ->
     differing = [e for e in inertia if not e.holds(e.nominal or 0.0)]
     differing.sort(key=lambda e: -abs(e.value / (e.nominal or 1.0) - 1.0))
     true = {e: value for e in identified if (value := true_value(e, data)) is not None}
-    return ShootingResults(
-        calibration=tuple(map(_calibration, sensors)),
-        nominal=len(inertia),
-        differing=tuple((e.name, change(e)) for e in differing),
-        with_truth=len(true),
-        missed=names_of(e for e, value in true.items() if not e.holds(value)),
-        not_identified=tuple(e for e in read if not e.identified),
-        delay_fixed=delay_fixed(refined),
-        delay_explains=delay_explains(refined),
-        priors=names_of(e for e in read if e.prior is not None),
-        refined=refined,
+    return {
+        "calibration": list(map(_calibration, sensors)),
+        "nominal": len(inertia),
+        "differing": [(e.name, change(e)) for e in differing],
+        "with_truth": len(true),
+        "missed": names_of(e for e, value in true.items() if not e.holds(value)),
+        "not_identified": [e for e in read if not e.identified],
+        "delay_fixed": delay_fixed(refined),
+        "delay_explains": delay_explains(refined),
+        "priors": names_of(e for e in read if e.prior is not None),
+        "refined": refined,
+    }
+
+
+def _calibration(e: Estimate) -> dict[str, Any]:
+    """An identified parameter of a sensor or motor.
+
+    text : value with its 95 % interval, delays in ms
+    side : 1 above the ideal value, -1 below it, 0 where the interval holds it
+    change : difference from the nominal value [%], or None
+    """
+    ideal, late = IDEAL.get(e.block), e.block in LATE
+    return {
+        "block": e.block,
+        "name": e.name,
+        "unit": "ms" if late else "" if e.block == "gain" else e.unit,
+        "text": span(e, 1e3 if late else 1.0),
+        "side": 0 if ideal is None or e.holds(ideal) else int(np.sign(e.value - ideal)),
+        "nominal": e.nominal,
+        "change": change(e) if e.block == "actuator" and e.nominal else None,
+    }
+
+
+def shooting_words(refined: Estimates, data: DataDescription | None = None) -> tuple[str, str]:
+    """What makes a fit by shooting doubtful, and what it tells beside friction, as text."""
+    context = {"found": shooting_results(refined, data)}
+    head, findings = (
+        render(f"shooting_{part}.j2", context, markup=False).strip()
+        for part in ("head", "terminal")
     )
-
-
-def _calibration(e: Estimate) -> Calibration:
-    ideal = IDEAL.get(e.block)
-    side = 0 if ideal is None or e.holds(ideal) else int(np.sign(e.value - ideal))
-    late = e.block in LATE
-    against = change(e) if e.block == "actuator" and e.nominal else None
-    unit = "ms" if late else "" if e.block == "gain" else e.unit
-    text = span(e, 1e3 if late else 1.0)
-    return Calibration(e.block, e.name, unit, text, side, e.nominal, against)
+    return head, findings
 
 
 def _like_delay(read: Sequence[Estimate]) -> list[Estimate]:

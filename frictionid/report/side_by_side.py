@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from frictionid.comparison.result_folder import Document
 from frictionid.comparison.results import Results
 from frictionid.errors import InputError
 from frictionid.evaluation.reference_model import StartErrors, loss
@@ -62,23 +63,6 @@ class SideBySide(NamedTuple):
         return all(same["data"] and same["folds"] for same in self.datasets.values())
 
 
-class _Pair(NamedTuple):
-    """A data set that was fitted in both results, whether its folds are the same, and its models.
-
-    models : of both results, None where one has no model of this label and recipe
-    """
-
-    before: Section
-    after: Section
-    alike: bool
-    models: tuple[tuple[Model | None, Model | None], ...]
-
-    @property
-    def common(self) -> Iterator[tuple[Model, Model]]:
-        """Models that both results have."""
-        return ((a, b) for a, b in self.models if a is not None and b is not None)
-
-
 def side_by_side(first: Results, second: Results) -> SideBySide:
     """Two results of comparisons, the second one against the first.
 
@@ -97,29 +81,28 @@ def side_by_side(first: Results, second: Results) -> SideBySide:
         )
     a, b = first.provenance, second.provenance
     same = {name: {key: _equal(a, b, key, name) for key in ("data", "folds")} for name in common}
-    pairs = [_pair(before[name], after[name], all(same[name].values())) for name in common]
+    scores, parameters, missing = list[Score](), list[Change](), list[Change]()
+    for name in common:
+        sections = before[name], after[name]
+        models, others = ({(m.label, m.recipe): m for m in s.models} for s in sections)
+        for key in dict.fromkeys([*models, *others]):
+            model, other = models.get(key), others.get(key)
+            if model is None or other is None:
+                missing.append(Change(name, model and model.name, other and other.name))
+                continue
+            scores += _scores((model, other), sections, alike=all(same[name].values()))
+            parameters += _parameters((model, other), sections)
     return SideBySide(
         datasets=same,
         settings=_changes(_flat(a.get("settings", {})), _flat(b.get("settings", {}))),
         versions=_changes(a.get("versions", {}), b.get("versions", {})),
-        scores=tuple(score for pair in pairs for score in _scores(pair)),
-        parameters=tuple(change for pair in pairs for change in _parameters(pair)),
-        missing=tuple(
-            Change(pair.before.dataset, a and a.name, b and b.name)
-            for pair in pairs
-            for a, b in pair.models
-            if a is None or b is None
-        ),
+        scores=tuple(scores),
+        parameters=tuple(parameters),
+        missing=tuple(missing),
     )
 
 
-def _pair(before: Section, after: Section, alike: bool) -> _Pair:
-    a, b = ({(m.label, m.recipe): m for m in section.models} for section in (before, after))
-    models = tuple((a.get(key), b.get(key)) for key in dict.fromkeys([*a, *b]))
-    return _Pair(before, after, alike, models)
-
-
-def _equal(a: Mapping[str, Any], b: Mapping[str, Any], key: str, dataset: str) -> bool:
+def _equal(a: Document, b: Document, key: str, dataset: str) -> bool:
     """Whether the hashes of a data set, or of its folds, are known and the same."""
     hashes = [provenance.get(key, {}).get(dataset) for provenance in (a, b)]
     return bool(hashes[0]) and hashes[0] == hashes[1]
@@ -138,21 +121,24 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
     return {key: leaf for part in parts for key, leaf in part.items()}
 
 
-def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[Change, ...]:
+def _changes(before: Document, after: Document) -> tuple[Change, ...]:
     every = (Change(n, before.get(n), after.get(n)) for n in dict.fromkeys([*before, *after]))
     return tuple(change for change in every if change.before != change.after)
 
 
-def _scores(pair: _Pair) -> Iterator[Score]:
-    a, b = pair.before.fitted, pair.after.fitted
-    unit = a.description.angle_unit
-    for first, second in pair.common:
-        for horizon in (h for h in a.reported if h in b.reported):
-            column = rollout(horizon)
-            values = a.value(first, column), b.value(second, column)
-            errors = first.start_errors(horizon), second.start_errors(horizon)
-            standing = _standing(*errors) if pair.alike else ""
-            yield Score(a.dataset, first.name, horizon, unit, *values, standing)
+Models = tuple[Model, Model]
+Sections = tuple[Section, Section]
+
+
+def _scores(models: Models, sections: Sections, *, alike: bool) -> Iterator[Score]:
+    """Errors of a model of both results; they stand against each other where folds are alike."""
+    a, b = (section.fitted for section in sections)
+    for horizon in (h for h in a.reported if h in b.reported):
+        column = rollout(horizon)
+        values = a.value(models[0], column), b.value(models[1], column)
+        standing = _standing(*(model.start_errors(horizon) for model in models)) if alike else ""
+        unit = a.description.angle_unit
+        yield Score(a.dataset, models[0].name, horizon, unit, *values, standing)
 
 
 def _standing(before: StartErrors, after: StartErrors) -> str:
@@ -168,13 +154,11 @@ def _standing(before: StartErrors, after: StartErrors) -> str:
     return {"adequate": "equivalent", "worse": "better"}.get(standing, standing)
 
 
-def _parameters(pair: _Pair) -> Iterator[Change]:
+def _parameters(models: Models, sections: Sections) -> Iterator[Change]:
     """Fitted parameters, of all data, that are not the same."""
-    for first, second in pair.common:
-        values = _values(first, pair.before), _values(second, pair.after)
-        for name, before, after in _changes(*values):
-            if before is None or after is None or abs(after - before) > SAME * abs(before):
-                yield Change(f"{pair.before.dataset}, {first.name}: {name}", before, after)
+    for name, before, after in _changes(*map(_values, models, sections)):
+        if before is None or after is None or abs(after - before) > SAME * abs(before):
+            yield Change(f"{sections[0].dataset}, {models[0].name}: {name}", before, after)
 
 
 def _values(model: Model, section: Section) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -256,7 +256,9 @@ def torque_sentence(frames: Mapping[str, pd.DataFrame]) -> str:
 
 def torque_frames(data: SummaryData) -> dict[str, pd.DataFrame]:
     """Torque left by the models of a comparison, by their names."""
-    return {model.name: _frame(data, model) for model in data.models}
+    names = {model.task: model.name for model in data.models}
+    frames = score_torque_frames(data.scores.assign(identifier=data.scores["task"].map(names)))
+    return {model.name: frames[model.name] for model in data.models}
 
 
 def torque_numbers(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -271,20 +273,6 @@ def score_torque_frames(scores: pd.DataFrame) -> dict[str, pd.DataFrame]:
         str(name): torque_frame(rows[list(SCORE_COLUMNS)].itertuples(index=False))
         for name, rows in scores.groupby("identifier", sort=False)
     }
-
-
-def _frame(data: SummaryData, model: Model) -> pd.DataFrame:
-    """Torque left by a model of a comparison."""
-    rows: list[tuple[Any, ...]] = []
-    units = data.description.torque_units
-    for column in data.level.columns[data.level.columns.str.startswith("torque_")]:
-        head, _, joint = column.partition("_joint")
-        score, _, statistic = head.rpartition("_")
-        value = data.value(model, column)
-        unit = units[int(joint) - 1] if joint else ""
-        if np.isfinite(value):
-            rows.append(("all", score, statistic, None, joint or "all", value, unit))
-    return torque_frame(rows)
 
 
 def _share(share: float, rms: float) -> str:

@@ -19,7 +19,7 @@ from frictionid.friction.provenance import Estimate, Estimates
 from .console import console, say
 from .estimates import interval_text, value_text
 from .sections import Section, sections_of
-from .shooting_results import shooting_results
+from .shooting_results import shooting_words
 from .side_by_side import (
     SideBySide,
     change_table,
@@ -140,12 +140,8 @@ def show_table(table: Table) -> None:
 
 def show_refined(refined: Estimates) -> None:
     """Print the result of shooting: what makes it doubtful, parameters with intervals, findings."""
-    context = {"found": shooting_results(refined)}
-    head, rest = (
-        render(f"shooting_{part}.j2", context, markup=False).strip()
-        for part in ("head", "terminal")
-    )
-    say(head, parameter_table(refined.parameters), rest)
+    head, findings = shooting_words(refined)
+    say(head, parameter_table(refined.parameters), findings)
 
 
 def parameter_table(read: Sequence[Estimate], *, noise_alone: bool = False) -> Table:

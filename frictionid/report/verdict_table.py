@@ -163,8 +163,8 @@ def _chance(probability: float) -> str:
 FORMAT = "frictionid verdict 1"
 
 
-def verdict_document(verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """Document of the verdicts on all data sets that were fitted; null for what is not finite."""
+def verdict_json(verdicts: Sequence[Verdict]) -> str:
+    """Text of verdict.json: all data sets that were fitted; null for what is not finite."""
     document = {
         "format": FORMAT,
         "rule": {"region": REGION, "probability": CERTAIN},
@@ -177,13 +177,8 @@ def verdict_document(verdicts: Sequence[Verdict]) -> dict[str, Any]:
             for verdict in verdicts
         ],
     }
-    out: dict[str, Any] = plain(document, infinity=None)
-    return out
-
-
-def verdict_json(verdicts: Sequence[Verdict]) -> str:
-    """Text of verdict.json."""
-    return json.dumps(verdict_document(verdicts), indent=1, allow_nan=False, ensure_ascii=False)
+    document = plain(document, infinity=None)
+    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:

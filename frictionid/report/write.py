@@ -41,7 +41,7 @@ from .fit_table import equation_of, horizons_of, parameter_rows
 from .memory import memory_analysis
 from .sections import Model, Section, SummaryData, rollout, sections_of
 from .sensitivity import beside
-from .shooting_results import shooting_results
+from .shooting_results import shooting_words
 from .summary_table import MEDIANS, caption_of, summary_of, summary_table
 from .tables import (
     Cell,
@@ -263,9 +263,8 @@ def _fit_lines(section: Section) -> list[str]:
     """Facts of the fit by shooting that predicts best."""
     for model in shooting_fits(section)[:1]:
         assert model.refined is not None
-        context = {"found": shooting_results(model.refined, section.description)}
-        texts = [render(f"shooting_{p}.j2", context, markup=False) for p in ("head", "terminal")]
-        return [f"What {model.name} identifies", *lines_of("\n".join(texts).replace("`", ""))]
+        texts = "\n".join(shooting_words(model.refined, section.description))
+        return [f"What {model.name} identifies", *lines_of(texts.replace("`", ""))]
     return []
 
 

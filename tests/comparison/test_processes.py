@@ -11,13 +11,6 @@ import pytest
 from frictionid.comparison.processes import side_by_side
 
 
-def test_calls_give_what_they_give_here():
-    calls = [(2, 3), (5, 7), (-1, 4)]
-    for jobs in (1, 2):
-        found = dict(side_by_side(operator.mul, calls, jobs))
-        assert found == {0: 6, 1: 35, 2: -4}
-
-
 def test_workers_of_an_earlier_call_find_modules_of_a_later_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", sys.path[:])
     assert dict(side_by_side(operator.add, [(1, 1), (2, 2)], 2)) == {0: 2, 1: 4}

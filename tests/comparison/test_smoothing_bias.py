@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coverage_cases import case_of, rig_of
+from coverage_cases import case_of, parts_of, rig_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -19,9 +19,7 @@ def sets():
     """Simulated acrobots of a truth that sticks, 2 s at 250 Hz, finely integrated."""
     rig = rig_of(CASE, range(1, 1 + SETS), RECORDINGS, late=False)
     camera = replace(rig.camera, samples=round(2 * RATE) + 1, rate=RATE)
-    everything = simulate(replace(rig, camera=camera, substeps=3))
-    at = range(0, len(everything.recordings), RECORDINGS)
-    return [replace(everything, recordings=everything.recordings[k : k + RECORDINGS]) for k in at]
+    return parts_of(simulate(replace(rig, camera=camera, substeps=3)), RECORDINGS)
 
 
 @pytest.fixture(scope="module")

@@ -289,7 +289,7 @@ def test_scores_of_a_model_are_those_under_its_own_motor(logs):
 
 
 def rows_of(error, trajectory, fold):
-    rows = free_run_scores(trajectory.measured + error, trajectory, np.array(fold))
+    rows = free_run_scores(trajectory.measured + error, trajectory, np.array(fold), ("rad",))
     return {(r.fold, r.statistic, r.joint): r.value for r in rows}
 
 

@@ -8,7 +8,7 @@ from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
 from frictionid.comparison.registry import LAWS
-from frictionid.evaluation import Protocol, prepare, score_model
+from frictionid.evaluation import Protocol, prepare, score_model, score_value
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
@@ -27,8 +27,8 @@ def test_errors_of_the_table_are_the_scores():
     assert ends.ahead_s.to_numpy() == pytest.approx(0.3, abs=1e-9)
     off = (ends.q1 - ends.measured_q1).abs()
     scores, *_ = score_model(WRONG, prepare(data, Protocol(horizons=(0.3,), every=0.25)))
-    own = scores[(scores.score == "rollout_angle") & (scores.statistic == "median")]
-    assert float(own[own.joint == "all"].value.iloc[0]) == pytest.approx(float(off.median()))
+    median = score_value(scores, "rollout_angle", "median", 0.3)
+    assert median == pytest.approx(float(off.median()))
 
 
 def test_the_true_model_predicts_what_was_measured():

@@ -70,7 +70,7 @@ def errors(q, trajectory):
 
 
 def mean(q, trajectory, fold):
-    rows = free_run_scores(q, trajectory, fold)
+    rows = free_run_scores(q, trajectory, fold, ("rad",))
     return next(r.value for r in rows if (r.fold, r.statistic) == ("all", "mean"))
 
 

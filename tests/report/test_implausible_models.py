@@ -12,7 +12,7 @@ from frictionid.report.tables import latex
 from frictionid.report.verdict import verdict_of
 from frictionid.report.verdict_table import (
     marked,
-    verdict_document,
+    verdict_json,
     verdict_numbers,
     verdict_table,
 )
@@ -61,7 +61,7 @@ def test_friction_that_drives_the_motion_is_named_everywhere(tmp_path):
     assert "implausible" in [
         c.name for c in verdict_table(verdict, verdict_numbers(verdict)).columns
     ]
-    (data,) = json.loads(json.dumps(verdict_document([verdict])))["datasets"]
+    (data,) = json.loads(verdict_json([verdict]))["datasets"]
     wrong = {c["name"]: c["implausible"] for c in data["candidates"]}
     assert wrong["good"] == [] and "drives the motion" in wrong["odd"][0]
 

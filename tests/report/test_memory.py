@@ -41,28 +41,28 @@ def analysed(*args):
 
 def test_the_parts_of_an_advantage_are_those_that_corrections_take_away(tmp_path):
     found = analysed(tmp_path)
-    assert [loss for _, loss in found.losses] == pytest.approx([0.61, 0.44, 0.37])
-    assert (found.in_order, found.folds) == (4, 4)
-    assert found.raw.pair.mean == pytest.approx(0.07) and found.raw.pair.clear
+    assert [loss for _, loss in found["losses"]] == pytest.approx([0.61, 0.44, 0.37])
+    assert (found["in_order"], found["folds"]) == (4, 4)
+    assert found["raw"].pair.mean == pytest.approx(0.07) and found["raw"].pair.clear
     # both orders of correction: ((.07 - .03) + (.05 - .02)) / 2 and ((.07 - .05) + (.03 - .02)) / 2
-    assert found.shares == pytest.approx({"delay": 0.035, "inertia": 0.015, "scheme": 0.02})
-    assert sum(found.shares.values()) == pytest.approx(0.07)
-    assert found.remaining.pair.clear is False
-    assert [pair.clear for _, pair in found.rollouts] == [False, False]
+    assert found["shares"] == pytest.approx({"delay": 0.035, "inertia": 0.015, "scheme": 0.02})
+    assert sum(found["shares"].values()) == pytest.approx(0.07)
+    assert found["remaining"].pair.clear is False
+    assert [pair.clear for _, pair in found["rollouts"]] == [False, False]
 
 
 @pytest.mark.parametrize(("left", "rollout"), [(0.01, 0.05), (-0.01, -0.05)])
 def test_what_is_left_is_the_advantage_where_all_is_corrected(tmp_path, left, rollout):
     found = analysed(tmp_path, left, rollout)
-    assert found.method.scheme == "integral" and len(found.method.corrects) == 2
-    assert found.remaining.pair.mean == pytest.approx(left) and found.remaining.pair.clear
-    assert [pair.mean for _, pair in found.rollouts] == pytest.approx([rollout / 2, rollout])
+    assert found["method"].scheme == "integral" and len(found["method"].corrects) == 2
+    assert found["remaining"].pair.mean == pytest.approx(left) and found["remaining"].pair.clear
+    assert [pair.mean for _, pair in found["rollouts"]] == pytest.approx([rollout / 2, rollout])
 
 
 def test_corrections_that_are_known_together_alone_are_not_divided(tmp_path):
     some = {name: METHODS[name] for name in ("study", "both")}
     found = analysed(tmp_path, 0.0, 0.0, some)
-    assert found.shares == pytest.approx({"delay and inertia": 0.05})
+    assert found["shares"] == pytest.approx({"delay and inertia": 0.05})
 
 
 def test_the_page_names_what_is_left(tmp_path, monkeypatch):

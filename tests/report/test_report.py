@@ -16,9 +16,8 @@ from fixtures.refusals import assert_refused
 from markdown_it import MarkdownIt
 
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.results import describe, load_results
-from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.comparison.results import load_results
+from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
@@ -62,13 +61,7 @@ def computed(tmp_path_factory):
         for recipe in (STUDY, INTEGRAL)
         for name, identifier in parts.items()
     ]
-    prepared_benchmarks = prepare_benchmarks(tasks)
-    settings = {"every": 0.5, "folds": {"count": 3, "kind": "recordings"}}
-    describe(folder, "tiny", "", settings, tasks, prepared_benchmarks)
-    run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        return made.built(folder)
+    return made.blank(made.computed(folder, tasks, 3))
 
 
 @pytest.fixture
@@ -171,11 +164,6 @@ def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_on
     assert set(true) == {"friction"} and true["friction"]["coulomb"] == [0.03]
 
 
-def test_what_no_recipe_changes_stands_once(typical):
-    names = [model.name for model in made.section(typical).models]
-    assert names == ["none", "stribeck (study)", "stribeck (integral)", "paper", "truth"]
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
     same = [made.task("a", {"made": made.rows(0.1, 0.1)}, seed=s, role="given") for s in (0, 1)]
@@ -265,9 +253,7 @@ def odd(tmp_path_factory):
         made.task(name, {"my|rig": made.rows(0.3, 0.2, curve=0.1)}, dataset="my|rig", fit="$fit_")
         for name in ODD
     ]
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        return made.built(made.write(folder, tasks, title="A *title* | <b>"))
+    return made.blank(made.write(folder, tasks, title="A *title* | <b>"))
 
 
 def test_odd_names_stand_in_markdown_as_they_are(odd):

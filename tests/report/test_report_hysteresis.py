@@ -174,9 +174,7 @@ def compared(tmp_path_factory):
     ]
     file = tiny.write_suite(folder, changes)
     tiny.compare_into(file, folder / "out")
-    with pytest.MonkeyPatch.context() as patch:
-        made.leave_blank(patch)
-        return file, made.built(folder / "out")
+    return file, made.blank(folder / "out")
 
 
 def test_what_a_suite_asks_for_is_shown_and_told(compared):

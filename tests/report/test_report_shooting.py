@@ -14,9 +14,7 @@ from fixtures import result_folders as made
 from fixtures.driven_pendulum import LEVEL, driven_pendulum
 
 from frictionid.comparison.cross_validate import Benchmark
-from frictionid.comparison.registry import LAWS
-from frictionid.comparison.results import describe
-from frictionid.comparison.tasks import Task, prepare_benchmarks, run_tasks
+from frictionid.comparison.tasks import Task
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -28,7 +26,7 @@ from frictionid.friction.provenance import Provenance
 from frictionid.mechanics import mechanism_of
 from frictionid.report import show_refined, write
 from frictionid.report.figures.curves import curve_bands
-from frictionid.report.figures.fits import STRONG, correlation
+from frictionid.report.figures.fits import STRONG, fit_correlation
 from frictionid.report.figures.style import measured, styles
 from frictionid.report.shooting_results import interval_table
 
@@ -65,12 +63,7 @@ def computed(tmp_path_factory):
     recipe = Shooting(blocks=blocks, settings=Settings(windows=(0.33,), iterations=8))
     benchmark = Benchmark(dataset, folds, Protocol((0.25,)))
     tasks = [Task(benchmark, "stribeck", LeastSquares(StribeckLaw()), recipe, 0)]
-    prepared_benchmarks = prepare_benchmarks(tasks)
-    describe(
-        folder, "s", "", {"folds": {"count": 2, "kind": "recordings"}}, tasks, prepared_benchmarks
-    )
-    run_tasks(tasks, prepared_benchmarks, folder / "tasks", LAWS, jobs=1)
-    return made.built(folder)
+    return made.built(made.computed(folder, tasks, 2))
 
 
 @pytest.fixture(scope="module")
@@ -262,7 +255,8 @@ def test_strong_correlations_have_a_frame_and_all_parameters_a_name(tmp_path):
     r = np.corrcoef(rng.standard_normal((3, 9)) * rng.uniform(0.2, 1, 9), rowvar=False)
     r[2], r[:, 2] = np.nan, np.nan
     section = made.section(folder_of(tmp_path, made.shot(pair, correlation=r)))
-    axis = correlation(section.models[0], section.description).axes[0]
+    refined = section.models[0].refined
+    axis = fit_correlation(refined, section.description.joints).axes[0]
     framed = sum(patch.get_edgecolor()[:3] != (1, 1, 1) for patch in axis.patches)
     assert framed == (np.abs(np.nan_to_num(r[np.tril_indices(9, -1)])) > STRONG).sum() > 0
     shown = {label.get_text() for label in (*axis.get_xticklabels(), *axis.get_yticklabels())}

@@ -5,7 +5,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 from fixtures import result_folders as made
 
@@ -206,13 +205,6 @@ def test_tables_agree_in_every_form(typical):
     shown = [[re.sub("</?strong>", "", c) for c in line] for line in made.grid(markdown(table))[1:]]
     assert shown == cells
     assert all(escape_latex(text) in latex(table) for line in cells for text in line)
-
-
-def test_scores_of_the_folder_are_those_of_its_tasks(typical):
-    table = pd.read_csv(typical / "scores.csv")
-    assert np.allclose(
-        table["value"], load_results(typical).scores["value"], equal_nan=True, rtol=1e-8
-    )
 
 
 def test_notes_of_a_model_are_code_and_no_html(tmp_path):

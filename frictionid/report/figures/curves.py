@@ -18,7 +18,7 @@ from .style import (
     DENSITY,
     GREY,
     PALE,
-    Style,
+    Styles,
     draw_truth,
     frame,
     key_above,
@@ -41,7 +41,7 @@ DOTTED = (0, (1, 1.6))
 Limits = tuple[float, float]
 
 
-def friction_curves(section: Section, styles: Mapping[str, Style]) -> list[Any]:
+def friction_curves(section: Section, styles: Styles) -> list[Any]:
     """Pictures of friction over velocity: a column for each model, a row for each joint.
 
     Fixed numbers and the truth stand in every panel. All panels of a joint have the same axes.
@@ -64,7 +64,7 @@ def _curve_picture(
     fixed: Sequence[Model],
     data: DataDescription,
     limits: Sequence[Limits],
-    styles: Mapping[str, Style],
+    styles: Styles,
 ) -> Any:
     """A picture; `limits` are the ends of the joints' torque axes."""
 
@@ -201,7 +201,7 @@ BANDS = _Kind("fit", 1 / 1.5, False, band_of)
 MEMBERS = _Kind("mean", 1.3, True, _members_of)
 
 
-def curve_bands(section: Section, styles: Mapping[str, Style]) -> list[Any]:
+def curve_bands(section: Section, styles: Styles) -> list[Any]:
     """Pictures of fits with intervals: a column for each, its bands about it below."""
     fits, data = section.shot, section.description
     key = {
@@ -231,7 +231,7 @@ def spread_caption(section: Section) -> str:
     )
 
 
-def spreads(section: Section, styles: Mapping[str, Style]) -> list[Any]:
+def spreads(section: Section, styles: Styles) -> list[Any]:
     """Pictures of ensembles: a column for each, its members about it below."""
     models, data, pictures = ensembles(section), section.description, []
     for part in side_by_side(models):
@@ -249,7 +249,7 @@ def _about_picture(
     shown: Sequence[Model],
     every: Sequence[Model],
     data: DataDescription,
-    styles: Mapping[str, Style],
+    styles: Styles,
     kind: _Kind,
     key: Mapping[str, Any],
 ) -> Any:

@@ -30,7 +30,7 @@ from .style import (
     HALF_PAGE,
     PALE,
     WIDTH,
-    Style,
+    Styles,
     draw_truth,
     figure,
     frame,
@@ -78,17 +78,12 @@ def correlation_caption(model: Model, dataset: str) -> str:
     )
 
 
-def correlation(model: Model, data: DataDescription) -> Any:
-    """Picture of the lower half of the correlation matrix; strong entries have a frame.
-
-    Rows and columns of parameters without a standard error are grey, names of those that are not
-    identified, too.
-    """
-    return fit_correlation(model.refined or Estimates(), data.joints)
-
-
 def fit_correlation(refined: Estimates, joints: Sequence[str]) -> Any:
-    """Picture of the correlation of what shooting estimated, see `correlation`."""
+    """Picture of the lower half of the correlation matrix of what shooting estimated.
+
+    Strong entries have a frame. Rows and columns of parameters without a standard error are grey,
+    names of those that are not identified, too.
+    """
     read = refined.parameters
     labels = [e.parameter if e.block in OWN else e.name for e in read]
     few = len(read) <= MOST
@@ -247,7 +242,7 @@ WIDEST = 2.5  # a rival's curve may be so many times as high as the model's with
 RIVAL: Mapping[str, Any] = {"color": "#B5B5B5", "linewidth": 0.7}
 
 
-def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any:
+def friction_of_the_choice(section: Section, styles: Styles) -> Any:
     """Friction over velocity, a panel for each joint: the model that the verdict names, and rivals.
 
     With its 95 % band, by shooting or by what leaving out each fold changes. Rivals are the fits by
@@ -261,17 +256,14 @@ def friction_of_the_choice(section: Section, styles: Mapping[str, Style]) -> Any
     rivals = [m for m in section.of_role("fitted") if m.recipe in recipes and m is not chosen]
     joints, colour = len(data.joints), styles[chosen.label].colour
     columns = joints if joints <= 3 else min(-(-joints // 2), ABREAST)
-    rows = -(-joints // columns)
-    picture = figure(0.7 + (2.3 if rows == 1 else 1.6) * rows, HALF_PAGE)
-    axes = picture.subplots(rows, columns, squeeze=False).ravel()
-    for joint, axis in enumerate(axes[:joints]):
+    height = 2.3 if joints == columns else 1.6
+    picture, axes = panel_grid(joints, columns, height, 0.7, HALF_PAGE)
+    for joint, axis in enumerate(axes):
         _choice_panel(axis, chosen, rivals, data, joint, colour)
         axis.set_title(plain(data.joints[joint]))
         axis.locator_params(axis="x", nbins=3 if columns == ABREAST else 5)
         if joint % columns == 0:
             axis.set_ylabel(f"friction [{data.torque_units[joint]}]")
-    for spare in axes[joints:]:
-        spare.set_axis_off()
     key = {chosen.curve_name: line(colour, linewidth=1.8)}
     if np.isfinite(curve_and_band(chosen, data, 0)[2]).any():
         key["its 95 % band"] = patch(colour, BAND)

@@ -22,6 +22,7 @@ from .style import (
     GREY,
     HALF_PAGE,
     Style,
+    Styles,
     figure,
     line,
     panels,
@@ -33,9 +34,7 @@ MEASURED = "#BDBDBD"
 Motion = Mapping[str, Any]
 
 
-def motions(
-    models: Sequence[Model], data: SummaryData, styles: Mapping[str, Style], beside: str = ""
-) -> Any:
+def motions(models: Sequence[Model], data: SummaryData, styles: Styles, beside: str = "") -> Any:
     """Angles of a few example motions over time, a column for each; None where there are none.
 
     beside : text below the time axis
@@ -185,7 +184,7 @@ def predicted_figure(table: pd.DataFrame, joints: Sequence[str], units: Sequence
     return panels(draw, labels, [""], key, below, 1.5, sharex=True)
 
 
-def torque_over_time(section: Section, styles: Mapping[str, Style]) -> Any:
+def torque_over_time(section: Section, styles: Styles) -> Any:
     """Measured torque of each joint over time, and that of the model that the verdict names.
 
     What lies between rigid bodies alone and the whole model is friction. None without torques.

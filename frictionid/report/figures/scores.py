@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -20,6 +20,7 @@ from .style import (
     GREY,
     HALF_PAGE,
     Style,
+    Styles,
     figure,
     key_above,
     line,
@@ -32,7 +33,7 @@ from .style import (
 TRUTH = {"color": DARK, "linewidth": 1, "linestyle": DASHED, "zorder": 1}
 
 
-def one_step_boxes(section: Section, styles: Mapping[str, Style]) -> Any:
+def one_step_boxes(section: Section, styles: Styles) -> Any:
     """Losses of the held-out folds: a box for each identifier and recipe, a panel for each loss."""
     heights = _heights(section.of_role("none", "fitted", "given"))
     lowest = max(heights.values(), default=0.0)
@@ -110,7 +111,7 @@ def _truth(axis: Any, section: Section, column: str) -> None:
 SHORT_DOTS = (0, (1, 1.4))
 
 
-def rollout_errors(section: Section, styles: Mapping[str, Style]) -> Any:
+def rollout_errors(section: Section, styles: Styles) -> Any:
     """Angle errors over the horizon, a panel for each data set and recipe; None without any."""
     horizons, description = section.fitted.horizons, section.description
     if not horizons:
@@ -173,7 +174,7 @@ SIZES = {"none": 6, "truth": 9}
 RECIPES = ("o", "^", "v", "P", "X", "<", ">", "p")
 
 
-def loss_against(section: Section, styles: Mapping[str, Style]) -> Any:
+def loss_against(section: Section, styles: Styles) -> Any:
     """Rollout and curve error over one-step loss, a point for each model; None without truth."""
     data, description = section.fitted, section.description
     if description.truth is None or not data.horizons:
@@ -238,7 +239,7 @@ def _is_hollow(section: Section, recipe: str) -> bool:
 # --- Beside a verdict -----------------------------------------------------------------------------
 
 
-def errors_of_models(section: Section, styles: Mapping[str, Style]) -> Any:
+def errors_of_models(section: Section, styles: Styles) -> Any:
     """Error of every model, a line each, a dot for each fold, grouped by recipe; None of fewer.
 
     The bar is the error of all predictions, as in the tables.

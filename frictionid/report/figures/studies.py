@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.search_space import Objective
-from frictionid.comparison.tuning import Study
+from frictionid.comparison.tuning import Study, by_task
 
 from ..sections import Model, Section
 from .style import (
@@ -19,7 +18,7 @@ from .style import (
     DARK,
     DASHED,
     GREY,
-    Style,
+    Styles,
     figure,
     key_above,
     line,
@@ -33,7 +32,7 @@ from .style import (
 
 def progress(studies: Sequence[Study], objective: Objective) -> Any:
     """The picture of all studies: on all data thick, in each training fold thin."""
-    tasks = [list(tuned) for _, tuned in groupby(studies, key=lambda study: study.task.title)]
+    tasks = by_task(studies)
     picture, axes = panel_grid(len(tasks), ABREAST, 1.9, 0.6)
     samplers = list(dict.fromkeys(study.sampler for study in studies))
     colours = dict(zip(samplers, COLOURS, strict=False))
@@ -68,7 +67,7 @@ def losses_of(model: Model) -> Mapping[str, Array] | None:
     return {key: value[: max(len(value) - 1, 1)] for key, value in parts.items()} or None
 
 
-def learning_curves(section: Section, styles: Mapping[str, Style]) -> Any:
+def learning_curves(section: Section, styles: Styles) -> Any:
     """Picture of all that learned in epochs, a panel for each; None where nothing did."""
     models = section.of_role("fitted")
     shown = [(model, losses) for model in models if (losses := losses_of(model))]

@@ -43,6 +43,9 @@ class Style(NamedTuple):
     line: Any
 
 
+Styles = Mapping[str, Style]  # by the labels of models
+
+
 def styles(models: Iterable[Model]) -> dict[str, Style]:
     """Style of each identifier by its label: no friction grey, the truth black, others coloured."""
     out: dict[str, Style] = {}
@@ -181,10 +184,12 @@ def side_by_side(items: Sequence[T], most: int = COLUMNS) -> list[Sequence[T]]:
     return [items[a:b] for a, b in pairwise(ends) if b > a]
 
 
-def panel_grid(count: int, most: int, height: float, margin: float) -> tuple[Any, list[Any]]:
+def panel_grid(
+    count: int, most: int, height: float, margin: float, width: float = WIDTH
+) -> tuple[Any, list[Any]]:
     """A figure with so many panels, `most` abreast, their lines so high [inch]; its axes."""
     rows = -(-count // most)
-    picture = figure(margin + height * rows)
+    picture = figure(margin + height * rows, width)
     axes = picture.subplots(rows, min(count, most), squeeze=False).ravel()
     for spare in axes[count:]:
         spare.set_axis_off()
@@ -238,7 +243,7 @@ def label_panels(
     axes: Any,
     models: Sequence[Model],
     data: DataDescription,
-    styles: Mapping[str, Style],
+    styles: Styles,
 ) -> None:
     """Titles of the columns, and the joints' names at the upper panels."""
     for joint, name in enumerate(data.joints):
@@ -249,7 +254,7 @@ def label_panels(
     picture.supxlabel(f"velocity [{data.velocity_unit}]")
 
 
-def model_title(axis: Any, model: Model, styles: Mapping[str, Style]) -> None:
+def model_title(axis: Any, model: Model, styles: Styles) -> None:
     """The model's name in its colour above a panel."""
     axis.set_title(plain(model.name), color=styles[model.label].colour, weight="bold")
 
