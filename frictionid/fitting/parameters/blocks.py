@@ -5,6 +5,7 @@ u = controller(q*(t - target_delay), q - z, w),   dz = dq while |z| < backlash/2
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -153,6 +154,9 @@ def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
     """
     q = configurations(mechanism.n, 13)
     now, then = (mechanism.inertia(p, q) for p in (base, wanted))
+    with suppress(np.linalg.LinAlgError):  # far cheaper than eigenvalues, and nearly always enough
+        np.linalg.cholesky(then - _KEPT * now)
+        return wanted
     root = np.linalg.inv(np.linalg.cholesky(now))
     least = float(np.linalg.eigvalsh(root @ then @ np.swapaxes(root, -1, -2)).min())
     share = 1.0 if least >= _KEPT else (1.0 - _KEPT) / (1.0 - least)
