@@ -1,4 +1,4 @@
-"""The command line: one command per file, everything heavy imported when a command runs."""
+"""The command line: everything heavy is imported when a command runs."""
 
 from __future__ import annotations
 
