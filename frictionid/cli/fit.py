@@ -1,4 +1,4 @@
-"""frictionid fit and warm: friction of one data set, and the machine code that it takes."""
+"""frictionid fit: friction of one data set, written as a model file."""
 
 from __future__ import annotations
 
@@ -129,14 +129,3 @@ def _say_if_numerical(friction: Friction) -> None:
             f"width = {law.width:g} rad/s changes nothing: up to 0.02 rad/s it is numerical, and "
             "fits and predictions treat friction at rest as a step; a wider one is a part of it"
         )
-
-
-def warm() -> None:
-    """Compile what commands run as machine code, once on a machine; the first run does it else."""
-    from frictionid.api.warm import STEPS, warm_up
-
-    from .progress import running
-
-    with running([name for name, _ in STEPS], "compiling") as done:
-        warm_up(done)
-    print("compiled: the next run of a command begins at once")
