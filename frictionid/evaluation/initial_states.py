@@ -10,11 +10,12 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages, pieces_of
-from frictionid.data.plants import on_recorded_base, temperature_at
+from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, open_loop, seen_by_encoder
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
+from frictionid.data.temperatures import temperature_at
 from frictionid.dynamics.closed_loop import Controllers, controllers_of
 from frictionid.dynamics.state import State
 from frictionid.errors import InputError

@@ -18,10 +18,11 @@ import numpy as np
 
 from frictionid.arrays import Array, inverse, solve, times
 from frictionid.data.integrals import averages
-from frictionid.data.plants import on_recorded_base, temperature_at
+from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import DataRange, Inputs, Law, Nodes, joined
 from frictionid.friction.coordinates import (

@@ -11,10 +11,10 @@ from frictionid.arrays import Array
 from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
-from frictionid.data.plants import temperature_at
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 
 from ..one_step.formulation import states_of

@@ -19,10 +19,11 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
-from frictionid.data.plants import on_recorded_base, plant_of, temperature_at
+from frictionid.data.plants import on_recorded_base, plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
 from frictionid.data.state_estimators import States, slowest_speeds
+from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Nodes, joined
 from frictionid.friction.coordinates import recorded_inputs, with_places
