@@ -59,6 +59,7 @@ class FrictionBlock(ParameterBlock):
                     (j, i),
                     float(limits.mean[j, i]) if np.isfinite(deviation) else None,
                     tuple((f"{name} of {joints[k]}", (k, i)) for k in twins),
+                    size=float(limits.size[j, i]),
                 )
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:

@@ -43,6 +43,7 @@ class Parameter(NamedTuple):
         counts samples as independent
     place : where the block keeps it: the joint first, of base parameters their index
     shared : names and places of those that have its value
+    size : how far from a law's neutral value it usually is; infinite where it has none
     """
 
     block: str
@@ -56,6 +57,12 @@ class Parameter(NamedTuple):
     mean: float | None = None
     shared: tuple[tuple[str, tuple[int, ...]], ...] = ()
     excess: float = 1.0
+    size: float = FREE
+
+    @property
+    def is_velocity(self) -> bool:
+        """Whether it is a velocity of a law."""
+        return self.block == "friction" and self.unit in ("rad/s", "m/s")
 
     @property
     def places(self) -> tuple[tuple[int, ...], ...]:

@@ -45,18 +45,12 @@ def meaningless(
     """
     doubtful = weak if doubtful is None else doubtful
     entries = [k for k, e in enumerate(parameters) if e.block == "friction"]
-
-    def _is_velocity(i: int) -> bool:  # of which zero is no absence
-        return parameters[i].unit in ("rad/s", "m/s")
+    levels = [i for i in entries if doubtful[i] and not parameters[i].is_velocity]
 
     out = {}
     for k in entries:
         joint = parameters[k].place[0]
-        others = [
-            i
-            for i in entries
-            if doubtful[i] and parameters[i].place[0] == joint and i != k and not _is_velocity(i)
-        ]
+        others = [i for i in levels if parameters[i].place[0] == joint and i != k]
         if (
             weak[k]
             or _shows(friction, parameters, k, others)
@@ -202,7 +196,7 @@ def _forget(matrix: Array, which: list[int]) -> None:
 
 
 def _ends(p: Parameter, value: float) -> str:
-    slow = value == p.low and p.unit in ("rad/s", "m/s")
+    slow = value == p.low and p.is_velocity
     end = "the slowest speed that the data resolve, or that was given" if slow else "its bound"
     return (
         f"{p.name} ends at {value:.3g} {p.unit}, {end}: friction of this joint has another shape "

@@ -129,12 +129,12 @@ def _neutral_values(
     neutral = friction.law.neutral(np.asarray(friction.theta), limits.neutral)
     free = {place for p in parameters if p.block == "friction" for place in p.places}
     for k, p in enumerate(parameters):
-        if p.block != "friction" or not np.isfinite(limits.size[p.place]):
+        if p.block != "friction" or not np.isfinite(p.size):
             continue
         like = friction.law.parameters[p.place[1]].like
         # what others follow does not follow them
         if like not in friction.law.names or (p.place[0], friction.law.names.index(like)) in free:
-            out[k] = float(neutral[p.place]), float(limits.size[p.place])
+            out[k] = float(neutral[p.place]), p.size
     for block in (b for b in blocks if b.enters == "base" and b.offered):
         places = [k for k, p in enumerate(parameters) if p.block == block.name]
         base = [parameters[k] for k in places]
@@ -174,7 +174,9 @@ def at_neutral(
 
 
 def _without(block: FrictionBlock, theta: Array, places: set[tuple[int, ...]]) -> FrictionBlock:
-    free = block.support or tuple((int(j), int(i)) for j, i in np.ndindex(*theta.shape))
+    free = block.support
+    if free is None:
+        free = tuple((int(j), int(i)) for j, i in np.ndindex(*theta.shape))
     return replace(block, support=tuple(place for place in free if place not in places))
 
 
@@ -276,15 +278,67 @@ class LocalCost(NamedTuple):
         return step
 
 
-def with_held(covariance: Covariance, held: Sequence[Unknown]) -> Covariance:
-    """The covariance with parameters at their neutral values, as uncertain as their size says."""
-    count = len(held)
-    if not count:
-        return covariance
-    D = len(covariance.values)
-    matrix = np.zeros((D + count, D + count))
-    matrix[:D, :D] = covariance.matrix
-    matrix[range(D, D + count), range(D, D + count)] = [u.size**2 for u in held]
+def freed(blocks: Sequence[ParameterBlock], held: Sequence[Unknown]) -> tuple[ParameterBlock, ...]:
+    """The blocks with parameters free again that are held."""
+    friction = [u.parameter for u in held if u.parameter.block == "friction"]
+    places = tuple((j, i) for p in friction for j, i in p.places)
+    names = {u.parameter.name for u in held if u.parameter.block != "friction"}
+    new = []
+    for block in blocks:
+        if isinstance(block, FrictionBlock) and block.support is not None:
+            block = replace(block, support=(*block.support, *places))
+        elif block.enters == "base":
+            block = replace(block, fixed=tuple(name for name in block.fixed if name not in names))
+        new.append(block)
+    return tuple(new)
+
+
+def pinned(covariance: Covariance, friction: Friction) -> list[int]:
+    """Places among D of the parameters of friction that ended at a bound, which is neutral."""
+    if friction.constraints is None:
+        return []
+    neutral = friction.law.neutral(np.asarray(friction.theta), friction.constraints.neutral)
+    bounds = [(k, covariance.parameters[k]) for k in np.flatnonzero(covariance.bound)]
+    return [
+        int(k)
+        for k, p in bounds
+        if p.block == "friction"
+        and abs(covariance.values[k] - neutral[p.place]) <= 1e-9 * p.size < np.inf
+    ]
+
+
+def with_held(
+    covariance: Covariance,
+    held: Sequence[Unknown],
+    pinned: Sequence[int],
+    parameters: Sequence[Parameter],
+    H: Array,
+) -> Covariance:
+    """The covariance with parameters at their neutral values, as uncertain as their sizes say.
+
+    The free ones f make up for what those h are off that are held, or `pinned` to a neutral bound.
+    With sizes s, the normal matrix H (E, E) of all `parameters`, and what the data weigh less than
+    it says, the excess e, at least the usual one of the covariance over H_ff^-1:
+
+        A = -H_ff^-1 H_fh,    V = (diag(1/s^2) + e^-1/2 (H_hh + H_hf A) e^-1/2)^-1
+        cov(h) = V,    cov(f, h) = A V,    cov(f) grows by A V A'
+    """
+    H = np.where(np.isfinite(H), H, 0.0)  # a neutral memory may be too fast to be linearised
+    keys, count = [Key(p.block, p.place) for p in parameters], len(held)
+    at = [keys.index(Key(p.block, p.place)) for p in covariance.parameters]
+    known = np.flatnonzero(np.isfinite(covariance.error))
+    f, h = [at[k] for k in known], [*(keys.index(u.key) for u in held), *(at[k] for k in pinned)]
+    size = [*(u.size for u in held), *(covariance.parameters[k].size for k in pinned)]
+    inverse = solve_scaled(H[np.ix_(f, f)], np.eye(len(f)))
+    ratio = covariance.error[known] ** 2 / np.maximum(np.diag(inverse), 1e-300)
+    A = np.zeros((len(at), len(h)))
+    A[known] = -inverse @ H[np.ix_(f, h)]
+    excess = max(1.0, float(np.median(ratio))) if len(f) else 1.0
+    root = np.sqrt([*(max(u.excess, excess) for u in held), *(excess for _ in pinned)])
+    told = (H[np.ix_(h, h)] + H[np.ix_(h, f)] @ A[known]) / np.outer(root, root)
+    V = np.linalg.inv(np.diag(np.array(size) ** -2.0) + told)
+    joint = (A @ V)[:, :count]
+    matrix = np.block([[covariance.matrix + A @ V @ A.T, joint], [joint.T, V[:count, :count]]])
     no, yes = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     return replace(
         covariance,

@@ -71,8 +71,8 @@ def omitted_blocks(
     if not offered:
         return None
     blocks = (*fitted, *offered)
-    wider, start = _wider(problem, solution.estimate, blocks)
-    normal = _normal_equations(wider, solution._replace(estimate=start))
+    wider, start = wider_problem(problem, solution.estimate, blocks)
+    normal = normal_equations(wider, solution._replace(estimate=start))
     if not np.isfinite(normal.H[solution.closed]).all():
         return None
     step = _Step(problem, wider, solution, normal)
@@ -86,7 +86,7 @@ def omitted_blocks(
     return None
 
 
-def _wider(
+def wider_problem(
     problem: ShootingProblem, estimate: Estimate, blocks: tuple[ParameterBlock, ...]
 ) -> tuple[ShootingProblem, Estimate]:
     """The problem with more blocks, and the estimate with what these free."""
@@ -124,7 +124,7 @@ def _that_may_be_free(
     return telling(fitted, offered, estimate, problem.intervals)[len(fitted) :]
 
 
-def _normal_equations(wider: ShootingProblem, solution: Solution) -> NormalEquations:
+def normal_equations(wider: ShootingProblem, solution: Solution) -> NormalEquations:
     """Normal equations of all windows, as much as each counted in the fit."""
     s = solution
     point = linearised_at(wider, s.windows, s.estimate, s.nodes, s.sigma)

@@ -12,7 +12,7 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
-from frictionid.fitting.fit import Fit
+from frictionid.fitting.fit import Covariance, Fit
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.fitting.parameters.blocks import on_support
@@ -34,12 +34,16 @@ from frictionid.fitting.shooting.networks import (
 )
 from frictionid.fitting.shooting.neutral import (
     Unknown,
+    freed,
+    pinned,
     with_held,
 )
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,
+    normal_equations,
     omitted_blocks,
     sentences,
+    wider_problem,
 )
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
@@ -198,11 +202,25 @@ def refined_by(
     shared = shared + smoothing_error(problem, solution) + load_error(problem, solution)
     covariance = covariance_of(problem, solution, shared)
     limits = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
-    covariance = with_held(covariance, held)
+    covariance = _with_held(covariance, problem, solution, held)
     limits = (*limits, *(u.sentence for u in held))
     diagnostics = replace(_diagnostics(problem, solution, limits), dropped=dropped)
     law_friction = as_given(fitted, start)
     return Fit(law_friction, covariance.each, diagnostics, fitted, estimate.mechanism)
+
+
+def _with_held(
+    covariance: Covariance, problem: ShootingProblem, solution: Solution, held: Sequence[Unknown]
+) -> Covariance:
+    """The covariance with held parameters, and what the others would make up for."""
+    bound = pinned(covariance, solution.estimate.friction)
+    if not (held or bound):
+        return covariance
+    blocks = freed([free.block for free in problem.blocks], held)
+    wider, estimate = wider_problem(problem, solution.estimate, blocks)
+    normal = normal_equations(wider, solution._replace(estimate=estimate))
+    H = normal.H[solution.closed].sum(axis=0) + np.diag(wider.limits.precision)
+    return with_held(covariance, held, bound, wider.parameters, H)
 
 
 def _diagnostics(

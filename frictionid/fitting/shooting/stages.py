@@ -58,7 +58,7 @@ from frictionid.friction.provenance import Dropped
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
-_EACH = 2  # of the velocities where a law's fits begin, the step from one that is tried to the next
+_VELOCITIES = np.geomspace(0.01, 100.0, 13)  # [rad/s, m/s] that are tried of a peak
 _KEPT = 0.8  # of the windows that count
 # Windows that hold a reversal are the ones that are lost where most hold none; longer ones all do.
 _MANY, _LONGER = 0.75, 3.0  # of the windows that count; times their length where there are fewer
@@ -180,11 +180,9 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     values = values_of(estimate, problem.blocks)
     for k in np.flatnonzero(np.diag(solution.curvature) == 0.0):
         p = problem.parameters[k]
-        if p.block != "friction":
+        if not p.is_velocity:
             continue
-        tried = np.unique(
-            np.clip(np.array(estimate.friction.law.initial)[:, p.place[1]], p.low, p.high)
-        )[::_EACH]
+        tried = np.unique(np.clip(_VELOCITIES, p.low, p.high))
         others = np.arange(len(values)) != k
         trials = [with_values(estimate, problem.blocks, np.where(others, values, v)) for v in tried]
         falls = [_expected_fall(problem, solution, e) for e in (estimate, *trials)]
@@ -252,10 +250,7 @@ def _local_cost(stage: Stage) -> LocalCost:
 def _without(
     stage: Stage, idle: Idle, intervals: Intervals, settings: Settings, use: Array
 ) -> Stage | None:
-    """The stage without what is idle; None where that is nothing, or the fit clearly worse.
-
-    A fit that only settles without it gives no evidence for it, unless it loses windows.
-    """
+    """The stage without what is idle; None where that is nothing, or the fit clearly worse."""
     solution, (held, dropped) = stage.solution, idle
     if not any(idle):
         return None
@@ -268,9 +263,8 @@ def _without(
     except InputError:  # it went astray
         return None
     rise = cost_rise(solution, trial.solution, settings.huber)
-    wandered = trial.solution.converged and not solution.converged
     lost = trial.solution.closed.sum() < _KEPT * solution.closed.sum()
-    if lost or (any(u.shown(rise) for u in held) and not wandered):
+    if lost or any(u.shown(rise) for u in held):
         return None
     return trial._replace(dropped=(*stage.dropped, *dropped))
 

@@ -23,7 +23,16 @@ from ..parameters import ParameterBlock
 from ..parameters.blocks import on_support
 from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess
 from ..shooting.covariance import grouped_covariance, least_significant
-from ..shooting.neutral import Key, Unknown, at_neutral, followed, unknown_parameters, with_held
+from ..shooting.neutral import (
+    Key,
+    Unknown,
+    at_neutral,
+    followed,
+    freed,
+    pinned,
+    unknown_parameters,
+    with_held,
+)
 from ..shooting.sandwich import FEW, Groups, excess_of
 from .solve import (
     TorqueProblem,
@@ -32,6 +41,7 @@ from .solve import (
     left_to_friction,
     logged_gain,
     made_consistent,
+    normal_equations,
     solve,
 )
 from .torque_balance import TorqueBalance
@@ -163,7 +173,7 @@ def _result(
     )
     return Fit(
         friction,
-        with_held(_covariance(problem, solution, use), held),
+        _with_held(_covariance(problem, solution, use), problem, solution, held),
         Diagnostics(
             torque_noise=solution.sigma[: estimate.mechanism.n],
             windows=int(use.sum()),
@@ -175,6 +185,24 @@ def _result(
         friction,
         estimate.mechanism,
     )
+
+
+def _with_held(
+    covariance: Covariance,
+    problem: TorqueProblem,
+    solution: TorqueSolution,
+    held: tuple[Unknown, ...],
+) -> Covariance:
+    """The covariance with held parameters, and what the others would make up for."""
+    bound = pinned(covariance, solution.estimate.friction)
+    if not (held or bound):
+        return covariance
+    blocks = freed([free.block for free in problem.blocks], held)
+    estimate = solution.estimate
+    wider = TorqueProblem(problem.balance, free_blocks(blocks, estimate), estimate)
+    weights = solution.weight / solution.sigma**2
+    H, _ = normal_equations(wider.slopes(estimate), solution.residual, weights)
+    return with_held(covariance, held, bound, wider.parameters, H + np.diag(wider.limits.precision))
 
 
 def _weighted(

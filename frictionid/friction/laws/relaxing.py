@@ -138,7 +138,8 @@ class LuGre(BristleLaw):
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        damping = LawParameter("damping", "N m s/rad", size=1.0)
+        # bristles bend slowly: at a tenth of the fastest speed it may well be as large as the level
+        damping = LawParameter("damping", "N m s/rad", size=10.0)
         velocity = LawParameter("damping_velocity", "rad/s", initial=(0.1,))
         return (*self.level.parameters, VISCOUS, PRESLIDING, damping, velocity)
 

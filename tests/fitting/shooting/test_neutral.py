@@ -9,13 +9,14 @@ from fixtures.exact_problems import everything, explained_by
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
-from frictionid.fitting.parameters.parameter_block import Parameter
+from frictionid.fitting.parameters.parameter_block import FREE, Parameter
 from frictionid.fitting.shooting import Settings, refine, stages
 from frictionid.fitting.shooting.gauss_newton import solve
-from frictionid.fitting.shooting.neutral import LocalCost, Unknown, followed
+from frictionid.fitting.shooting.neutral import LocalCost, Unknown, followed, with_held
 from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Quadratic, Stribeck
@@ -98,7 +99,7 @@ def test_of_two_directions_that_data_do_not_tell_one_follows_the_other():
     limits = constraints_of(law, DataRange(*np.array([[0.1], [9.0], [0.2]])))
     friction = Friction(law, np.array([[0.3, 0.1, 0.01]]), constraints=limits)
     parameters = tuple(
-        Parameter("friction", name, "N m", 0.0, 0.0, place=(0, i))
+        Parameter("friction", name, "N m", 0.0, 0.0, place=(0, i), size=float(limits.size[0, i]))
         for i, name in enumerate(law.names)
     )
     X = np.random.default_rng(1).normal(size=(30, 5, 3)) * [1.0, 0.0, 0.3]
@@ -228,3 +229,22 @@ def test_a_fit_that_predicts_no_window_says_so(monkeypatch):
     start = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
     with assert_refused("went astray, and predicts no window"):
         refine(start, tiny.dataset(), (FrictionBlock(), InertiaBlock()), SHORT)
+
+
+def test_free_parameters_are_as_uncertain_beside_held_ones_as_beside_ones_with_a_prior():
+    X, size = np.random.default_rng(5).normal(size=(40, 4)), np.array([0.3, 0.8])
+    H = X.T @ X
+    parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(4)]
+    free = Covariance(tuple(parameters[:2]), np.full(2, 0.5), np.linalg.inv(H[:2, :2]))
+    held = [Unknown(p, 0.0, s, 1.0, 0.0) for p, s in zip(parameters[2:], size, strict=True)]
+    both = with_held(free, held, (), parameters, H)
+    prior = np.diag([0.0, 0.0, *size**-2])
+    assert_allclose(both.matrix, np.linalg.inv(H + prior), rtol=1e-12)
+    assert [p.tolerance for p in both.parameters] == [FREE, FREE, 0.0, 0.0]
+
+
+def test_what_nobody_knows_at_all_stays_so_beside_held_ones():
+    parameters = [Parameter("friction", f"p{i}", "N m", 0.5, place=(0, i)) for i in range(3)]
+    free = Covariance(tuple(parameters[:2]), np.full(2, 0.5), np.diag([0.1, np.inf]))
+    both = with_held(free, [Unknown(parameters[2], 0.0, 0.3, 1.0, 0.0)], (), parameters, np.eye(3))
+    assert_array_equal(both.matrix[1], [0.0, np.inf, 0.0])
