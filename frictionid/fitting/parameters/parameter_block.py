@@ -24,6 +24,7 @@ IDEAL = {"delay": 0.0, "gain": 1.0, "bias": 0.0, "offset": 0.0}
 IDEAL |= {"target_delay": 0.0, "backlash": 0.0}
 _ORDER = ("friction", "base", "torque", "actuator", "angle")
 FREE = float("inf")
+_FACTOR = 3.0  # of a velocity in one step
 
 
 class Estimate(NamedTuple):
@@ -223,6 +224,20 @@ def limits_of(parameters: Sequence[Parameter]) -> Limits:
         for p in parameters
     ]
     return Limits(*np.reshape(rows, (-1, 4)).T)
+
+
+def reach(parameters: Sequence[Parameter], value: Array) -> tuple[Array, Array]:
+    """How far down and up (D,) one step may move parameters of friction: a trust region.
+
+    A linearisation at one peak or memory tells little of others far off, from which there may be no
+    way back. Parameters with a neutral value move by their size, velocities by a factor.
+    """
+    size = np.array([p.size for p in parameters])
+    by_factor = np.array([p.is_velocity and np.isinf(p.size) for p in parameters], dtype=bool)
+    return (
+        np.where(by_factor, (1.0 - 1.0 / _FACTOR) * value, size),
+        np.where(by_factor, (_FACTOR - 1.0) * value, size),
+    )
 
 
 def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) -> Estimate:

@@ -22,6 +22,7 @@ from ..gauss_newton import MAD, box_step, scaled_inverse
 from ..parameters.parameter_block import (
     Estimate,
     Parameter,
+    reach,
     values_of,
     with_values,
 )
@@ -50,7 +51,6 @@ _NEAR = 0.5  # [standard errors]: steps with which those end
 _STRAY = 1.0  # [standard errors]: so far steps to and fro may go
 _ONWARD = 0.25  # [standard errors]: so far their mean may get on
 _COARSE = 3.0  # times as long are their substeps near rest
-_FACTOR = 3.0  # of a velocity in one step
 _ROUNDING = 1e-15  # of the largest singular value
 _TRACE = 1e-12  # of the information on the best known parameter
 
@@ -131,7 +131,8 @@ def solve(
     stages = [(lengths[-1], problem)]
     if ended is None:
         nodes, sigma, total = problem.initial_nodes(estimate), _initial_noise(problem, use), 0
-        short = _without_shapes(leading, estimate)
+        memory = estimate.friction.law.has_memory
+        short = leading.without_shapes(estimate) if memory else leading
         stages = [(s, short) for s in lengths[:-1]] + [(lengths[-1], leading), *stages]
     else:
         nodes, sigma, total = ended.nodes, ended.sigma, ended.iterations
@@ -173,23 +174,6 @@ def _leading(problem: ShootingProblem) -> ShootingProblem:
     few, near = min(s.iterations, _LEADING), max(s.tolerance, _NEAR)
     settings = replace(s, iterations=few, tolerance=near, fine=_COARSE * s.fine)
     return replace(problem, settings=settings)
-
-
-def _without_shapes(problem: ShootingProblem, estimate: Estimate) -> ShootingProblem:
-    """The problem with what shapes a law's levels held: memory, peaks, loads, and velocities.
-
-    Short windows hardly tell these beside an inertia or a delay that is still wrong, and take them
-    to where longer windows have no way back from.
-    """
-    blocks, values = [], values_of(estimate, problem.blocks)
-    for free in problem.blocks:
-        pairs = zip(free.parameters, values[free.columns], strict=True)
-        held = tuple(
-            p._replace(low=value, high=value) if p.is_velocity or np.isfinite(p.size) else p
-            for p, value in pairs
-        )
-        blocks.append(free._replace(parameters=held))
-    return replace(problem, blocks=tuple(blocks))
 
 
 def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
@@ -358,7 +342,7 @@ def _move(
 
     H move = g,    H = sum H_w + diag(1/prior^2),    g = sum g_w + (mean - value)/prior^2
 
-    It goes no farther than `_reach`.
+    It goes no farther than `reach`.
 
     damping : Levenberg's; share : of the Gauss-Newton step
     """
@@ -366,23 +350,9 @@ def _move(
     H = normal.H.sum(axis=0) + np.diag(limits.precision)
     g = normal.g.sum(axis=0) + limits.precision * (limits.mean - value)
     regular = H + _missing_information(H, problem.parameters)
-    down, up = _reach(problem.parameters, value)
+    down, up = reach(problem.parameters, value)
     low, high = np.maximum(limits.low - value, -down), np.minimum(limits.high - value, up)
     return H, share * box_step(regular[None], g[None], low[None], high[None], damping)[0]
-
-
-def _reach(parameters: Sequence[Parameter], value: Array) -> tuple[Array, Array]:
-    """How far down and up (D,) one step may move parameters of friction: a trust region.
-
-    A linearisation at one peak or memory tells little of others far off, from which there may be no
-    way back. Parameters with a neutral value move by their size, velocities by a factor.
-    """
-    size = np.array([p.size for p in parameters])
-    by_factor = np.array([p.is_velocity and np.isinf(p.size) for p in parameters], dtype=bool)
-    return (
-        np.where(by_factor, (1.0 - 1.0 / _FACTOR) * value, size),
-        np.where(by_factor, (_FACTOR - 1.0) * value, size),
-    )
 
 
 def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:

@@ -27,6 +27,7 @@ from frictionid.fitting.parameters.parameter_block import (
     all_parameters,
     free_blocks,
     limits_of,
+    values_of,
 )
 from frictionid.fitting.shooting.networks import CurveCombinations
 from frictionid.fitting.shooting.sample_intervals import Intervals
@@ -92,6 +93,22 @@ class ShootingProblem:
     def limits(self) -> Limits:
         """Bounds and priors of the parameters."""
         return limits_of(self.parameters)
+
+    def without_shapes(self, estimate: Estimate) -> ShootingProblem:
+        """The problem with what shapes levels of friction held: memory, peaks, loads, velocities.
+
+        Memory is not measured where a window begins, and short windows take bristles and peaks to
+        where longer ones have no way back from.
+        """
+        blocks, values = [], values_of(estimate, self.blocks)
+        for free in self.blocks:
+            pairs = zip(free.parameters, values[free.columns], strict=True)
+            held = tuple(
+                p._replace(low=value, high=value) if p.is_velocity or np.isfinite(p.size) else p
+                for p, value in pairs
+            )
+            blocks.append(free._replace(parameters=held))
+        return replace(self, blocks=tuple(blocks))
 
     def linearise(self, estimate: Estimate, nodes: Array, rows: Array) -> Linearisation:
         """End states and derivatives of some intervals (k,) that begin at nodes (K, s)."""
