@@ -35,6 +35,7 @@ from .sandwich import Groups, solve_scaled
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
+_ROUNDING = 1e-9  # of a size
 
 
 class Key(NamedTuple):
@@ -293,17 +294,16 @@ def freed(blocks: Sequence[ParameterBlock], held: Sequence[Unknown]) -> tuple[Pa
     return tuple(new)
 
 
-def pinned(covariance: Covariance, friction: Friction) -> list[int]:
+def at_neutral_bound(covariance: Covariance, friction: Friction) -> list[int]:
     """Places among D of the parameters of friction that ended at a bound, which is neutral."""
     if friction.constraints is None:
         return []
     neutral = friction.law.neutral(np.asarray(friction.theta), friction.constraints.neutral)
-    bounds = [(k, covariance.parameters[k]) for k in np.flatnonzero(covariance.bound)]
     return [
         int(k)
-        for k, p in bounds
-        if p.block == "friction"
-        and abs(covariance.values[k] - neutral[p.place]) <= 1e-9 * p.size < np.inf
+        for k in np.flatnonzero(covariance.bound)
+        if (p := covariance.parameters[k]).block == "friction"
+        and abs(covariance.values[k] - neutral[p.place]) <= _ROUNDING * p.size < np.inf
     ]
 
 
@@ -317,8 +317,8 @@ def with_held(
     """The covariance with parameters at their neutral values, as uncertain as their sizes say.
 
     The free ones f make up for what those h are off that are held, or `pinned` to a neutral bound.
-    With sizes s, the normal matrix H (E, E) of all `parameters`, and what the data weigh less than
-    it says, the excess e, at least the usual one of the covariance over H_ff^-1:
+    With sizes s and the normal matrix H (E, E) of all `parameters`, whose information on h counts
+    e times less: by the excess of h, or by the usual one of the covariance over H_ff^-1 if larger.
 
         A = -H_ff^-1 H_fh,    V = (diag(1/s^2) + e^-1/2 (H_hh + H_hf A) e^-1/2)^-1
         cov(h) = V,    cov(f, h) = A V,    cov(f) grows by A V A'
@@ -335,8 +335,8 @@ def with_held(
     A[finite] = -inverse @ H[np.ix_(f, h)]
     excess = max(1.0, float(np.median(ratio))) if len(f) else 1.0
     root = np.sqrt([*(max(u.excess, excess) for u in held), *(excess for _ in pinned)])
-    told = (H[np.ix_(h, h)] + H[np.ix_(h, f)] @ A[finite]) / np.outer(root, root)
-    V = np.linalg.inv(np.diag(np.array(size) ** -2.0) + told)
+    information = (H[np.ix_(h, h)] + H[np.ix_(h, f)] @ A[finite]) / np.outer(root, root)
+    V = np.linalg.inv(np.diag(np.array(size) ** -2.0) + information)
     joint = (A @ V)[:, :count]
     matrix = np.block([[covariance.matrix + A @ V @ A.T, joint], [joint.T, V[:count, :count]]])
     no, yes = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)

@@ -34,8 +34,8 @@ from frictionid.fitting.shooting.networks import (
 )
 from frictionid.fitting.shooting.neutral import (
     Unknown,
+    at_neutral_bound,
     freed,
-    pinned,
     with_held,
 )
 from frictionid.fitting.shooting.omitted_blocks import (
@@ -213,7 +213,7 @@ def _with_held(
     covariance: Covariance, problem: ShootingProblem, solution: Solution, held: Sequence[Unknown]
 ) -> Covariance:
     """The covariance with held parameters, and what the others would make up for."""
-    bound = pinned(covariance, solution.estimate.friction)
+    bound = at_neutral_bound(covariance, solution.estimate.friction)
     if not (held or bound):
         return covariance
     blocks = freed([free.block for free in problem.blocks], held)

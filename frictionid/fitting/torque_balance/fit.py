@@ -27,9 +27,9 @@ from ..shooting.neutral import (
     Key,
     Unknown,
     at_neutral,
+    at_neutral_bound,
     followed,
     freed,
-    pinned,
     unknown_parameters,
     with_held,
 )
@@ -194,7 +194,7 @@ def _with_held(
     held: tuple[Unknown, ...],
 ) -> Covariance:
     """The covariance with held parameters, and what the others would make up for."""
-    bound = pinned(covariance, solution.estimate.friction)
+    bound = at_neutral_bound(covariance, solution.estimate.friction)
     if not (held or bound):
         return covariance
     blocks = freed([free.block for free in problem.blocks], held)
