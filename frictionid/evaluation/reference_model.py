@@ -134,16 +134,18 @@ def loss(model: StartErrors, reference: StartErrors) -> Loss:
 
 
 def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
-    """Test of the logarithm of the ratio of two means; its error is that over the groups."""
-    _, place = np.unique(group, return_inverse=True)
-    sums = np.array([np.bincount(place, x) for x in (first, second)]) + _LEAST
-    totals, count = sums.sum(axis=1, keepdims=True), sums.shape[1]
+    """Test of the logarithm of the ratio of two means, the mean of those of the groups."""
+    ratio = np.log(_group_means(first, group)) - np.log(_group_means(second, group))
+    count = len(ratio)
     if count < 2:
         raise ValueError("starts of one recording: at least 2 recordings")
-    share = sums / totals
-    spread = np.sum((share[0] - share[1]) ** 2) * count / (count - 1)
-    mean = float(np.log(totals[0, 0] / totals[1, 0]))
-    return t_test(mean, float(np.sqrt(spread)), count, WITHIN)
+    error = float(ratio.std(ddof=1)) / np.sqrt(count)
+    return t_test(float(ratio.mean()), error, count, WITHIN)
+
+
+def _group_means(x: Array, group: Array) -> Array:
+    _, place = np.unique(group, return_inverse=True)
+    return np.bincount(place, x) / np.bincount(place) + _LEAST
 
 
 def _signed(test: CorrelatedTest) -> Factor:
@@ -250,7 +252,8 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
     finite = np.array([not model.diverged for model in errors], dtype=bool)
     if not finite.any() or len(np.unique(errors[0].group)) < FEWEST:
         return Choice()
-    level = np.where(finite, [float(model.size.mean()) for model in errors], np.inf)
+    level = [float(np.log(_group_means(model.size, model.group)).mean()) for model in errors]
+    level = np.where(finite, level, np.inf)
     best = int(np.lexsort((-np.asarray(complexity), level, last | ~finite))[0])
     losses = tuple(
         loss(model, errors[best]) if finite[i] and i != best else None

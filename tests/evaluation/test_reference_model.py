@@ -152,7 +152,7 @@ def scattered(share):
 
 @pytest.mark.parametrize(
     ("share", "peak_is_identified", "recommended"),
-    [(0.06, True, 0), (0.06, False, None), (0.035, False, None), (0.035, True, None)],
+    [(0.08, True, 0), (0.08, False, None), (0.035, False, None), (0.035, True, None)],
 )
 def test_errors_and_intervals_that_agree_decide_what_errors_cannot(
     share, peak_is_identified, recommended

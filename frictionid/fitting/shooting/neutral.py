@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from ..parameters.parameter_block import (
 from .covariance import grouped_covariance, least_significant
 from .sandwich import Groups, solve_scaled
 
+T = TypeVar("T")
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
@@ -85,14 +86,14 @@ class Unknown(NamedTuple):
         return rise > (CLEAR + self.off**2) * self.excess
 
 
-def unknown_parameters(
+def least_known(
     covariance: Covariance,
     friction: Friction,
     blocks: Sequence[ParameterBlock],
     curvature: Array,
     tried: Sequence[Key],
-) -> tuple[Unknown, ...]:
-    """Of each joint, and of the base parameters, the one that the data tell least.
+) -> Unknown | None:
+    """The parameter that the data tell least, None if they tell all.
 
     Base parameters only where they are offered: asked for, they are free. Without those that were
     tried before.
@@ -100,13 +101,13 @@ def unknown_parameters(
     curvature : (D, D), normal matrix of the fit
     """
     if friction.constraints is None:
-        return ()
+        return None
     information = np.diag(curvature)
     blind = information <= _BLIND * information.max(initial=0.0)
     variance = np.diag(solve_scaled(curvature, np.eye(len(curvature))))
     ratio = np.diag(covariance.matrix) / np.maximum(variance, 1e-300)
     usual = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else 1.0
-    worst: dict[tuple[str, int], tuple[float, Unknown]] = {}
+    worst: tuple[float, Unknown] | None = None
     for k, (neutral, size) in _neutral_values(covariance.parameters, friction, blocks).items():
         p = covariance.parameters[k]
         if Key(p.block, p.place) in tried or (covariance.bound[k] and not blind[k]):
@@ -115,10 +116,9 @@ def unknown_parameters(
         if off == 0.0 or error <= max(KNOWN * size, off / 2.0):
             continue
         excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
-        group = p.block, p.place[0] if p.block == "friction" else 0
-        if group not in worst or error / size > worst[group][0]:
-            worst[group] = (error / size, Unknown(p, neutral, size, excess, off / size))
-    return tuple(unknown for _, unknown in worst.values())
+        if worst is None or error / size > worst[0]:
+            worst = error / size, Unknown(p, neutral, size, excess, off / size)
+    return None if worst is None else worst[1]
 
 
 def _neutral_values(
@@ -145,11 +145,11 @@ def _neutral_values(
     return out
 
 
-def parts_of(unknown: tuple[Unknown, ...]) -> Iterator[tuple[Unknown, ...]]:
-    """All of them to hold together, or else the first half, and so on down to the first."""
-    count = len(unknown)
+def parts_of(several: tuple[T, ...]) -> Iterator[tuple[T, ...]]:
+    """All of them together, or else the first half, and so on down to the first."""
+    count = len(several)
     while count:
-        yield unknown[:count]
+        yield several[:count]
         count //= 2
 
 
@@ -220,22 +220,22 @@ class LocalCost(NamedTuple):
                 cost.parameters, cost.values, cost.friction, cost.groups
             )
             curvature = cost.groups.H.sum(axis=0)
-            unknown = unknown_parameters(covariance, cost.friction, cost.blocks, curvature, tried)
+            unknown = least_known(covariance, cost.friction, cost.blocks, curvature, tried)
             block = None if unknown else least_significant(covariance, cost.blocks, level)
             if block is not None:
                 dropped.append(block)
                 cost = cost._without_block(block.block)
             elif unknown:
-                held += unknown
+                held.append(unknown)
                 cost = cost._at_neutral(unknown)
             else:
                 break
         return followed(cost.friction, held), tuple(dropped)
 
-    def _at_neutral(self, unknown: Sequence[Unknown]) -> LocalCost:
+    def _at_neutral(self, unknown: Unknown) -> LocalCost:
         keys = [Key(p.block, p.place) for p in self.parameters]
-        rest = self.holding({keys.index(u.key): u.neutral for u in unknown})
-        blocks, friction = at_neutral(self.blocks, rest.friction, unknown)
+        rest = self.holding({keys.index(unknown.key): unknown.neutral})
+        blocks, friction = at_neutral(self.blocks, rest.friction, (unknown,))
         return rest._replace(blocks=blocks, friction=friction)
 
     def _without_block(self, name: str) -> LocalCost:

@@ -154,7 +154,8 @@ def begun(
     half = (settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
     stage = _with_peaks(solved(stage, intervals, rough, use), intervals, rough, use)
-    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
+    lost = stage.solution.closed.mean() < _MANY and not explained(stage.problem, stage.solution)
+    if settings.windows == WINDOWS and lost:
         longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
         try:
             stage = solved(stage, intervals, replace(rough, windows=longer), use)
@@ -174,22 +175,22 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     """The stage with peaks that ended at zero, and would not at another velocity.
 
     A velocity is without trace there: friction is the same with any, the slope of its peak is not.
+    All are tried at once, as friction of one joint hardly changes what that of another explains.
     """
     problem, solution = stage.problem, stage.solution
-    estimate = solution.estimate
-    values = values_of(estimate, problem.blocks)
-    for k in np.flatnonzero(np.diag(solution.curvature) == 0.0):
-        p = problem.parameters[k]
-        if not p.is_velocity:
-            continue
-        tried = np.unique(np.clip(_VELOCITIES, p.low, p.high))
-        others = np.arange(len(values)) != k
-        trials = [with_values(estimate, problem.blocks, np.where(others, values, v)) for v in tried]
-        falls = [_expected_fall(problem, solution, e) for e in (estimate, *trials)]
-        best = np.argmax(falls)
-        if falls[best] < falls[0] + CLEAR:
-            continue
-        trial = stage._replace(ended=(problem, solution._replace(estimate=trials[best - 1])))
+    no_trace = np.diag(solution.curvature) == 0.0
+    idle = [k for k in np.flatnonzero(no_trace) if problem.parameters[k].is_velocity]
+    if not idle:
+        return stage
+    values = values_of(solution.estimate, problem.blocks)
+    low, high = problem.limits.low[idle], problem.limits.high[idle]
+    tried = np.array([values[idle], *(np.clip(v, low, high) for v in _VELOCITIES)])
+    falls = np.stack([_falls(stage, _with(stage, idle, v), idle) for v in tried])
+    best = falls.argmax(axis=0)
+    better = np.flatnonzero(falls.max(axis=0) >= falls[0] + CLEAR)
+    for several in parts_of(tuple(better[np.argsort(-falls.max(axis=0)[better])])):
+        others = _with(stage, [idle[k] for k in several], tried[best[[*several]], [*several]])
+        trial = stage._replace(ended=(problem, solution._replace(estimate=others)))
         try:
             trial = solved(trial, intervals, settings, use)
         except InputError:  # it went astray
@@ -199,18 +200,29 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     return stage
 
 
-def _expected_fall(problem: ShootingProblem, ended: Solution, estimate: Estimate) -> float:
-    """How much a step from an estimate lowers the cost [squares of the noise], with ended states.
+def _with(stage: Stage, places: Sequence[int], new: Array) -> Estimate:
+    """The estimate of the stage with other values (k,) of some of its free parameters."""
+    blocks, estimate = stage.problem.blocks, stage.solution.estimate
+    values = values_of(estimate, blocks)
+    values[places] = new
+    return with_values(estimate, blocks, values)
 
-    Nothing where the physics step cannot follow its friction.
+
+def _falls(stage: Stage, estimate: Estimate, velocities: Sequence[int]) -> Array:
+    """How much friction at the joint of each velocity (k,) lowers the cost in one step.
+
+    In squares of the noise, from an estimate with ended states; nothing where the physics step
+    cannot follow its friction.
     """
+    problem, ended = stage.problem, stage.solution._replace(estimate=estimate)
     try:
-        seconds = problem.settings.windows[-1]
-        step = step_with_windows(problem, ended._replace(estimate=estimate), seconds)
+        step = step_with_windows(problem, ended, problem.settings.windows[-1])
     except InputError:
-        return 0.0
+        return np.zeros(len(velocities))
     slope = step.normal.g[step.closed].sum(axis=0)
-    return float((2.0 * slope - step.curvature @ step.move) @ step.move)
+    each = (2.0 * slope - step.curvature @ step.move) * step.move
+    joints = np.array([p.place[0] if p.block == "friction" else -1 for p in problem.parameters])
+    return np.array([each[joints == joints[k]].sum() for k in velocities])
 
 
 def _not_held(block: ParameterBlock) -> ParameterBlock:

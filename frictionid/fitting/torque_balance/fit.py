@@ -21,16 +21,17 @@ from ..one_step.one_step_fit import checked_fit
 from ..one_step.residual import data_range
 from ..parameters import ParameterBlock
 from ..parameters.blocks import on_support
-from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess
+from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
 from ..shooting.covariance import grouped_covariance, least_significant
 from ..shooting.neutral import (
     Key,
+    LocalCost,
     Unknown,
     at_neutral,
     at_neutral_bound,
     followed,
     freed,
-    unknown_parameters,
+    parts_of,
     with_held,
 )
 from ..shooting.sandwich import FEW, Groups, excess_of
@@ -114,12 +115,19 @@ def _best(
     for _ in range(_STARTS):
         friction = _friction(identifier, balance, estimate, use, seed)
         estimate = _with(estimate, friction, balance, use)
-        free = free_blocks(on_support(blocks, friction), estimate)
-        problem = TorqueProblem(balance, free, estimate)
+        problem = _problem(balance, on_support(blocks, friction), estimate)
         solution = solve(problem, use, settings)
         estimate = solution.estimate
         ended.append((solution, problem, friction.law))
     return min(ended, key=lambda end: end[0].log_noise)
+
+
+def _problem(
+    balance: TorqueBalance, blocks: Sequence[ParameterBlock], estimate: Estimate
+) -> TorqueProblem:
+    """The problem that begins at an estimate, its priors about the nominal calibration."""
+    nominal = estimate._replace(calibration=_nominal(balance).calibration)
+    return TorqueProblem(balance, free_blocks(blocks, nominal), estimate)
 
 
 def _nominal(balance: TorqueBalance) -> Estimate:
@@ -198,10 +206,9 @@ def _with_held(
     if not (held or bound):
         return covariance
     blocks = freed([free.block for free in problem.blocks], held)
-    estimate = solution.estimate
-    wider = TorqueProblem(problem.balance, free_blocks(blocks, estimate), estimate)
+    wider = _problem(problem.balance, blocks, solution.estimate)
     weights = solution.weight / solution.sigma**2
-    H, _ = normal_equations(wider.slopes(estimate), solution.residual, weights)
+    H, _ = normal_equations(wider.slopes(wider.estimate), solution.residual, weights)
     return with_held(covariance, held, bound, wider.parameters, H + np.diag(wider.limits.precision))
 
 
@@ -213,37 +220,49 @@ def _weighted(
     if (excess == 1.0).all():
         return solution, problem
     blocks = with_excess([free.block for free in problem.blocks], problem.parameters, excess)
-    problem = replace(problem, blocks=free_blocks(blocks, problem.estimate))
-    start = replace(problem, estimate=solution.estimate)
-    return solve(start, use, settings), problem
+    problem = _problem(problem.balance, blocks, solution.estimate)
+    return solve(problem, use, settings), problem
 
 
 def _at_neutral(
     solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
 ) -> tuple[TorqueSolution, TorqueProblem, tuple[Unknown, ...]]:
-    """The solution with parameters of friction held that the torques do not tell, one by one."""
+    """The solution with parameters held that the torques do not tell, as many as go together."""
     held: tuple[Unknown, ...] = ()
-    tried: list[Key] = []
-    while True:
-        friction = solution.estimate.friction
-        blocks = tuple(free.block for free in problem.blocks)
-        H, covariance = solution.normal_equations()[0], _covariance(problem, solution, use)
-        unknown = unknown_parameters(covariance, friction, blocks, H, tried)
-        if not unknown:
-            held = followed(friction, held)
-            of_friction = [u for u in held if u.parameter.block == "friction"]
-            friction = at_neutral((), friction, of_friction)[1]
-            estimate = solution.estimate._replace(friction=friction)
-            return solution._replace(estimate=estimate), problem, held
-        tried += [u.key for u in unknown]
-        for single in unknown:
-            blocks = tuple(free.block for free in problem.blocks)
-            blocks, friction = at_neutral(blocks, solution.estimate.friction, (single,))
-            estimate = solution.estimate._replace(friction=friction)
-            without = TorqueProblem(problem.balance, free_blocks(blocks, estimate), estimate)
+    tried: tuple[Key, ...] = ()
+    while unknown := _local_cost(problem, solution, use).idle(tried, 1.0)[0]:
+        for several in parts_of(unknown):
+            without = _holding(several, problem, solution)
             after = solve(without, use, settings)
-            if not single.shown(_squares(after, solution) - _squares(solution, solution)):
-                solution, problem, held = after, without, (*held, single)
+            rise = _squares(after, solution) - _squares(solution, solution)
+            if not any(u.shown(rise) for u in several):
+                solution, problem, held = after, without, (*held, *several)
+                break
+        tried = (*tried, *(u.key for u in several))
+    friction = solution.estimate.friction
+    held = followed(friction, held)
+    of_friction = [u for u in held if u.parameter.block == "friction"]
+    friction = at_neutral((), friction, of_friction)[1]
+    estimate = solution.estimate._replace(friction=friction)
+    return solution._replace(estimate=estimate), problem, held
+
+
+def _local_cost(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> LocalCost:
+    blocks = tuple(free.block for free in problem.blocks)
+    values, groups = values_of(solution.estimate, problem.blocks), _groups(problem, solution, use)
+    return LocalCost(problem.parameters, values, groups, solution.estimate.friction, blocks)
+
+
+def _holding(
+    several: Sequence[Unknown], problem: TorqueProblem, solution: TorqueSolution
+) -> TorqueProblem:
+    """The problem that begins where a solution ended, but for parameters held at neutral values."""
+    values = values_of(solution.estimate, problem.blocks)
+    keys = [Key(p.block, p.place) for p in problem.parameters]
+    values[[keys.index(u.key) for u in several]] = [u.neutral for u in several]
+    estimate = with_values(solution.estimate, problem.blocks, values)
+    blocks = [free.block for free in problem.blocks]
+    return _problem(problem.balance, at_neutral(blocks, estimate.friction, several)[0], estimate)
 
 
 def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:

@@ -20,17 +20,23 @@ from frictionid.simulate import Stribeck as Truth
 NAMES = ("coulomb", "peak", "stribeck_velocity", "viscous")
 AXIS = {"kind": "linear_axis", "parameters": {"mass": 20.0}}
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.2}}
+LINKS = {"m1": 0.5, "m2": 0.4, "l1": 0.2, "r1": 0.1, "r2": 0.1, "I1": 0.005, "I2": 0.004}
+DOUBLE = {"kind": "double_pendulum", "parameters": LINKS}
 AXIS_FRICTION = (12.0, 4.0, 0.02, 30.0)  # N, N, m/s, N s/m
 PENDULUM_FRICTION = (0.06, 0.03, 0.02, 0.01)  # N m, N m, rad/s, N m s/rad
 
 
 def recorded(mechanism, friction, torque, noise, seed=0):
-    """Four recordings of 1.5 s at 1 kHz."""
-    coulomb, peak, velocity, viscous = ((x,) for x in friction)
+    """Four recordings of 1.5 s at 1 kHz; friction (4,) of all joints, which have torques (n,)."""
+    coulomb, peak, velocity, viscous = ((x,) * len(torque) for x in friction)
     curve = Curve(coulomb, coulomb, viscous, peak, peak, velocity)
     draw = np.random.default_rng(seed)
     runs = tuple(
-        Run(f"{k}", (0.0,), torques=(Sine(torque * draw.uniform(1, 2), draw.uniform(0.5, 2.0)),))
+        Run(
+            f"{k}",
+            (0.0,) * len(torque),
+            torques=tuple(Sine(u * draw.uniform(1, 2), draw.uniform(0.5, 2.0)) for u in torque),
+        )
         for k in range(4)
     )
     camera, drive = Camera(1500, 1000.0, noise), Drive(1000.0)
@@ -47,7 +53,7 @@ def fitted(problem, **settings):
 
 @pytest.fixture(scope="module")
 def axis():
-    return recorded(AXIS, AXIS_FRICTION, 22.0, 2e-6)
+    return recorded(AXIS, AXIS_FRICTION, (22.0,), 2e-6)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +63,7 @@ def problem(axis):
 
 @pytest.mark.parametrize("kind", ["axis", "pendulum"])
 def test_slow_stribeck_friction_comes_out_within_its_intervals(kind, axis):
-    data = axis if kind == "axis" else recorded(PENDULUM, PENDULUM_FRICTION, 0.5, 2e-5)
+    data = axis if kind == "axis" else recorded(PENDULUM, PENDULUM_FRICTION, (0.5,), 2e-5)
     truth = np.array(AXIS_FRICTION if kind == "axis" else PENDULUM_FRICTION)
     found = refine(fitted(problem_of(data)), data)
     assert found.diagnostics.settled
@@ -68,12 +74,23 @@ def test_slow_stribeck_friction_comes_out_within_its_intervals(kind, axis):
 
 def test_a_narrow_peak_is_fitted_even_where_the_fit_begins_without_it():
     """At a peak of zero its velocity has no trace, and a far one would keep the peak at zero."""
-    data = recorded(PENDULUM, (0.06, 0.03, 0.2, 0.01), 0.5, 1e-4)
+    data = recorded(PENDULUM, (0.06, 0.03, 0.2, 0.01), (0.5,), 1e-4)
     ends = [
         refine(Friction(Stribeck(), np.array([theta])), data)
         for theta in ([0.065, 0.0, 9.0, 0.008], [0.06, 0.03, 0.2, 0.01])
     ]
     assert_allclose(ends[0].friction.theta, ends[1].friction.theta, rtol=0.03)
+
+
+def test_so_are_those_of_two_joints():
+    """Within half a standard error of a fit that begins at the truth."""
+    truth = (0.06, 0.03, 0.2, 0.01)
+    data = recorded(DOUBLE, truth, (1.2, 0.5), 1e-4)
+    ends = [
+        refine(Friction(Stribeck(), np.array([theta] * 2)), data).covariance
+        for theta in ([0.065, 0.0, 9.0, 0.008], truth)
+    ]
+    assert (np.abs(ends[0].values - ends[1].values)[:8] < 0.5 * ends[1].error[:8]).all()
 
 
 def test_a_velocity_beyond_what_the_data_resolve_ends_there_without_intervals(axis, problem):

@@ -19,11 +19,23 @@ def data(tmp_path_factory):
     return load_dataset(folder / "data")
 
 
-def test_friction_of_every_joint(data):
+@pytest.fixture(scope="module")
+def friction(data):
+    return fit_model(data, LeastSquares(Stribeck()), InverseDynamics())
+
+
+def test_friction_of_every_joint(data, friction):
     """Within 1 % (bar 5 %), with masses and rotors 20 % wrong."""
-    friction = fit_model(data, LeastSquares(Stribeck()), InverseDynamics())
     assert (curve_errors(friction, data) < 0.01).all()
     estimates = [e for e in friction.provenance.refined.parameters if e.block == "friction"]
     held = [e.holds(TRUE[e.parameter][e.joint]) for e in estimates]
     assert len(held) == 28
     assert np.mean(held) > 0.8
+
+
+def test_base_parameters_that_the_torques_do_not_tell_are_the_nominal_ones(data, friction):
+    held = [e for e in friction.provenance.refined.parameters if e.block == "inertia" and e.held]
+    assert len(held) > 5
+    assert all(e.value == e.nominal for e in held)
+    base = dict(zip(data.mechanism.base_names, friction.calibration.base, strict=True))
+    assert [base[e.name] for e in held] == [e.nominal for e in held]
