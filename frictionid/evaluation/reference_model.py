@@ -4,10 +4,10 @@ The *reference* is the model of the lowest held-out error. The errors of two mod
 of the measurement; their predictions from the same start do not. A model predicts d away from a
 reference whose own error is e. Were the reference right but for chance, which is as likely on
 either side, the model would be off as often by e - d as by e + d, which it is. The mean norm of
-both, over all starts, in units of that of e, is its *implied loss*: of small distances
-sqrt(1 + d^2/e^2), about. Its chance is that of the recordings, each with all of its starts. The
-*measured loss*, the ratio of both mean errors, keeps a veto: where it contradicts the implied one,
-it decides.
+both, over the starts of a recording, in units of that of e, is its *implied loss*, that of all
+recordings their geometric mean, which no hard recording rules: of small distances
+sqrt(1 + d^2/e^2), about. Its chance is that of the recordings. The *measured loss*, the same of
+both errors, keeps a veto: where it contradicts the implied one, it decides.
 """
 
 from __future__ import annotations
@@ -48,6 +48,11 @@ class StartErrors(NamedTuple):
         """Norms (S,) of the errors, 1 at most."""
         norm = np.linalg.norm(self.error, axis=-1)
         return np.asarray(np.where(np.isfinite(norm), np.minimum(norm, 1.0), 1.0))
+
+    @property
+    def level(self) -> float:
+        """Geometric mean, over the recordings, of the mean size of their errors."""
+        return float(np.exp(np.log(_means(self.size, self.group)).mean()))
 
     @property
     def diverged(self) -> bool:
@@ -134,8 +139,8 @@ def loss(model: StartErrors, reference: StartErrors) -> Loss:
 
 
 def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
-    """Test of the logarithm of the ratio of two means, the mean of those of the groups."""
-    ratio = np.log(_group_means(first, group)) - np.log(_group_means(second, group))
+    """Test of the mean, over the groups, of the logarithm of the ratio of two means."""
+    ratio = np.log(_means(first, group)) - np.log(_means(second, group))
     count = len(ratio)
     if count < 2:
         raise ValueError("starts of one recording: at least 2 recordings")
@@ -143,9 +148,10 @@ def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
     return t_test(float(ratio.mean()), error, count, WITHIN)
 
 
-def _group_means(x: Array, group: Array) -> Array:
+def _means(x: Array, group: Array) -> Array:
+    """Mean (G,) of each group."""
     _, place = np.unique(group, return_inverse=True)
-    return np.bincount(place, x) / np.bincount(place) + _LEAST
+    return np.asarray(np.bincount(place, x) / np.bincount(place) + _LEAST)
 
 
 def _signed(test: CorrelatedTest) -> Factor:
@@ -252,8 +258,7 @@ def _chosen(errors: Sequence[StartErrors], complexity: Array, last: Array) -> Ch
     finite = np.array([not model.diverged for model in errors], dtype=bool)
     if not finite.any() or len(np.unique(errors[0].group)) < FEWEST:
         return Choice()
-    level = [float(np.log(_group_means(model.size, model.group)).mean()) for model in errors]
-    level = np.where(finite, level, np.inf)
+    level = np.where(finite, [model.level for model in errors], np.inf)
     best = int(np.lexsort((-np.asarray(complexity), level, last | ~finite))[0])
     losses = tuple(
         loss(model, errors[best]) if finite[i] and i != best else None

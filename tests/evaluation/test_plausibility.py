@@ -13,7 +13,7 @@ from frictionid.evaluation.curves import (
     tail_drop,
 )
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
-from frictionid.fitting.shooting.sandwich import Groups, worth
+from frictionid.fitting.sandwich import Groups, worth
 from frictionid.friction import Friction, along
 from frictionid.friction.laws import CoulombViscous, LuGre
 

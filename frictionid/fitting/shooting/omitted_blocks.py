@@ -19,10 +19,11 @@ from ..parameters import (
     TargetDelayBlock,
 )
 from ..parameters.parameter_block import Estimate, ParameterBlock
+from ..sandwich import sandwich, shown_once, solve_scaled
+from .covariance import groups_of
 from .data_checks import telling
 from .gauss_newton import Solution
 from .problem import ShootingProblem, shooting_problem
-from .sandwich import groups_of, sandwich, shown_once, solve_scaled
 from .servo import has_actuator, with_servo
 from .window_steps import linearised_at
 from .windows import NormalEquations, eliminate_states

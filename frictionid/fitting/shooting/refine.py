@@ -12,7 +12,14 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
+from frictionid.fitting.covariance import least_significant
 from frictionid.fitting.fit import Covariance, Fit
+from frictionid.fitting.neutral import (
+    Unknown,
+    at_neutral_bound,
+    freed,
+    with_held,
+)
 from frictionid.fitting.one_step.formulation import states_of
 from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
 from frictionid.fitting.parameters.blocks import on_support
@@ -20,7 +27,8 @@ from frictionid.fitting.parameters.parameter_block import (
     ParameterBlock,
     values_of,
 )
-from frictionid.fitting.shooting.covariance import covariance_of, least_significant
+from frictionid.fitting.sandwich import worth
+from frictionid.fitting.shooting.covariance import covariance_of, groups_of
 from frictionid.fitting.shooting.data_checks import (
     explained,
     limits_of_data,
@@ -32,12 +40,6 @@ from frictionid.fitting.shooting.gauss_newton import Solution, step_with_windows
 from frictionid.fitting.shooting.networks import (
     as_given,
 )
-from frictionid.fitting.shooting.neutral import (
-    Unknown,
-    at_neutral_bound,
-    freed,
-    with_held,
-)
 from frictionid.fitting.shooting.omitted_blocks import (
     model_error,
     normal_equations,
@@ -47,7 +49,6 @@ from frictionid.fitting.shooting.omitted_blocks import (
 )
 from frictionid.fitting.shooting.problem import ShootingProblem
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.sandwich import groups_of, worth
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
 from frictionid.fitting.shooting.stages import Stage, begun, solved, that_may_be_free, with_neutral
 from frictionid.friction import Friction

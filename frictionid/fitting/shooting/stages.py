@@ -15,6 +15,16 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError, NoFitError
+from frictionid.fitting.neutral import (
+    Idle,
+    Key,
+    LocalCost,
+    Unknown,
+    at_neutral,
+    followed,
+    holding_unknown,
+    parts_of,
+)
 from frictionid.fitting.one_step.one_step_fit import CLEAR
 from frictionid.fitting.parameters.parameter_block import (
     IDEAL,
@@ -24,6 +34,8 @@ from frictionid.fitting.parameters.parameter_block import (
     with_excess,
     with_values,
 )
+from frictionid.fitting.sandwich import excess_of
+from frictionid.fitting.shooting.covariance import groups_of
 from frictionid.fitting.shooting.data_checks import check_blocks, check_data, explained, telling
 from frictionid.fitting.shooting.gauss_newton import (
     Solution,
@@ -38,18 +50,8 @@ from frictionid.fitting.shooting.networks import (
     torque_samples,
     with_combinations,
 )
-from frictionid.fitting.shooting.neutral import (
-    Idle,
-    Key,
-    LocalCost,
-    Unknown,
-    at_neutral,
-    followed,
-    parts_of,
-)
 from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
 from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.sandwich import excess_of, groups_of
 from frictionid.fitting.shooting.servo import with_servo
 from frictionid.fitting.shooting.settings import WINDOWS, Settings
 from frictionid.friction import DataRange, Friction, constraints_of
@@ -179,17 +181,18 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     """
     problem, solution = stage.problem, stage.solution
     no_trace = np.diag(solution.curvature) == 0.0
-    idle = [k for k in np.flatnonzero(no_trace) if problem.parameters[k].is_velocity]
-    if not idle:
+    idle = np.flatnonzero(no_trace & [p.is_velocity for p in problem.parameters])
+    if not len(idle):
         return stage
     values = values_of(solution.estimate, problem.blocks)
     low, high = problem.limits.low[idle], problem.limits.high[idle]
     tried = np.array([values[idle], *(np.clip(v, low, high) for v in _VELOCITIES)])
     falls = np.stack([_falls(stage, _with(stage, idle, v), idle) for v in tried])
     best = falls.argmax(axis=0)
-    better = np.flatnonzero(falls.max(axis=0) >= falls[0] + CLEAR)
-    for several in parts_of(tuple(better[np.argsort(-falls.max(axis=0)[better])])):
-        others = _with(stage, [idle[k] for k in several], tried[best[[*several]], [*several]])
+    most = np.argsort(-falls.max(axis=0))
+    better = most[falls.max(axis=0)[most] >= falls[0, most] + CLEAR]
+    for several in parts_of(better):
+        others = _with(stage, idle[several], tried[best[several], several])
         trial = stage._replace(ended=(problem, solution._replace(estimate=others)))
         try:
             trial = solved(trial, intervals, settings, use)
@@ -200,7 +203,7 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     return stage
 
 
-def _with(stage: Stage, places: Sequence[int], new: Array) -> Estimate:
+def _with(stage: Stage, places: Array, new: Array) -> Estimate:
     """The estimate of the stage with other values (k,) of some of its free parameters."""
     blocks, estimate = stage.problem.blocks, stage.solution.estimate
     values = values_of(estimate, blocks)
@@ -208,7 +211,7 @@ def _with(stage: Stage, places: Sequence[int], new: Array) -> Estimate:
     return with_values(estimate, blocks, values)
 
 
-def _falls(stage: Stage, estimate: Estimate, velocities: Sequence[int]) -> Array:
+def _falls(stage: Stage, estimate: Estimate, velocities: Array) -> Array:
     """How much friction at the joint of each velocity (k,) lowers the cost in one step.
 
     In squares of the noise, from an estimate with ended states; nothing where the physics step
@@ -235,21 +238,13 @@ def _not_held(block: ParameterBlock) -> ParameterBlock:
 
 
 def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
-    """The stage with parameters held that the data do not tell, the worst known first.
+    """The stage with parameters held that the data do not tell."""
 
-    As many as go together: what two of them tell together, one tells alone.
-    """
-    while stage.problem.count:
-        unknown = _local_cost(stage).idle(stage.tried, 1.0)[0]
-        if not unknown:
-            break
-        for several in parts_of(unknown):
-            without = _without(stage, (several, ()), intervals, settings, use)
-            if without:
-                break
-        tried = (*stage.tried, *(u.key for u in several))
-        stage = (without or stage)._replace(tried=tried)
-    return stage
+    def holding(stage: Stage, several: tuple[Unknown, ...]) -> Stage | None:
+        return _without(stage, (several, ()), intervals, settings, use)
+
+    stage, tried = holding_unknown(stage, _local_cost, holding, stage.tried)
+    return stage._replace(tried=tried)
 
 
 def _local_cost(stage: Stage) -> LocalCost:

@@ -14,16 +14,10 @@ from frictionid.friction.coordinates import with_units_of
 from frictionid.friction.laws import NoFriction
 from frictionid.friction.provenance import Diagnostics, Dropped
 
+from ..covariance import least_significant
 from ..fit import Covariance, Fit
 from ..identifier import Identifier
-from ..one_step.grams import clusters
-from ..one_step.one_step_fit import checked_fit
-from ..one_step.residual import data_range
-from ..parameters import ParameterBlock
-from ..parameters.blocks import on_support
-from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
-from ..shooting.covariance import grouped_covariance, least_significant
-from ..shooting.neutral import (
+from ..neutral import (
     Key,
     LocalCost,
     Unknown,
@@ -31,10 +25,16 @@ from ..shooting.neutral import (
     at_neutral_bound,
     followed,
     freed,
-    parts_of,
+    holding_unknown,
     with_held,
 )
-from ..shooting.sandwich import FEW, Groups, excess_of
+from ..one_step.grams import clusters
+from ..one_step.one_step_fit import checked_fit
+from ..one_step.residual import data_range
+from ..parameters import ParameterBlock
+from ..parameters.blocks import on_support
+from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
+from ..sandwich import FEW, Groups, excess_of
 from .solve import (
     TorqueProblem,
     TorqueSettings,
@@ -85,12 +85,11 @@ def fit_torques(
     blocks = tuple(blocks)
     dropped: list[Dropped] = []
     while True:
-        solution, problem, law = _best(identifier, balance, blocks, settings, use, seed)
-        solution, problem = _weighted(solution, problem, use, settings)
-        solution, problem, held = _at_neutral(solution, problem, use, settings)
+        solution, law = _best(identifier, balance, blocks, settings, use, seed)
+        solution = _at_neutral(_weighted(solution, use, settings), use, settings)
         if settings.consistent:
-            solution = made_consistent(problem, solution, use, settings)
-        result = _result(problem, solution, law, use, tuple(dropped), held)
+            solution = made_consistent(solution, use, settings)
+        result = _result(solution, law, use, tuple(dropped))
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -106,8 +105,8 @@ def _best(
     settings: TorqueSettings,
     use: Array,
     seed: int,
-) -> tuple[TorqueSolution, TorqueProblem, Law]:
-    """The better solution of two starts: the nominal calibration, and that found from it.
+) -> tuple[TorqueSolution, Law]:
+    """The better fit of two starts: the nominal calibration, and that found from it.
 
     With its law: an identifier that chooses terms does so in each.
     """
@@ -118,7 +117,7 @@ def _best(
         problem = _problem(balance, on_support(blocks, friction), estimate)
         solution = solve(problem, use, settings)
         estimate = solution.estimate
-        ended.append((solution, problem, friction.law))
+        ended.append((solution, friction.law))
     return min(ended, key=lambda end: end[0].log_noise)
 
 
@@ -162,14 +161,7 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
     return estimate._replace(friction=sharp)
 
 
-def _result(
-    problem: TorqueProblem,
-    solution: TorqueSolution,
-    law: Law,
-    use: Array,
-    dropped: tuple[Dropped, ...],
-    held: tuple[Unknown, ...],
-) -> Fit:
+def _result(solution: TorqueSolution, law: Law, use: Array, dropped: tuple[Dropped, ...]) -> Fit:
     """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
     friction = replace(
@@ -181,13 +173,13 @@ def _result(
     )
     return Fit(
         friction,
-        _with_held(_covariance(problem, solution, use), problem, solution, held),
+        _with_held(_local_cost(solution, use).covariance, solution),
         Diagnostics(
             torque_noise=solution.sigma[: estimate.mechanism.n],
             windows=int(use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
-            warnings=(*_warnings(problem, solution), *(u.sentence for u in held)),
+            warnings=(*_warnings(solution), *(u.sentence for u in solution.held)),
             dropped=dropped,
         ),
         friction,
@@ -195,74 +187,60 @@ def _result(
     )
 
 
-def _with_held(
-    covariance: Covariance,
-    problem: TorqueProblem,
-    solution: TorqueSolution,
-    held: tuple[Unknown, ...],
-) -> Covariance:
+def _with_held(covariance: Covariance, solution: TorqueSolution) -> Covariance:
     """The covariance with held parameters, and what the others would make up for."""
-    bound = at_neutral_bound(covariance, solution.estimate.friction)
+    held, problem, estimate = solution.held, solution.problem, solution.estimate
+    bound = at_neutral_bound(covariance, estimate.friction)
     if not (held or bound):
         return covariance
-    blocks = freed([free.block for free in problem.blocks], held)
-    wider = _problem(problem.balance, blocks, solution.estimate)
+    wider = _problem(problem.balance, freed(solution.blocks, held), estimate)
     weights = solution.weight / solution.sigma**2
-    H, _ = normal_equations(wider.slopes(wider.estimate), solution.residual, weights)
+    H, _ = normal_equations(wider.slopes(estimate), solution.residual, weights)
     return with_held(covariance, held, bound, wider.parameters, H + np.diag(wider.limits.precision))
 
 
-def _weighted(
-    solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
-) -> tuple[TorqueSolution, TorqueProblem]:
-    """The solution under priors that weigh what they say, see `excess_of`."""
-    excess = excess_of(_groups(problem, solution, use), problem.parameters)
+def _weighted(solution: TorqueSolution, use: Array, settings: TorqueSettings) -> TorqueSolution:
+    """The fit under priors that weigh what they say, see `excess_of`."""
+    parameters = solution.problem.parameters
+    excess = excess_of(_groups(solution, use), parameters)
     if (excess == 1.0).all():
-        return solution, problem
-    blocks = with_excess([free.block for free in problem.blocks], problem.parameters, excess)
-    problem = _problem(problem.balance, blocks, solution.estimate)
-    return solve(problem, use, settings), problem
+        return solution
+    blocks = with_excess(solution.blocks, parameters, excess)
+    problem = _problem(solution.problem.balance, blocks, solution.estimate)
+    return solve(problem, use, settings)
 
 
-def _at_neutral(
-    solution: TorqueSolution, problem: TorqueProblem, use: Array, settings: TorqueSettings
-) -> tuple[TorqueSolution, TorqueProblem, tuple[Unknown, ...]]:
-    """The solution with parameters held that the torques do not tell, as many as go together."""
-    held: tuple[Unknown, ...] = ()
-    tried: tuple[Key, ...] = ()
-    while unknown := _local_cost(problem, solution, use).idle(tried, 1.0)[0]:
-        for several in parts_of(unknown):
-            without = _holding(several, problem, solution)
-            after = solve(without, use, settings)
-            rise = _squares(after, solution) - _squares(solution, solution)
-            if not any(u.shown(rise) for u in several):
-                solution, problem, held = after, without, (*held, *several)
-                break
-        tried = (*tried, *(u.key for u in several))
+def _at_neutral(solution: TorqueSolution, use: Array, settings: TorqueSettings) -> TorqueSolution:
+    """The fit with parameters held that the torques do not tell."""
+
+    def holding(before: TorqueSolution, several: tuple[Unknown, ...]) -> TorqueSolution | None:
+        after = solve(_holding(several, before), use, settings)
+        rise = _squares(after, before) - _squares(before, before)
+        clear = any(u.shown(rise) for u in several)
+        return None if clear else after._replace(held=(*before.held, *several))
+
+    solution = holding_unknown(solution, lambda s: _local_cost(s, use), holding)[0]
     friction = solution.estimate.friction
-    held = followed(friction, held)
-    of_friction = [u for u in held if u.parameter.block == "friction"]
-    friction = at_neutral((), friction, of_friction)[1]
-    estimate = solution.estimate._replace(friction=friction)
-    return solution._replace(estimate=estimate), problem, held
+    held = followed(friction, solution.held)
+    friction = at_neutral((), friction, [u for u in held if u.parameter.block == "friction"])[1]
+    return solution._replace(estimate=solution.estimate._replace(friction=friction), held=held)
 
 
-def _local_cost(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> LocalCost:
-    blocks = tuple(free.block for free in problem.blocks)
-    values, groups = values_of(solution.estimate, problem.blocks), _groups(problem, solution, use)
-    return LocalCost(problem.parameters, values, groups, solution.estimate.friction, blocks)
-
-
-def _holding(
-    several: Sequence[Unknown], problem: TorqueProblem, solution: TorqueSolution
-) -> TorqueProblem:
-    """The problem that begins where a solution ended, but for parameters held at neutral values."""
+def _holding(several: Sequence[Unknown], solution: TorqueSolution) -> TorqueProblem:
+    """The problem that begins where a fit ended, but for parameters held at neutral values."""
+    problem = solution.problem
     values = values_of(solution.estimate, problem.blocks)
     keys = [Key(p.block, p.place) for p in problem.parameters]
     values[[keys.index(u.key) for u in several]] = [u.neutral for u in several]
     estimate = with_values(solution.estimate, problem.blocks, values)
-    blocks = [free.block for free in problem.blocks]
-    return _problem(problem.balance, at_neutral(blocks, estimate.friction, several)[0], estimate)
+    blocks = at_neutral(solution.blocks, estimate.friction, several)[0]
+    return _problem(problem.balance, blocks, estimate)
+
+
+def _local_cost(solution: TorqueSolution, use: Array) -> LocalCost:
+    problem, estimate = solution.problem, solution.estimate
+    values, groups = values_of(estimate, problem.blocks), _groups(solution, use)
+    return LocalCost(problem.parameters, values, groups, estimate.friction, solution.blocks)
 
 
 def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
@@ -270,19 +248,12 @@ def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
     return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
 
 
-def _covariance(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Covariance:
-    """Covariance of the free parameters, from stretches of the recordings."""
-    values, groups = values_of(solution.estimate, problem.blocks), _groups(problem, solution, use)
-    friction = solution.estimate.friction
-    return grouped_covariance(problem.parameters, values, friction, groups)
-
-
-def _groups(problem: TorqueProblem, solution: TorqueSolution, use: Array) -> Groups:
+def _groups(solution: TorqueSolution, use: Array) -> Groups:
     """Normal equations of stretches of the recordings, at the solution.
 
     Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
     """
-    balance, rows = problem.balance, np.flatnonzero(use)
+    balance, rows = solution.problem.balance, np.flatnonzero(use)
     stretch = clusters(balance.problem)[rows]
     labels, first = np.unique(stretch, return_index=True)
     each = [solution.normal_equations(rows[stretch == c]) for c in labels]
@@ -389,16 +360,15 @@ def _reads_torque(friction: Friction) -> bool:
     return bool(np.any(off != on))
 
 
-def _warnings(problem: TorqueProblem, solution: TorqueSolution) -> list[str]:
+def _warnings(solution: TorqueSolution) -> list[str]:
     """Sentences on joints whose torque is not explained."""
-    gain = logged_gain(solution.estimate)
+    balance, estimate = solution.problem.balance, solution.estimate
+    gain = logged_gain(estimate)
     counts = solution.weight[:, : len(gain)] > 0
     left = solution.residual[:, : len(gain)] * gain
     rms = [np.sqrt(np.mean(left[c, j] ** 2)) for j, c in enumerate(counts.T)]
-    friction = problem.balance.problem.mean(
-        along(solution.estimate.friction, problem.balance.nodes)
-    )
-    friction = friction @ solution.estimate.mechanism.friction_map
+    friction = balance.problem.mean(along(estimate.friction, balance.nodes))
+    friction = friction @ estimate.mechanism.friction_map
     out = []
     for j, c in enumerate(counts.T):
         size = float(np.sqrt(np.mean(friction[c, j] ** 2)))

@@ -14,6 +14,7 @@ from frictionid.friction import along
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
 
 from ..gauss_newton import MAD, Conditions, minimum
+from ..neutral import Unknown
 from ..one_step.linearised import torque_gradient
 from ..parameters.parameter_block import (
     Estimate,
@@ -21,6 +22,7 @@ from ..parameters.parameter_block import (
     Limits,
     Logged,
     Parameter,
+    ParameterBlock,
     all_parameters,
     free_blocks,
     limits_of,
@@ -203,12 +205,14 @@ _ROUNDS = 4  # of weights
 
 
 class TorqueSolution(NamedTuple):
-    """Where a fit ended.
+    """Where a fit to a problem ended.
 
     estimate; residual (K, n) [N m]; weight (K, n), zero for rows that do not count; sigma (n,)
-    [N m]; slopes (K, n, D); free (D,), parameters that are not at a bound; converged; iterations
+    [N m]; slopes (K, n, D); free (D,), parameters that are not at a bound; converged; iterations;
+    held, what the torques do not tell
     """
 
+    problem: TorqueProblem
     estimate: Estimate
     residual: Array
     weight: Array
@@ -217,6 +221,12 @@ class TorqueSolution(NamedTuple):
     free: Array
     converged: bool
     iterations: int
+    held: tuple[Unknown, ...] = ()
+
+    @property
+    def blocks(self) -> tuple[ParameterBlock, ...]:
+        """What was free."""
+        return tuple(free.block for free in self.problem.blocks)
 
     def normal_equations(self, rows: Array | slice = slice(None)) -> tuple[Array, Array]:
         """H (D, D) and descent g (D,) of some rows, in units of the noise."""
@@ -243,7 +253,8 @@ def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> Torqu
     estimate, free = problem.at(x), ((x > under.low) & (x < under.high))[0]
     sigma, weight = _weights(residual, counts, settings.huber)
     slopes, converged = problem.slopes(estimate), bool(end.converged[0])
-    return TorqueSolution(estimate, residual, weight, sigma, slopes, free, converged, iterations)
+    parts = residual, weight, sigma, slopes, free, converged, iterations
+    return TorqueSolution(problem, estimate, *parts)
 
 
 def _weights(residual: Array, counts: Array, clip: float) -> tuple[Array, Array]:
@@ -271,7 +282,7 @@ _HELD = 1e6  # how much better than the data know the others base parameters are
 
 
 def made_consistent(
-    problem: TorqueProblem, solution: TorqueSolution, use: Array, settings: TorqueSettings
+    solution: TorqueSolution, use: Array, settings: TorqueSettings
 ) -> TorqueSolution:
     """The solution with consistent base parameters: the nearest by the information of the fit.
 
@@ -282,7 +293,7 @@ def made_consistent(
     InputError
         For mechanisms whose bodies are not known.
     """
-    mechanism = solution.estimate.mechanism
+    problem, mechanism = solution.problem, solution.estimate.mechanism
     base_block = next((b for b in problem.blocks if b.block.enters == "base"), None)
     if base_block is None or not base_block.parameters:
         return solution
@@ -292,7 +303,7 @@ def made_consistent(
             "not have: leave it out; base parameters stay on a path on which M(q) is positive"
         )
     places = [p.place[0] for p in base_block.parameters]
-    metric = _information(problem, solution, places, len(mechanism.base_names))
+    metric = _information(solution, places, len(mechanism.base_names))
     wanted = np.asarray(solution.estimate.calibration.base, dtype=float)
     base = nearest_consistent(mechanism, wanted, metric)
     fixed = np.setdiff1d(np.arange(len(base)), places)
@@ -304,15 +315,14 @@ def made_consistent(
     rest = np.ones(len(free), dtype=bool)
     rest[base_block.columns] = False
     free[rest] = after.free
-    return after._replace(slopes=problem.slopes(after.estimate), free=free)
+    slopes = problem.slopes(after.estimate)
+    return after._replace(problem=problem, slopes=slopes, free=free, held=solution.held)
 
 
-def _information(
-    problem: TorqueProblem, solution: TorqueSolution, places: list[int], count: int
-) -> Array:
+def _information(solution: TorqueSolution, places: list[int], count: int) -> Array:
     """Information (nb, nb) on the base parameters, whatever else is free; fixed ones are held."""
-    H = solution.normal_equations()[0]
-    H = H + np.diag(problem.limits.precision)
+    problem = solution.problem
+    H = solution.normal_equations()[0] + np.diag(problem.limits.precision)
     place = next(b for b in problem.blocks if b.block.enters == "base").columns
     rest = np.ones(len(H), dtype=bool)
     rest[place] = False

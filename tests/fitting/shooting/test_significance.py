@@ -9,11 +9,11 @@ from fixtures import tiny_pendulums as tiny
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal
+from frictionid.fitting.covariance import least_significant
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.parameters import BiasBlock, DelayBlock, FrictionBlock
 from frictionid.fitting.parameters.parameter_block import Parameter
 from frictionid.fitting.shooting import Settings, Shooting, refine
-from frictionid.fitting.shooting.covariance import least_significant
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous

@@ -21,8 +21,8 @@ from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mjcf_text import mjcf_of
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_bodies
 
-from ..callback import callback
 from ..exported import ExportedFriction, ExportSettings, Written
+from ..expressions import rendered
 from ..native import (
     actuator_of,
     delay_values,
@@ -35,7 +35,7 @@ from ..native import (
     lost_bristles,
     passive_motor,
 )
-from ..nearest import Replay, base_differences, differs, kept_inertias, lost_by
+from ..nearest import Replay, base_differences, break_away, differs, kept_inertias, lost_by
 from ..round_trip import in_mujoco
 from ..xml_text import (
     Element,
@@ -46,6 +46,7 @@ from ..xml_text import (
     stated_before,
     with_attributes,
 )
+from . import python
 
 _EXACT = 1e-9
 
@@ -336,3 +337,32 @@ def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
                 return child.attributes[name]
         default = default.parent
     return None
+
+
+def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, str]:
+    """The module, b"" where there is none, and a sentence that says what it does.
+
+    Memory advances with each step of the engine, or once a sample where the law says so.
+    """
+    law = model.friction.law.sharpened()
+    sharp = replace(model, friction=replace(model.friction, law=law))
+    try:
+        inputs, has_memory = sharp.programs.inputs, bool(sharp.programs.memory)
+    except InputError as error:
+        return b"", f"no callback: {error}"
+    if "load" in inputs:
+        return b"", "no callback: MuJoCo gives no passive force the load in the bearings"
+    time = model.law.sample_time
+    context = {
+        "levels": [float(v) for v in break_away(model.friction)],
+        "inputs": ", ".join(f'x["{name}"]' for name in inputs),
+        "has_memory": has_memory,
+        "when": "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}",
+        "follows": not has_memory and set(inputs) - {"w"},
+    }
+    code = rendered("callback.py.j2", model, python.LANGUAGE, context)
+    sentence = (
+        "the callback beside the MJCF computes the model's own torque of sliding joints, with "
+        "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"
+    )
+    return python.write(sharp, settings).files[".py"] + code, sentence

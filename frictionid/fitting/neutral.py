@@ -9,7 +9,7 @@ divided by the ratio of the parameter's variance between recordings to that by t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
@@ -19,20 +19,21 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Dropped
 
-from ..fit import Covariance
-from ..gauss_newton import box_step
-from ..one_step.one_step_fit import CLEAR, KNOWN
-from ..parameters.blocks import FrictionBlock
-from ..parameters.parameter_block import (
+from .covariance import grouped_covariance, least_significant
+from .fit import Covariance
+from .gauss_newton import box_step
+from .one_step.one_step_fit import CLEAR, KNOWN
+from .parameters.blocks import FrictionBlock
+from .parameters.parameter_block import (
     IDEAL,
     Parameter,
     ParameterBlock,
     limits_of,
 )
-from .covariance import grouped_covariance, least_significant
 from .sandwich import Groups, solve_scaled
 
-T = TypeVar("T")
+F = TypeVar("F")
+S = TypeVar("S", "tuple[Unknown, ...]", Array)
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
@@ -145,7 +146,7 @@ def _neutral_values(
     return out
 
 
-def parts_of(several: tuple[T, ...]) -> Iterator[tuple[T, ...]]:
+def parts_of(several: S) -> Iterator[S]:
     """All of them together, or else the first half, and so on down to the first."""
     count = len(several)
     while count:
@@ -209,6 +210,11 @@ class LocalCost(NamedTuple):
     friction: Friction
     blocks: tuple[ParameterBlock, ...]
 
+    @property
+    def covariance(self) -> Covariance:
+        """Covariance of the parameters between recordings."""
+        return grouped_covariance(self.parameters, self.values, self.friction, self.groups)
+
     def idle(self, tried: Sequence[Key], level: float) -> Idle:
         """All that would be held and dropped, one after the other, each time at the new minimum.
 
@@ -216,9 +222,7 @@ class LocalCost(NamedTuple):
         """
         cost, held, dropped = self, list[Unknown](), list[Dropped]()
         while cost.parameters:
-            covariance = grouped_covariance(
-                cost.parameters, cost.values, cost.friction, cost.groups
-            )
+            covariance = cost.covariance
             curvature = cost.groups.H.sum(axis=0)
             unknown = least_known(covariance, cost.friction, cost.blocks, curvature, tried)
             block = None if unknown else least_significant(covariance, cost.blocks, level)
@@ -277,6 +281,28 @@ class LocalCost(NamedTuple):
         descent, low, high = (x[keep][None] for x in (descent, low, high))
         step[keep] = box_step(H[np.ix_(keep, keep)][None], descent, low, high, _DAMPING)[0]
         return step
+
+
+def holding_unknown(
+    fit: F,
+    cost: Callable[[F], LocalCost],
+    holding: Callable[[F, tuple[Unknown, ...]], F | None],
+    tried: tuple[Key, ...] = (),
+) -> tuple[F, tuple[Key, ...]]:
+    """The fit with parameters held that the data do not tell, and all parameters that were tried.
+
+    As many as go together: what two of them tell together, one tells alone.
+
+    cost : of a fit about its end; holding : a fit with some held, None where it is clearly worse
+    """
+    while unknown := cost(fit).idle(tried, 1.0)[0]:
+        for several in parts_of(unknown):
+            without = holding(fit, several)
+            if without is not None:
+                fit = without
+                break
+        tried = (*tried, *(u.key for u in several))
+    return fit, tried
 
 
 def freed(blocks: Sequence[ParameterBlock], held: Sequence[Unknown]) -> tuple[ParameterBlock, ...]:

@@ -8,14 +8,11 @@ from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 
-from ..gauss_newton import scaled_inverse
-from ..parameters.parameter_block import Parameter, limits_of
-from .gauss_newton import Solution
-from .problem import ShootingProblem
+from .gauss_newton import scaled_inverse
+from .parameters.parameter_block import Parameter, limits_of
 
 FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger
-_STRETCHES = 24
 SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 
 
@@ -38,18 +35,6 @@ class Groups(NamedTuple):
     def score(self) -> Array:
         """Descent (W, D) that each group would go on with after the step."""
         return np.asarray(self.g - self.H @ self.move)
-
-
-def groups_of(problem: ShootingProblem, solution: Solution) -> Groups:
-    """The windows that count in a solution; of few recordings, stretches of time are clusters."""
-    recording = problem.intervals.recording[solution.windows[:, 0]]
-    cluster, count = recording, len(recording)
-    if len(np.unique(recording)) < FEW:
-        cluster = np.arange(count) * min(_STRETCHES, count) // count
-    on, normal = solution.closed, solution.normal
-    return Groups(
-        normal.H[on], normal.g[on], solution.move, solution.free, recording[on], cluster[on]
-    )
 
 
 def sandwich(H: Array, groups: Groups) -> Array:

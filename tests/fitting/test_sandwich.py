@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import stdtrit
 
-from frictionid.fitting.shooting.sandwich import (
+from frictionid.fitting.sandwich import (
     Groups,
     expected,
     sandwich,

@@ -11,13 +11,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
+from frictionid.fitting.neutral import LocalCost, Unknown, followed, with_held
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import FREE, Parameter
+from frictionid.fitting.sandwich import Groups, excess_of
 from frictionid.fitting.shooting import Settings, refine, stages
 from frictionid.fitting.shooting.gauss_newton import solve
-from frictionid.fitting.shooting.neutral import LocalCost, Unknown, followed, with_held
-from frictionid.fitting.shooting.sandwich import Groups, excess_of
 from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.laws import CoulombViscous, LoadDependent, MotorLoad, Quadratic, Stribeck
 from frictionid.mechanics import mechanism_of, pendulum

@@ -4,9 +4,9 @@ import numpy as np
 from fixtures.driven_pendulum import driven_pendulum
 
 from frictionid.data.calibration import Calibration
+from frictionid.fitting.covariance import meaningless
 from frictionid.fitting.parameters import Estimate, FrictionBlock
 from frictionid.fitting.shooting import Settings, refine
-from frictionid.fitting.shooting.covariance import meaningless
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.mechanics import pendulum
