@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.friction import DataRange, Friction, constraints_of, present
 from frictionid.mechanics import Mechanism, configurations
 
-from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, Values, check_fixed
+from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, check_fixed
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
@@ -41,7 +41,7 @@ class FrictionBlock(ParameterBlock):
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         friction, joints = estimate.friction, estimate.mechanism.friction_names
-        law, theta = friction.law, np.asarray(friction.theta)
+        law, theta = friction.law, self.numbers(estimate)
         has = law.has_parameters(len(theta))
         nothing = DataRange(np.full(len(theta), 1e-9), np.full(len(theta), np.inf))
         limits = friction.constraints or constraints_of(law, nothing)
@@ -62,12 +62,11 @@ class FrictionBlock(ParameterBlock):
                     size=float(limits.size[j, i]),
                 )
 
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        theta = np.array(estimate.friction.theta, dtype=float)
-        for parameter, value in values:
-            for place in parameter.places:
-                theta[place] = value
-        return estimate._replace(friction=replace(estimate.friction, theta=theta))
+    def numbers(self, estimate: Estimate) -> Array:
+        return np.asarray(estimate.friction.theta, dtype=float)
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        return estimate._replace(friction=replace(estimate.friction, theta=numbers))
 
 
 def on_support(blocks: Sequence[ParameterBlock], friction: Friction) -> tuple[ParameterBlock, ...]:
@@ -103,7 +102,7 @@ class InertiaBlock(ParameterBlock):
         return [abs(p.value) or sizes[p.unit] for p in parameters]
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        base, mechanism = np.asarray(estimate.calibration.base), estimate.mechanism
+        base, mechanism = self.numbers(estimate), estimate.mechanism
         rotors = {p.name for p in mechanism.parameters if p.rotor}
         tolerances = mechanism.base_tolerances()
         nominal, most = mechanism.nominal_base, heaviest_rotors(mechanism)
@@ -115,11 +114,11 @@ class InertiaBlock(ParameterBlock):
             high = max(float(most[i]), value)
             yield Parameter(self.name, name, unit, value, low, high, tolerance, (i,), mean)
 
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        new = np.array(estimate.calibration.base, dtype=float)
-        for parameter, value in values:
-            new[parameter.place] = value
-        base = inside(estimate.mechanism, estimate.mechanism.nominal_base, new)
+    def numbers(self, estimate: Estimate) -> Array:
+        return np.asarray(estimate.calibration.base, dtype=float)
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        base = inside(estimate.mechanism, estimate.mechanism.nominal_base, numbers)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))
 
 
@@ -184,7 +183,7 @@ class _Late(ParameterBlock):
         return -self.most
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        value = float(np.asarray(getattr(estimate.calibration, self.name)))
+        value = float(self.numbers(estimate))
         yield Parameter(self.name, self.label, "s", value, self.least, self.most)
 
 
@@ -222,7 +221,7 @@ class _EachJoint(ParameterBlock):
     low: ClassVar[float] = -FREE
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        d, values = estimate.mechanism, np.asarray(getattr(estimate.calibration, self.name))
+        d, values = estimate.mechanism, self.numbers(estimate)
         positions = d.position_units
         units = {"bias": d.torque_units, "offset": positions, "backlash": positions}
         for j, joint in enumerate(d.joints):
@@ -280,7 +279,7 @@ class EnvelopeBlock(ParameterBlock):
         return (*self.labels, *estimate.mechanism.joints), "there is no joint, and no part"
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        d, values = estimate.mechanism, np.asarray(estimate.calibration.envelope, dtype=float)
+        d, values = estimate.mechanism, self.numbers(estimate)
         for i, label in enumerate(self.labels):
             for j in np.flatnonzero(d.driven).tolist():
                 unit = d.torque_units[j] if i == 0 else f"{d.position_units[j]}/s"
@@ -314,12 +313,12 @@ class ActuatorBlock(ParameterBlock):
         return MOTOR, "a motor has no constant"
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        values = np.asarray(estimate.calibration.motor, dtype=float).tolist()
-        for name, unit, value in zip(MOTOR, _UNITS, values, strict=True):
-            yield Parameter(self.name, name, unit, value, _LEAST * value)
+        values = self.numbers(estimate).tolist()
+        for i, (name, unit, value) in enumerate(zip(MOTOR, _UNITS, values, strict=True)):
+            yield Parameter(self.name, name, unit, value, _LEAST * value, place=(i,))
 
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        motor = np.array(estimate.calibration.motor, dtype=float)
-        for parameter, value in values:
-            motor[MOTOR.index(parameter.name)] = value
-        return estimate._replace(calibration=replace(estimate.calibration, motor=motor))
+    def numbers(self, estimate: Estimate) -> Array:
+        return np.asarray(estimate.calibration.motor, dtype=float)
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        return estimate._replace(calibration=replace(estimate.calibration, motor=numbers))

@@ -145,12 +145,21 @@ class ParameterBlock(ABC):
             if tolerance > 0
         )
 
+    def numbers(self, estimate: Estimate) -> Array:
+        """The numbers, free or not, among which `place` finds each parameter."""
+        return np.asarray(getattr(estimate.calibration, self.name), dtype=float)
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        """The estimate with other numbers."""
+        return estimate._replace(calibration=replace(estimate.calibration, **{self.name: numbers}))
+
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         """The estimate with other values of the block's free parameters."""
-        new = np.array(getattr(estimate.calibration, self.name), dtype=float)
+        new = self.numbers(estimate).copy()
         for parameter, value in values:
-            new[parameter.place] = value
-        return estimate._replace(calibration=replace(estimate.calibration, **{self.name: new}))
+            for place in parameter.places:
+                new[place] = value
+        return self.with_numbers(estimate, new)
 
     def torque_slope(self, estimate: Estimate, free: Sequence[Parameter], u: Logged) -> Array:
         """Derivatives (E, ..., n) of the motor torque by the block's E free parameters.
@@ -250,4 +259,5 @@ def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) 
 
 def values_of(estimate: Estimate, blocks: Sequence[FreeBlock]) -> Array:
     """Values (D,) of all free parameters in an estimate."""
-    return np.array([p.value for free in blocks for p in free.block.parameters(estimate)])
+    pairs = ((free.block.numbers(estimate), p) for free in blocks for p in free.parameters)
+    return np.array([numbers[p.place] for numbers, p in pairs], dtype=float)

@@ -286,7 +286,7 @@ class CombinationBlock(ParameterBlock):
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         friction, joints = estimate.friction, estimate.mechanism.friction_names
-        value = self._values(friction)
+        value = self.numbers(estimate)
         for j, joint in enumerate(joints):
             for k, (name, unit) in enumerate(
                 zip(friction.law.names, friction.units_at(j), strict=True)
@@ -296,7 +296,7 @@ class CombinationBlock(ParameterBlock):
 
     def with_values(self, estimate: Estimate, values: Values) -> Estimate:
         law: Any = estimate.friction.law  # a CombinationLaw, of `combined`
-        step = -self._values(estimate.friction)
+        step = -self.numbers(estimate)
         for parameter, value in values:
             step[parameter.place] += value
         here = replace(estimate.friction, law=law.law, theta=law.origin)
@@ -305,10 +305,10 @@ class CombinationBlock(ParameterBlock):
         moved = self._moved(here, change, self.samples.torque(here) + turn)
         return estimate._replace(friction=self.combined(moved, law.directions))
 
-    def _values(self, friction: Friction) -> Array:
+    def numbers(self, estimate: Estimate) -> Array:
         """Combinations (n, r) of the weights' distance from where they began."""
-        law: Any = friction.law
-        directions, off = law.directions, law.numbers(friction.theta) - self.begin
+        law: Any = estimate.friction.law
+        directions, off = law.directions, law.numbers(estimate.friction.theta) - self.begin
         return np.einsum("np,npr->nr", off, directions) / self._scale[:, None] ** 2
 
     def _moved(self, friction: Friction, change: Array, wanted: Array) -> Friction:
@@ -336,14 +336,8 @@ class CombinationBlock(ParameterBlock):
 class CurveBlock(CombinationBlock):
     """Combinations of the changes of a curve, the same all through a fit."""
 
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        theta = np.array(estimate.friction.theta)
-        for parameter, value in values:
-            theta[parameter.place] = value
-        return estimate._replace(friction=replace(estimate.friction, theta=theta))
-
-    def _values(self, friction: Friction) -> Array:
-        return np.asarray(friction.theta)
+    numbers, with_numbers = FrictionBlock.numbers, FrictionBlock.with_numbers
+    with_values = ParameterBlock.with_values
 
 
 def _solved(slopes: Array, off: Array, damping: float) -> Array:

@@ -156,8 +156,7 @@ def begun(
     half = (settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
     stage = _with_peaks(solved(stage, intervals, rough, use), intervals, rough, use)
-    lost = stage.solution.closed.mean() < _MANY and not explained(stage.problem, stage.solution)
-    if settings.windows == WINDOWS and lost:
+    if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
         longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
         try:
             stage = solved(stage, intervals, replace(rough, windows=longer), use)
