@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.fitting.parameters import DelayBlock, Estimate, Parameter, ParameterBlock
-from frictionid.fitting.parameters.parameter_block import Values, free_blocks
+from frictionid.fitting.parameters.parameter_block import free_blocks
 from frictionid.fitting.shooting import (
     Intervals,
     Linearisation,
@@ -40,12 +40,15 @@ class DriftBlock(ParameterBlock):
     name, enters = "drift", "torque"
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
-        drift = _drift_of(estimate)
+        drift = float(self.numbers(estimate))
         yield Parameter(self.name, "clock drift", "1", drift, -MAX_DRIFT, MAX_DRIFT)
 
-    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
-        numbers = {**vars(estimate.calibration), "drift": float(values[0][1])}
-        return estimate._replace(calibration=ClockCalibration(**numbers))
+    def numbers(self, estimate: Estimate) -> Array:
+        return np.asarray(_drift_of(estimate))
+
+    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
+        parts = {**vars(estimate.calibration), "drift": float(numbers)}
+        return estimate._replace(calibration=ClockCalibration(**parts))
 
 
 @dataclass(frozen=True, eq=False)
