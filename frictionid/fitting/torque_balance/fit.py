@@ -8,6 +8,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
+from frictionid.dynamics.tangent.law_derivatives import reads_of
 from frictionid.errors import InputError, NoFitError
 from frictionid.friction import Friction, Inputs, Law, along, constraints_of
 from frictionid.friction.coordinates import with_units_of
@@ -350,14 +351,9 @@ def check_gains(result: Fit, dataset: Dataset) -> None:
 
 def _reads_torque(friction: Friction) -> bool:
     """Whether friction depends on the motors' torque."""
-    law, theta = friction.law, np.asarray(friction.theta)
-    values = np.clip(np.full_like(theta, 0.5), *np.array(law.bounds).reshape(-1, 2).T)
-    without = Inputs(*(np.ones((1, len(theta))) for _ in range(4)))._replace(
-        u=np.zeros((1, len(theta)))
-    )
-    both = (without, without._replace(u=without.w))
-    off, on = (law.torque(values, x, law.start(values, without)) for x in both)
-    return bool(np.any(off != on))
+    theta, ones = np.asarray(friction.theta), np.ones((1, friction.n))
+    values = np.clip(np.full_like(theta, 0.5), *np.array(friction.law.bounds).reshape(-1, 2).T)
+    return reads_of(friction.law, values, Inputs(ones, ones, ones, ones)).u
 
 
 def _warnings(solution: TorqueSolution) -> list[str]:
