@@ -117,8 +117,8 @@ class Candidate:
 
     @property
     def level(self) -> float:
-        """Mean size of its errors, 1 at most: what models are compared by."""
-        return float(self.errors.size.mean())
+        """Size of its errors, 1 at most: what models are compared by."""
+        return self.errors.level
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,7 +116,7 @@ def _contrast(
     errors = " and ".join(asked.measure.size(c.level) for c in (worse, better))
     reason = (
         f"{within}{names[0]} is {middle} times (80 %: {low} to {high}) as far off as {names[1]}; "
-        f"mean errors: {errors}."
+        f"geometric means of errors: {errors}."
     )
     return judged[recipe].answer, reason, between._asdict()
 

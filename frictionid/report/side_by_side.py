@@ -147,7 +147,7 @@ def _standing(before: StartErrors, after: StartErrors) -> str:
         return ""
     if before.diverged or after.diverged:
         return ""
-    if after.size.mean() >= before.size.mean():
+    if after.level >= before.level:
         standing = loss(after, before).factor.standing
         return {"adequate": "equivalent"}.get(standing, standing)
     standing = loss(before, after).factor.standing

@@ -38,8 +38,8 @@ def test_the_page_says_what_the_numbers_support(typical):
     said = made.words(typical)
     assert "Use stribeck (integral), 0.050 rad off after 0.5 s" in said
     assert "1 s ahead: 0.10 rad off in the median, 9 of 10 predictions within 0.20 rad" in said
-    assert re.search(r"none is 9\.\d+ times \(80 %: .* to .*\) as far off as stribeck; mean", said)
-    assert re.search(r"paper is 3\.\d+ times \(80 %: .* to .*\) as far off as stribeck; mean", said)
+    assert re.search(r"none is 9\.\d+ times \(80 %: .* to .*\) as far off as stribeck; geo", said)
+    assert re.search(r"paper is 3\.\d+ times \(80 %: .* to .*\) as far off as stribeck; geo", said)
     assert "stribeck (integral) is 5.0 % off the true curve at most" in said
 
 
