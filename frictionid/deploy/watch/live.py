@@ -86,7 +86,7 @@ class LiveFriction:
     Attributes
     ----------
     dataset : Dataset
-        Of the machine; its recordings are not used.
+        Of the machine; of its recordings the angles' noise, and whether torques are held.
     reference : Reference
         The model, its speeds and noise.
     peak : array, shape (m,)
@@ -103,6 +103,10 @@ class LiveFriction:
     drawn: Array
     within: float = 0.05
 
+    def torque_of(self, chunk: Chunk) -> Signal:
+        """The torque of a stretch, between its samples as that of the recordings."""
+        return Signal(chunk.time, chunk.torque, self.dataset.recordings[0].torque.hold)
+
     def start(self) -> Live:
         """Nothing said so far."""
         effects = self.reference.effects
@@ -113,7 +117,7 @@ class LiveFriction:
     def added(self, live: Live, chunk: Chunk) -> Live:
         """With what a stretch says; unchanged where it is too short or nothing moves."""
         angle = Signal(chunk.time, chunk.angle, sigma=self.dataset.recordings[0].angle.sigma)
-        run = Recording("stretch", angle, chunk.torque)
+        run = Recording("stretch", angle, self.torque_of(chunk))
         data = replace(self.dataset, recordings=(run,), truth=None)
         try:
             said, _ = recording_changes(prepared_data(data), self.reference, (), self.peak)

@@ -15,7 +15,6 @@ from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
 from frictionid.data.readers.table import read_table
 from frictionid.data.readers.table_recording import recorded
-from frictionid.data.signals import TORQUE_HOLD, Signal
 from frictionid.errors import InputError
 
 _PAUSE = 0.02  # [s] between two looks
@@ -24,11 +23,11 @@ _NAME = "stream.csv"
 
 
 class Chunk(NamedTuple):
-    """Samples on one clock: time (K,) [s], angle (K, n), and the torque's signal."""
+    """Samples on one clock: time (K,) [s], angle and torque (K, n)."""
 
     time: Array
     angle: Array
-    torque: Signal
+    torque: Array
 
 
 class Columns(NamedTuple):
@@ -53,8 +52,7 @@ class Columns(NamedTuple):
         angle, torque = signals.angle, signals.torque
         if not np.array_equal(angle.time, torque.time):
             raise InputError("a stream needs angles and torques on one clock: log them together")
-        torque = torque._replace(hold=torque.hold or TORQUE_HOLD)
-        return Chunk(angle.time, np.asarray(angle.value, dtype=float), torque)
+        return Chunk(angle.time, *(np.asarray(s.value, dtype=float) for s in (angle, torque)))
 
     def sound_chunk(self, lines: list[str], row: int) -> tuple[Chunk | None, tuple[str, ...]]:
         """Samples of the lines that are not damaged, and sentences on the others.
@@ -85,22 +83,12 @@ def columns_of(dataset: str | Path, header: str) -> Columns:
 
 def joined(before: Chunk, after: Chunk) -> Chunk:
     """Two chunks as one."""
-    torque = before.torque._replace(
-        time=np.concatenate([before.torque.time, after.torque.time]),
-        value=np.concatenate([before.torque.value, after.torque.value]),
-    )
-    return Chunk(
-        np.concatenate([before.time, after.time]),
-        np.concatenate([before.angle, after.angle]),
-        torque,
-    )
+    return Chunk(*map(np.concatenate, zip(before, after, strict=True)))
 
 
 def part(chunk: Chunk, first: int, end: int | None = None) -> Chunk:
     """Some of its samples."""
-    rows = slice(first, end)
-    torque = chunk.torque._replace(time=chunk.torque.time[rows], value=chunk.torque.value[rows])
-    return Chunk(chunk.time[rows], chunk.angle[rows], torque)
+    return Chunk(*(values[first:end] for values in chunk))
 
 
 def bytes_of_file(path: Path) -> Callable[[], bytes]:

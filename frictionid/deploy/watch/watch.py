@@ -17,23 +17,10 @@ from frictionid.friction import Friction
 
 from ..monitor.baseline import reference_of
 from ..monitor.changes import prepared_data, recording_changes
-from .external import (
-    Band,
-    band_of,
-    interval_torques,
-    momentum_observer_of,
-    with_band,
-)
+from .external import Band, band_of, interval_torques, momentum_observer_of, with_band
 from .live import Estimate, Live, LiveFriction, drawn_by_noise
 from .momentum_observer import MomentumObserver, State
-from .stream import (
-    Chunk,
-    Columns,
-    columns_of,
-    joined,
-    lines_of,
-    part,
-)
+from .stream import Chunk, Columns, columns_of, joined, lines_of, part
 
 _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
 
@@ -121,9 +108,8 @@ def watched(
             yield Seen(*_nothing(watch), None, damaged)
             continue
         if stream is None:
-            first = np.asarray(new.torque.value[0], dtype=float)
-            state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], first)
-            stream = _Stream(state, part(new, 0, 1), part(new, 0, 1), watch.friction.start())
+            state = watch.momentum_observer.start(float(new.time[0]), new.angle[0], new.torque[0])
+            stream = _Stream(state, part(new, 0, 1), watch.friction.start())
             new = part(new, 1)
         if len(new.time):
             stream, seen = _stepped(watch, stream, new)
@@ -140,23 +126,21 @@ def _nothing(watch: Watch) -> tuple[Array, Array, Array]:
 
 
 class _Stream(NamedTuple):
-    """Where a stream is: the observer, the last sample, the stretch so far, and the estimate."""
+    """Where a stream is: the observer, the stretch up to the last sample, and the estimate."""
 
     state: State
-    last: Chunk
     stretch: Chunk
     live: Live
 
 
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
-    both = joined(stream.last, new)
-    torque = interval_torques(both.torque, both.time)
-    state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
     stretch, live, estimate = joined(stream.stretch, new), stream.live, None
+    torque = interval_torques(watch.friction.torque_of(stretch), stretch.time)[-len(new.time) :]
+    state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
     while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
         end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
         live = watch.friction.added(live, part(stretch, 0, end + 1))
         estimate, stretch = watch.friction.estimate(live), part(stretch, end)
     seen = Seen(said.time, *with_band(said, watch.band), estimate)
-    return _Stream(state, part(new, -1), stretch, live), seen
+    return _Stream(state, stretch, live), seen

@@ -202,7 +202,7 @@ def test_memory_is_that_of_a_stretch(fit, quiet):
     live = watch.friction
     said, size = live.start(), []
     r = quiet.recordings[0]
-    whole = Chunk(r.angle.time, r.angle.value, r.torque)
+    whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
     for a in range(0, 2000, 400):
         said = live.added(said, part(whole, a, a + 401))
         size.append(sum(np.size(x) for x in said))
@@ -216,7 +216,7 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     live = watch_of(less, one, 0.1, 1.0).friction
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
-        whole = Chunk(r.angle.time, r.angle.value, r.torque)
+        whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
         for a in range(0, 2000, 1000):
             said = live.added(said, part(whole, a, a + 1001))
             estimates.append(live.estimate(said))
@@ -232,7 +232,7 @@ def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(fit, qui
     live = watch_of(fit.friction, quiet, 0.1, 1.0).friction
     said = live.start()
     r = quiet.recordings[0]
-    whole = Chunk(r.angle.time, r.angle.value, r.torque)
+    whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
     for _ in range(8):
         said = live.added(said, part(whole, 0, 1001))
     assert said.at == said.stretches == 8
