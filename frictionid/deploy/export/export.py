@@ -21,6 +21,7 @@ from frictionid.friction.provenance import Estimate, Estimates
 from frictionid.outputs import check_outputs
 
 from ..compensation import CompensationLaw, listed
+from ..pooling.models import with_parameters
 from ..pooling.random_effects import pooled_draws
 from .exported import ExportedFriction, ExportSettings, Written, exported
 from .nearest import Replay, cost_of, cost_sentence
@@ -207,7 +208,7 @@ def randomised(
         For models without a covariance.
     """
     entries, draws = _distribution(model.friction, max(count, _FEWEST), seed)
-    thetas = _thetas(model.friction, entries, draws)
+    thetas = with_parameters(model.friction, entries, draws)
     content: dict[str, Any] = {
         "format": FORMAT,
         "law": str(model.law),
@@ -254,21 +255,6 @@ def drawn(refined: Estimates, count: int, seed: int) -> Array:
     low, high = np.array([e.interval_95 for e in entries]).T
     # where an interval ends at zero, the parameter does
     return np.clip(out, np.where(low == 0, 0.0, -np.inf), np.where(high == 0, 0.0, np.inf))
-
-
-def _thetas(friction: Friction, entries: Sequence[Estimate], draws: Array) -> Array:
-    """Parameters (N, n, P) of the law in each draw, within its bounds."""
-    out = np.repeat(np.asarray(friction.theta, dtype=float)[None], len(draws), axis=0)
-    for k, e in enumerate(entries):
-        if e.block == "friction" and e.joint is not None:
-            if e.parameter not in friction.law.names:
-                raise InputError(
-                    f"randomise: {type(friction.law).__name__} has parameters of its own for each "
-                    f"joint ({e.name}): fit one law for all"
-                )
-            out[:, e.joint, friction.law.names.index(e.parameter)] = draws[:, k]
-    low, high = np.array(friction.law.bounds).T
-    return np.clip(out, low, high)
 
 
 def _entry(e: Estimate, *, fixed: bool) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction, Groups
@@ -84,11 +85,21 @@ def _alike(groups: Mapping[Key, Sequence[Row]], key: Key, equal: Groups) -> Sequ
 def place_of(
     friction: Friction, block: str, name: str, joint: int | None
 ) -> tuple[int, int] | None:
-    """Place in theta (n, P) of a parameter of the law; None of others."""
-    names = friction.law.names
-    if block != "friction" or joint is None or name not in names:
+    """Place in theta (n, P) of a parameter of the law; None of others.
+
+    Raises
+    ------
+    InputError
+        Where the law has none of this name.
+    """
+    if block != "friction" or joint is None:
         return None
-    return joint, names.index(name)
+    if name not in friction.law.names:
+        raise InputError(
+            f"{type(friction.law).__name__} has parameters of its own for each joint ({name}): "
+            "fit one law for all joints"
+        )
+    return joint, friction.law.names.index(name)
 
 
 def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None) -> PooledEstimate:
@@ -99,7 +110,7 @@ def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None)
     listed = [row.estimate for row in usable]
     e, values, errors = listed[0], [e.value for e in listed], [e.error for e in listed]
     effects = random_effects(np.array(values), np.array(errors))
-    ends = bounds_of(first, e.block, e.parameter)
+    ends = bounds_of(first, e)
     inner, outer, beyond = (
         tuple(np.clip(pair, *ends).tolist())
         for pair in (effects.interval(0.9), effects.interval(0.95), effects.range(0.95))
@@ -117,12 +128,19 @@ def entry(first: Friction, usable: Sequence[Row], title: str, joint: int | None)
     )
 
 
-def bounds_of(friction: Friction, block: str, name: str) -> tuple[float, float]:
+def bounds_of(friction: Friction, e: Estimate) -> tuple[float, float]:
     """Bounds of a parameter of the law; none of others."""
-    if block == "friction" and name in friction.law.names:
-        low, high = friction.law.bounds[friction.law.names.index(name)]
-        return float(low), float(high)
-    return -np.inf, np.inf
+    place = place_of(friction, e.block, e.parameter, e.joint)
+    return (-np.inf, np.inf) if place is None else friction.law.bounds[place[1]]
+
+
+def with_parameters(friction: Friction, entries: Sequence[Estimate], draws: Array) -> Array:
+    """Parameters (N, n, P) of the law for values (N, D) of some of them, within its bounds."""
+    theta = np.repeat(np.asarray(friction.theta, dtype=float)[None], len(draws), axis=0)
+    for e, values in zip(entries, draws.T, strict=True):
+        if (place := place_of(friction, e.block, e.parameter, e.joint)) is not None:
+            theta[:, *place] = values
+    return np.clip(theta, *np.array(friction.law.bounds).T)
 
 
 def estimates(models: Sequence[Friction], names: Sequence[str]) -> dict[Key, list[Row]]:
@@ -150,8 +168,7 @@ def estimates(models: Sequence[Friction], names: Sequence[str]) -> dict[Key, lis
 
 def _reason(model: Friction, e: Estimate) -> str:
     """Why a value is no estimate, "" where it is one."""
-    low, high = bounds_of(model, e.block, e.parameter)
-    if e.at_bound or (model.provenance.refined is None and e.value in (low, high)):
+    if e.at_bound or (model.provenance.refined is None and e.value in bounds_of(model, e)):
         return "lies at its bound"
     is_known = e.identified and np.isfinite(e.value) and 0.0 < e.error < np.inf
     return "" if is_known else "is not identified"

@@ -25,7 +25,7 @@ from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
 from frictionid.report.tables import Table, table_of, text_columns
 
-from .models import Key, check_alike, estimates, place_of, pooled
+from .models import Key, check_alike, estimates, place_of, pooled, with_parameters
 from .random_effects import Regression, meta_regression, pooled_draws
 
 _LEAST = 1e-4  # p-values below it are not told apart
@@ -108,13 +108,9 @@ class Pooled:
 
         Each parameter is drawn by itself; those that were not pooled stay at their medians.
         """
-        friction, several = self.friction, self.several
-        draws = pooled_draws(several, whole("count", count), whole("seed", seed))
-        theta = np.repeat(np.asarray(friction.theta, dtype=float)[None], count, axis=0)
-        for e, values in zip(several.parameters, draws.T, strict=True):
-            if (place := place_of(friction, e.block, e.parameter, e.joint)) is not None:
-                theta[:, *place] = values
-        return replace(friction, theta=theta, constraints=None)
+        draws = pooled_draws(self.several, whole("count", count), whole("seed", seed))
+        theta = with_parameters(self.friction, self.several.parameters, draws)
+        return replace(self.friction, theta=theta, constraints=None)
 
     def save(self, path: str | Path) -> None:
         """Write a model file (JSON).

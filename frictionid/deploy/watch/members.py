@@ -8,12 +8,12 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
-from frictionid.errors import InputError
 from frictionid.fitting.fit import estimates_of
 from frictionid.friction import Friction
 from frictionid.friction.provenance import Estimate
 from frictionid.mechanics import Mechanism
 
+from ..pooling.models import place_of
 from .momentum_observer import Members
 
 _SENSORS = ("gain", "bias", "offset", "delay")
@@ -80,13 +80,9 @@ def _add(
     off: Members, estimate: Estimate, size: float, friction: Friction, mechanism: Mechanism
 ) -> None:
     """Add to one parameter of a member; those of servos change no torque that is logged."""
-    if estimate.block == "friction" and estimate.joint is not None:
-        if estimate.parameter not in friction.law.names:
-            raise InputError(
-                f"{type(friction.law).__name__} has parameters of its own for each joint "
-                f"({estimate.name}): fit one law for all joints"
-            )
-        off.theta[estimate.joint, friction.law.names.index(estimate.parameter)] += size
+    place = place_of(friction, estimate.block, estimate.parameter, estimate.joint)
+    if place is not None:
+        off.theta[place] += size
     elif estimate.block == "inertia":
         off.base[mechanism.base_names.index(estimate.name)] += size
     elif estimate.block in _SENSORS:
