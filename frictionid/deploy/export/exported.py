@@ -81,6 +81,13 @@ class ExportedFriction:
         pairs = enumerate(zip(self.joints, motors, strict=False))
         return {name: j for j, (name, motor) in pairs if motor}
 
+    def parameters(self, j: int) -> list[tuple[str, str, float]]:
+        """Name, unit and value of the parameters that a joint has."""
+        law, friction = self.law, self.friction
+        values = map(float, friction.theta[j])
+        rows = list(zip(law.names, friction.units_at(j), values, strict=True))
+        return [rows[i] for i in np.flatnonzero(law.has_parameters(friction.n)[j])]
+
     def envelope(self, j: int) -> Envelope | None:
         """Torque-speed envelope of a joint's motor: a servo's, or that of a measured torque."""
         if self.drive is not None:

@@ -57,22 +57,6 @@ class Block(NamedTuple):
     outputs: Mapping[str, Expression]
 
 
-def blocks(program: Program, prefix: str = "v") -> tuple[Block, ...]:
-    """Expressions of a program, joint by joint.
-
-    A value stands where it is used. It has a name, v1, v2 ..., where it is used more than once, or
-    where the expression would be too long. The operations and their order are the program's.
-
-    >>> v = [Value(k) for k in range(4)]
-    >>> lines = (Line("divide", (v[0], 0.02)), Line("tanh", (v[1],)), Line("multiply", (0.1, v[2])))
-    >>> blocks(Program(("w_1",), lines, {"Tf": (v[3],)}))[0].outputs["Tf"].operation
-    'multiply'
-    """
-    writer = _Writer(program, prefix)
-    count = max(map(len, program.outputs.values()), default=0)
-    return tuple(writer.block(j) for j in range(count))
-
-
 class _Writer:
     """Expressions of the values of a program, made once each, in the order of their need."""
 
@@ -288,8 +272,20 @@ class Function(NamedTuple):
     says: str
 
     def blocks(self, prefix: str = "v") -> tuple[Block, ...]:
-        """What is computed for each joint; names of values begin with the prefix."""
-        return blocks(self.program, prefix)
+        """What is computed for each joint.
+
+        A value stands where it is used. It has a name, v1, v2 ..., where it is used more than once,
+        or where the expression would be too long. The operations and their order are the program's.
+
+        >>> v = [Value(k) for k in range(3)]
+        >>> lines = (Line("divide", (v[0], 0.02)), Line("tanh", (v[1],)))
+        >>> program = Program(("w_1",), lines, {"Tf": (v[2],)})
+        >>> Function("torque", ("w",), program, "").blocks()[0].outputs["Tf"].operation
+        'tanh'
+        """
+        writer = _Writer(self.program, prefix)
+        count = max(map(len, self.program.outputs.values()), default=0)
+        return tuple(writer.block(j) for j in range(count))
 
     def places(self, language: Language) -> dict[str, str]:
         """Where the inputs stand, by their names in the program."""
@@ -325,13 +321,11 @@ def functions(model: ExportedFriction) -> tuple[Function, ...]:
     )
 
 
-def rendered(
-    template: str, model: ExportedFriction, language: Language, context: Mapping[str, Any]
-) -> bytes:
-    """Text of a template of this room, which knows the friction, its functions and the language."""
+def rendered(template: str, model: ExportedFriction, context: Mapping[str, Any]) -> bytes:
+    """Text of a template of this room, which knows the friction."""
     from frictionid.report.tables import environment
 
     filters = (("folded", folded), ("repr", repr))
     templates = environment("frictionid.deploy.export", filters=filters)
-    names = {"model": model, "n": len(model.joints), "language": language, **context}
+    names = {"model": model, "n": len(model.joints), **context}
     return templates.get_template(template).render(names).encode()

@@ -8,7 +8,6 @@ delay of their command, read between steps from its history [MuJoCo2026].
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -114,40 +113,32 @@ def is_stiff(model: ExportedFriction, timestep: float) -> bool:
     return bool((rate * timestep > 2.0).any())
 
 
-def drive_values(model: ExportedFriction, j: int) -> dict[str, str]:
-    """Attributes of an actuator for a joint's motor; none where `motor` is the same.
+def actuator_of(model: ExportedFriction, j: int) -> tuple[str, dict[str, str]]:
+    """Element and attributes of an actuator for a joint's motor; none where `motor` is the same.
 
-    Of a `dcmotor` where it has an envelope, else of a `general`.
-
-    Its control is the target of a servo, which is delayed, else the logged torque.
+    A `dcmotor` where it has an envelope, else a `general`, as a torque needs that is scaled or
+    biased. Its control is the target of a servo, which is delayed, else the logged torque.
     """
-    drive, calibration = model.drive, model.friction.calibration
-    values: dict[str, str] = {}
-    if actuator_of(model, j) == "dcmotor" and (envelope := model.envelope(j)) is not None:
-        return _dc_motor(envelope, *((0.0, 0.0) if drive is None else (drive.kp[j], drive.kv[j])))
-    if drive is not None:
-        kp, kv, limit, back_emf, bias = (
-            float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.back_emf, drive.bias)
-        )
-        values |= _affine(kp, (bias, 0.0 - kp, 0.0 - kv))
-        if math.isfinite(limit):
-            values["forcerange"] = f"{bias - limit!r} {bias + limit!r}"
-        if back_emf:
-            values["damping"] = repr(back_emf)
-    elif calibration is not None:
+    drive, calibration, envelope = model.drive, model.friction.calibration, model.envelope(j)
+    gain, bias = 1.0, 0.0
+    if drive is None and calibration is not None:
         gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
-        values |= _affine(gain, (bias, 0.0, 0.0)) if (gain, bias) != (1.0, 0.0) else {}
-    return values
-
-
-def actuator_of(model: ExportedFriction, j: int) -> str:
-    """Element of a joint's motor: a torque that is scaled or biased needs a `general`."""
-    calibration = model.friction.calibration
-    scaled = model.drive is None and calibration is not None
-    if calibration is not None and scaled:
-        gain, bias = (float(np.asarray(x)[j]) for x in (calibration.gain, calibration.bias))
-        scaled = (gain, bias) != (1.0, 0.0)
-    return "general" if scaled or model.envelope(j) is None else "dcmotor"
+    if (gain, bias) != (1.0, 0.0):
+        return "general", _affine(gain, (bias, 0.0, 0.0))
+    if envelope is not None:
+        gains = (0.0, 0.0) if drive is None else (drive.kp[j], drive.kv[j])
+        return "dcmotor", _dc_motor(envelope, *gains)
+    if drive is None:
+        return "general", {}
+    kp, kv, limit, back_emf, bias = (
+        float(x[j]) for x in (drive.kp, drive.kv, drive.limit, drive.back_emf, drive.bias)
+    )
+    values = _affine(kp, (bias, 0.0 - kp, 0.0 - kv))
+    if math.isfinite(limit):
+        values["forcerange"] = f"{bias - limit!r} {bias + limit!r}"
+    if back_emf:
+        values["damping"] = repr(back_emf)
+    return "general", values
 
 
 def _dc_motor(motor: Envelope, kp: float, kv: float) -> dict[str, str]:
@@ -178,11 +169,3 @@ def delay_values(delay: float, timestep: float) -> dict[str, str]:
         return {}
     samples = math.ceil(delay / timestep - 1e-9) + 1
     return {"delay": repr(delay), "nsample": str(samples), "interp": "linear"}
-
-
-def element(tag: str, values: Mapping[str, str]) -> bytes:
-    """An empty element with attributes."""
-    from xml.sax.saxutils import quoteattr
-
-    text = "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
-    return f"<{tag}{text}/>".encode()

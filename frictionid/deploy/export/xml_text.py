@@ -119,6 +119,11 @@ def with_attributes(tag: bytes, values: Mapping[str, str]) -> bytes:
     return out[:at] + rest.encode() + out[at:]
 
 
+def element(tag: str, values: Mapping[str, str]) -> bytes:
+    """An empty element with attributes."""
+    return with_attributes(f"<{tag}/>".encode(), values)
+
+
 def replaced(text: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:
     """A text with parts from one byte to another changed for others.
 

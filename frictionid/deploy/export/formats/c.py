@@ -13,11 +13,15 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """Source and header, with functions of arrays that have an entry for each joint."""
     real, functions = settings.precision, ex.functions(model)
     heads = {f.name: _head(f, len(model.joints), settings) for f in functions}
-    names = {"name": settings.name, "stem": settings.stem, "real": real}
+    names = {
+        "name": settings.name,
+        "stem": settings.stem,
+        "real": real,
+        "language": _language(real),
+    }
     context = {**names, "functions": functions, "heads": heads, "comment": comment}
     templates = {".c": "source.c.j2", ".h": "header.h.j2"}
-    language = _language(real)
-    files = {end: ex.rendered(name, model, language, context) for end, name in templates.items()}
+    files = {end: ex.rendered(name, model, context) for end, name in templates.items()}
     note = f"compile with any C99 compiler and -lm; {'; '.join(heads.values())}"
     return Written(files, notes=(note,))
 

@@ -15,8 +15,7 @@ from frictionid.arrays import Array
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
-from ..nearest import break_away, differs, lost_by, nearest
-from .python import LANGUAGE
+from ..nearest import break_away, lost_by, nearest
 
 held = nearest
 
@@ -39,6 +38,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     # PhysX holds the break-away level by itself
     lost = lost_by(model, friction, "PhysX", "static, dynamic and viscous effort")
     lost = [sentence for sentence in lost if " breaks away at " not in sentence]
+    other = friction if lost else None
     kind, groups = "ImplicitActuatorCfg", _alike(settings.name, model, np.zeros(friction.n))
     motors = [model.envelope(j) for j in range(friction.n)]
     envelopes = [motor for motor in motors if motor is not None]
@@ -57,8 +57,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         lost.append("Isaac Lab delays commands, it cannot advance them: the model's delay is left")
     configured = {name: _fields(model, values, list(joints)) for name, joints in groups.items()}
     context = {"name": settings.name, "kind": kind, "groups": configured, "delay": delay}
-    code = rendered("isaac.py.j2", model, LANGUAGE, context)
-    other = friction if differs(model, friction) else None
+    code = rendered("isaac.py.j2", model, context)
     return Written({".py": code}, tuple(lost), other)
 
 

@@ -49,7 +49,6 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     plain = replace(model, friction=replace(model.friction, law=model.law), speeds=())
     functions = [f for f in ex.functions(plain) if f.name != "start"]
     joints, friction = range(len(model.joints)), model.friction
-    has = model.law.has_parameters(friction.n)
     estimates = (e for e in estimates_of(friction) if e.block == "friction")
     noise_alone = friction.provenance.noise_alone
     context = {
@@ -57,23 +56,20 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         "escaped": _escaped,
         "number": _number,
         "equations": [[line for f in functions for line in _lines(f, j)] for j in joints],
-        "parameters": [
-            zip(model.law.names, friction.units_at(j), friction.theta[j], has[j], strict=True)
-            for j in joints
-        ],
+        "parameters": [model.parameters(j) for j in joints],
         "interval": "interval of the noise alone" if noise_alone else r"95\,\% interval",
         "intervals": {
             (e.joint, e.parameter): e.interval_95 for e in estimates if np.isfinite(e.error)
         },
     }
-    text = ex.rendered("equations.tex.j2", model, LANGUAGE, context)
+    text = ex.rendered("equations.tex.j2", model, context)
     note = rf"\input{{{settings.stem}}}, with amsmath and booktabs"
     return Written({".tex": text}, notes=(note,))
 
 
 def _lines(function: ex.Function, joint: int) -> Iterator[str]:
     """Equations of a joint: what has a name, then the torque or the memory."""
-    code = ex.blocks(function.program, "v" if function.name == "torque" else "s")
+    code = function.blocks("v" if function.name == "torque" else "s")
     statements = [s.name for block in code for s in block.statements]
     places = {x: _symbol(x) for x in function.program.inputs}
     places |= {name: f"{name[0]}_{{{name[1:]}}}" for name in statements}

@@ -26,8 +26,6 @@ from ..expressions import rendered
 from ..native import (
     actuator_of,
     delay_values,
-    drive_values,
-    element,
     held,
     is_native,
     is_stiff,
@@ -40,6 +38,7 @@ from ..round_trip import in_mujoco
 from ..xml_text import (
     Element,
     by_name,
+    element,
     elements,
     read_xml,
     replaced,
@@ -138,7 +137,12 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     if not native:
         lost = lost_by(model, friction, "MJCF", "frictionloss and damping")
     other = friction if lost else None
-    text, listed, where, notes, inertias = _described(model, settings)
+    if settings.into is None:
+        text, where, notes, inertias = _mechanism(model)
+        listed = elements(text, where)
+    else:
+        where, notes, inertias = str(settings.into), [], kept_inertias(model, "MJCF")
+        text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
     joints = _joints(listed, model, where)
     values = _joint_values(friction, joints, listed)
     if settings.into is not None:
@@ -168,17 +172,6 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
 def replay(model: ExportedFriction, written: Written) -> Replay | None:
     """How far predictions of the written file are from ours, without its callback."""
     return in_mujoco(model, written.files[".xml"].decode())
-
-
-def _described(
-    model: ExportedFriction, settings: ExportSettings
-) -> tuple[bytes, list[Element], str, list[str], list[str]]:
-    """Text of the file, or of the mechanism, its elements, what it is, notes, lost inertias."""
-    if settings.into is not None:
-        text, listed = read_xml(settings.into, "MJCF", "mujoco", "mujocoinclude")
-        return text, listed, str(settings.into), [], kept_inertias(model, "MJCF")
-    text, where, notes, lost = _mechanism(model)
-    return text, elements(text, where), where, notes, lost
 
 
 def _joint_values(
@@ -222,17 +215,17 @@ def _drives(
     added: list[bytes] = []
     left: list[str] = []
     for name, j in model.driven.items():
-        values, e = drive_values(model, j), there.get(name)
+        (kind, values), e = actuator_of(model, j), there.get(name)
         if e is None:
             if model.drive is None and (values or late):
                 left.append(f"{name} has no actuator: gain, bias and delay of its torque are left")
             new = {"name": name, "joint": name, **values, **late}
-            added += [element(actuator_of(model, j), new)] if model.drive is not None else []
+            added += [element(kind, new)] if model.drive is not None else []
             continue
         tag = text[e.start : e.end]
         if values:
             kept = {k: v for k, v in e.attributes.items() if k in _KEPT}
-            tag = element(actuator_of(model, j), {**kept, **values, **late})
+            tag = element(kind, {**kept, **values, **late})
             changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
         elif late:
             changes.append((e.start, e.end, with_attributes(tag, late)))
@@ -246,7 +239,7 @@ def _said(model: ExportedFriction, delay: float, is_late: bool) -> list[str]:
         notes.append(
             "the actuators are position control by the identified gains: ctrl is the target"
         )
-    if any(actuator_of(model, j) == "dcmotor" for j in model.driven.values()):
+    if any(actuator_of(model, j)[0] == "dcmotor" for j in model.driven.values()):
         notes.append(
             "motors are dcmotors of 1 Ohm, whose voltage and torque limits are the envelope"
         )
@@ -360,7 +353,7 @@ def callback(model: ExportedFriction, settings: ExportSettings) -> tuple[bytes, 
         "when": "> 0.0" if time is None else f">= {time * (1 - 1e-6)!r}",
         "follows": not has_memory and set(inputs) - {"w"},
     }
-    code = rendered("callback.py.j2", model, python.LANGUAGE, context)
+    code = rendered("callback.py.j2", model, context)
     sentence = (
         "the callback beside the MJCF computes the model's own torque of sliding joints, with "
         "frictionloss at the break-away level: mujoco.set_mjcb_passive(Friction(model))"

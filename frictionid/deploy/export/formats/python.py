@@ -21,10 +21,11 @@ _RESULTS = {"start": "memory", "advance": "memory", "torque": "Tf"}
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A module with `start`, `torque` and `advance`, on lists with an entry for each joint."""
     functions = ex.functions(model)
-    context = {"name": settings.name, "functions": functions, "quoted": _quoted}
+    names = {"name": settings.name, "language": LANGUAGE}
+    context = {**names, "functions": functions, "quoted": _quoted}
     calls = [f"{_RESULTS[f.name]} = {f.name}({', '.join(f.arguments)})" for f in functions]
     note = f"from {settings.stem} import *; {'; '.join(calls)}"
-    return Written({".py": ex.rendered("module.py.j2", model, LANGUAGE, context)}, notes=(note,))
+    return Written({".py": ex.rendered("module.py.j2", model, context)}, notes=(note,))
 
 
 def _quoted(text: str) -> str:

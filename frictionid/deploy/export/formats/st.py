@@ -5,6 +5,8 @@ by EXP such that it never overflows. Called once a cycle, the block advances its
 gives the torques; `reset` begins a motion.
 """
 
+from typing import Any
+
 import numpy as np
 
 from frictionid.deploy.export import expressions as ex
@@ -27,12 +29,13 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     """A function block, and the functions that it calls."""
     real = "LREAL" if settings.precision == "double" else "REAL"
     functions = ex.functions(model)
-    context = {"name": settings.name, "real": real, "comment": _comment, "functions": functions}
+    names = {"name": settings.name, "real": real, "language": _language(settings.name, real)}
+    context: dict[str, Any] = {**names, "comment": _comment, "functions": functions}
     context["code"] = {f.name: f.blocks(f"{f.name}_v") for f in functions}
     context["helpers"] = {
         name: [line.format(top=_TOP[real]) for line in lines] for name, lines in _HELPERS.items()
     }
-    text = ex.rendered("block.st.j2", model, _language(settings.name, real), context)
+    text = ex.rendered("block.st.j2", model, context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
     call = ", ".join(f"{x} := {x}" for x in arguments)
     note = f"{settings.name}({call}); once a cycle, then read Tf"

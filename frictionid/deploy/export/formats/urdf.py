@@ -8,7 +8,7 @@ from frictionid.files import json_text
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..nearest import kept_inertias, lost_by, lost_of_motors, nearest
-from ..xml_text import Element, by_name, read_xml, replaced, stated_before, with_attributes
+from ..xml_text import Element, by_name, element, read_xml, replaced, stated_before, with_attributes
 
 _TYPES = {"rad": ("revolute", "continuous"), "m": ("prismatic",)}
 held = nearest
@@ -36,7 +36,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         new = {"damping": repr(float(slope)), "friction": repr(float(level))}
         dynamics = next((e for e in joint.children if e.tag == "dynamics"), None)
         if dynamics is None:
-            changes.append(_inserted(text, joint, with_attributes(b"<dynamics/>", new)))
+            changes.append(_inserted(text, joint, element("dynamics", new)))
             continue
         tag = text[dynamics.start : dynamics.end]
         changes.append((dynamics.start, dynamics.end, with_attributes(tag, new)))
@@ -67,17 +67,17 @@ def _controllers(joints: Sequence[str], drive: PositionControl) -> bytes:
     return json_text({"joint_trajectory_controller": {"ros__parameters": parameters}}).encode()
 
 
-def _inserted(text: bytes, joint: Element, element: bytes) -> tuple[int, int, bytes]:
-    """The element as a joint's last, indented as the others."""
+def _inserted(text: bytes, joint: Element, new: bytes) -> tuple[int, int, bytes]:
+    """A new element as a joint's last, indented as the others."""
     if joint.is_empty:
         tag = text[joint.start : joint.end].removesuffix(b"/>").rstrip()
-        return joint.start, joint.end, tag + b">" + element + b"</joint>"
+        return joint.start, joint.end, tag + b">" + new + b"</joint>"
     if not joint.children:
-        return joint.close, joint.close, element
+        return joint.close, joint.close, new
     last = joint.children[-1]
     end = last.end if last.is_empty else text.index(b">", last.close) + 1
     first = joint.children[0].start
     line = text.rfind(b"\n", joint.end, first)
     line -= text[line - 1 : line] == b"\r"
     indent = text[line:first] if line >= 0 else b""
-    return end, end, indent + element
+    return end, end, indent + new

@@ -22,7 +22,7 @@ from frictionid.files import read_bytes
 from frictionid.friction import Friction
 
 from ..exported import ExportedFriction, ExportSettings, Written
-from ..nearest import break_away, differs, kept_inertias, lost_by, lost_of_motors, nearest
+from ..nearest import break_away, kept_inertias, lost_by, lost_of_motors, nearest
 from ..xml_text import by_name, stated_before
 
 with needs("usd"):
@@ -73,8 +73,8 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     sublayer = os.path.relpath(path.resolve(), settings.folder.resolve())
     notes.append(f"the layer names {sublayer}: open it in place of that, and move both together")
     lost = lost_by(model, friction, "Newton", "friction and damping")
+    other = friction if lost else None
     lost += kept_inertias(model, "USD") + lost_of_motors(model, "USD", has_drives=True)
-    other = friction if differs(model, friction) else None
     return Written({".usda": _layer(stage, sublayer)}, tuple(lost), other, tuple(notes))
 
 

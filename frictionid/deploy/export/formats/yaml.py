@@ -49,7 +49,6 @@ def _speeds(model: ExportedFriction) -> Array:
 
 def _joint(model: ExportedFriction, j: int, speeds: Array, levels: Array) -> dict[str, Any]:
     """The table of a joint up to its greatest speed, and its parameters in words."""
-    friction = model.friction
     within = speeds <= (model.speeds[j] if model.speeds else speeds[-1]) * (1.0 + 1e-12)
     w, (down, up) = speeds[within], levels[:, within]
     columns = {
@@ -65,12 +64,8 @@ def _joint(model: ExportedFriction, j: int, speeds: Array, levels: Array) -> dic
     }
     if model.law.is_network:
         return joint
-    has, units = model.law.has_parameters(friction.n)[j], friction.units_at(j)
-    rows = zip(model.law.names, units, friction.theta[j], has, strict=True)
     joint["parameters"] = {
-        name: {"value": float(value), "unit": unit}
-        for name, unit, value, is_used in rows
-        if is_used
+        name: {"value": value, "unit": unit} for name, unit, value in model.parameters(j)
     }
     return joint
 
