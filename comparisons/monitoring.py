@@ -135,8 +135,8 @@ def cases(settings: dict[str, Any], known: Baseline, seed: int) -> Iterator[Case
             worn = otherwise(seed + 2 + 2 * joint + int(sign > 0), count, wear=wear)
 
             def right(j: Judgement, joint: int = joint, sign: float = sign) -> bool:
-                total = next(p for p in j.parts if p.part == "total" and p.joint == joint)
-                return j.joints == (joint,) and sign * total.value > 0
+                total = j.parts.query("part == 'total'").change.iloc[joint]
+                return j.joints == (joint,) and sign * total > 0
 
             name = (
                 f"friction of joint {joint + 1}, {100 * sign * settings['friction']['change']:+g} %"
@@ -187,11 +187,11 @@ def print_sets(
         own = replace(known, changes=taken(healthy, base), names=names, hashes=names)
         said.append(judge(own, taken(case.pool, new), settings["rate"]))
     answers = [j.answer for j in said]
-    right = sum(bool(j.parts) and case.right(j) for j in said)
+    right = sum(not j.parts.empty and case.right(j) for j in said)
     print(
         f"{case.name}: friction called changed {counted(answers.count('changed'), count)}, "
         f"anything {counted(sum(bool(j.causes) for j in said), count)}, "
-        f"cannot judge {sum(not j.parts for j in said)}, right {counted(right, count)}",
+        f"cannot judge {sum(j.parts.empty for j in said)}, right {counted(right, count)}",
         flush=True,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,20 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.comparison.registry import LAWS
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
 from frictionid.files import json_text, read_bytes, read_json, write_json
 from frictionid.fitting.one_step.formulation import INTEGRAL
-from frictionid.friction import Friction, Law, along
+from frictionid.friction import Friction, along
 from frictionid.friction.model_files import model_document, read_model
 from frictionid.mechanics import Mechanism
 
-from .changes import (
-    Changes,
-    Reference,
-    recording_changes,
-)
+from .changes import Changes, Reference, recording_changes
 from .effects import Effect, effects_of
 
 FORMAT = "frictionid baseline 3"
@@ -102,13 +99,12 @@ def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     """The reference with the speeds and the noise of the data."""
     fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
     fast = np.maximum(fast, 1e-9)
-    plain = replace(friction, calibration=None)
     view = with_calibration(prepared, friction.calibration)
     problem = training_of(view, INTEGRAL)
-    e = np.abs(problem.residual(along(plain, problem.nodes)))
+    e = np.abs(problem.residual(along(friction, problem.nodes)))
     noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)
-    reference = Reference(plain, friction.calibration, grid, noise, ())
+    reference = Reference(friction, grid, noise, ())
     return reference._replace(effects=effects_of(prepared.dataset.mechanism, reference.level))
 
 
@@ -138,18 +134,15 @@ def hashes_of(dataset: Dataset) -> tuple[str, ...]:
     return tuple(digest(r) for r in dataset.recordings)
 
 
-def save_baseline(
-    baseline: Baseline, path: Path, laws: Mapping[str, type[Law]], settings: Mapping[str, Any]
-) -> None:
+def save_baseline(baseline: Baseline, path: Path, settings: Mapping[str, Any]) -> None:
     """Write a baseline as a JSON file, as a whole or not at all; `settings` say how it was made."""
     b, reference = baseline, baseline.reference
-    friction = replace(reference.friction, calibration=reference.calibration)
     document = {
         "format": FORMAT,
         "settings": dict(settings),
         "mechanism": dict(b.mechanism),
         "joints": b.joints,
-        "model": model_document(friction, laws),
+        "model": model_document(reference.friction, LAWS),
         "speeds": reference.speeds,
         "noise": reference.noise,
         "effects": [effect._asdict() for effect in reference.effects],
@@ -173,7 +166,7 @@ def changes_of(rows: list[Mapping[str, Any]]) -> Changes:
     return Changes(*(np.array(column, dtype=float) for column in columns))
 
 
-def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
+def load_baseline(path: Path) -> Baseline:
     """Baseline of a JSON file.
 
     Raises
@@ -188,17 +181,14 @@ def load_baseline(path: Path, laws: Mapping[str, type[Law]]) -> Baseline:
             "make the baseline again by frictionid baseline"
         )
     try:
-        friction = read_model(document["model"], laws, str(path))
+        friction = read_model(document["model"], LAWS, str(path))
         rows = document["recordings"]
         grid, noise = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
         baseline = Baseline(
             document["mechanism"],
             tuple(document["joints"]),
             Reference(
-                replace(friction, calibration=None),
-                friction.calibration,
-                grid,
-                noise,
+                *(friction, grid, noise),
                 tuple(Effect(**effect) for effect in document["effects"]),
             ),
             tuple(row["name"] for row in rows),

@@ -22,7 +22,7 @@ import numpy as np
 from frictionid.arrays import Array, times
 from frictionid.data.calibration import Calibration
 from frictionid.data.plants import plant_of
-from frictionid.data.recordings import Dataset
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
@@ -52,15 +52,13 @@ _PASSES = 8  # at most, each with what the one before found left out
 class Reference(NamedTuple):
     """What changes are measured against.
 
-    friction : Friction, theta (n, P)
-    calibration : of the machine and its sensors, or None
+    friction : Friction, theta (n, P), with the calibration of the machine and its sensors
     speeds : (n, 3) slow, usual and fast speed of each joint [rad/s or m/s]; the slow one is v
     noise : (n,) standard deviation of the residual of each joint [rad/s]
     effects : what may change, D of them
     """
 
     friction: Friction
-    calibration: Calibration | None
     speeds: Array
     noise: Array
     effects: tuple[Effect, ...]
@@ -175,7 +173,7 @@ class _Rows(NamedTuple):
 def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
     """The residual of all recordings and its derivatives by all effects."""
     mechanism = prepared.dataset.mechanism
-    calibration = reference.calibration or Calibration.ideal(mechanism.n)
+    calibration = reference.friction.calibration or Calibration.ideal(mechanism.n)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
         problem = training_of(with_calibration(prepared, calibration), INTEGRAL)
@@ -322,11 +320,11 @@ def covariate_means(dataset: Dataset, names: Sequence[str]) -> Array:
 
     NaN where a recording has neither.
     """
-    out = np.full((len(dataset.recordings), len(names)), np.nan)
-    for r, recording in enumerate(dataset.recordings):
-        for c, name in enumerate(names):
-            if name in recording.covariates:
-                out[r, c] = float(np.mean(recording.covariates[name].value))
-            else:
-                out[r, c] = dataset.mechanism.nominal(recording.parameters).get(name, np.nan)
-    return out
+
+    def mean(recording: Recording, name: str) -> float:
+        if name in recording.covariates:
+            return float(np.mean(recording.covariates[name].value))
+        return dataset.mechanism.nominal(recording.parameters).get(name, np.nan)
+
+    rows = [[mean(r, name) for name in names] for r in dataset.recordings]
+    return np.array(rows, dtype=float)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -40,22 +40,20 @@ def effects_of(mechanism: Mechanism, level: Array) -> tuple[Effect, ...]:
     >>> [e.cause for e in effects_of(pendulum(mass=0.5, length=0.3), np.ones(1))][3:6]
     ['friction of joint 1', "the payload's inertia", "the torque's delay"]
     """
-    return tuple(_effects(mechanism, level))
-
-
-def _effects(mechanism: Mechanism, level: Array) -> Iterator[Effect]:
+    effects = []
     pairs = zip(mechanism.friction_names, mechanism.friction_torque_units, level, strict=True)
     for name, unit, size in pairs:
         for part in PARTS:
-            yield Effect(f"friction of {name}", part, unit, LEVELS * float(size))
+            effects.append(Effect(f"friction of {name}", part, unit, LEVELS * float(size)))
     for name in payloads(mechanism)[0]:
-        yield Effect("the payload's inertia", name, "1", MASS)
-    yield Effect("the torque's delay", "delay", "s", DELAY)
+        effects.append(Effect("the payload's inertia", name, "1", MASS))
+    effects.append(Effect("the torque's delay", "delay", "s", DELAY))
     for name, driven in zip(mechanism.joints, mechanism.driven, strict=True):
         if driven:
-            yield Effect(f"the torque's gain of {name}", "gain", "1", GAIN)
+            effects.append(Effect(f"the torque's gain of {name}", "gain", "1", GAIN))
     for name, unit in zip(mechanism.joints, mechanism.position_units, strict=True):
-        yield Effect(f"the angle's offset of {name}", "offset", unit, OFFSET)
+        effects.append(Effect(f"the angle's offset of {name}", "offset", unit, OFFSET))
+    return tuple(effects)
 
 
 def causes_of(effects: Sequence[Effect]) -> dict[str, Array]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
@@ -27,21 +28,7 @@ Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all
 _NO_GAIN = 0.5  # of the torque: more is no change of a sensor
 _SHOWN = 3  # sentences of a kind
-
-
-class PartChange(NamedTuple):
-    """Change of one part of a joint's friction with its 95 % interval [N m], and in per cent.
-
-    joint : from 0; part : "coulomb", "viscous", "stribeck", "asymmetry", or "total"
-    per_cent : of the reference friction at the usual speed
-    """
-
-    joint: int
-    part: str
-    value: float
-    low: float
-    high: float
-    per_cent: float
+_COLUMNS = "joint", "part", "change", "low_95", "high_95", "per_cent"
 
 
 class Judgement(NamedTuple):
@@ -53,7 +40,9 @@ class Judgement(NamedTuple):
     p_of_joint : (n,) the same of each joint's friction, beside all that changed
     joints : those whose friction changed, from 0
     changed : names of the causes that changed; causes : sentences on them, with sizes
-    parts : of all joints
+    parts : frame of the change of each part of each joint's friction with its 95 % interval [N m]
+        Columns: joint (from 0); part: "coulomb", "viscous", "stribeck", "asymmetry", or "total";
+        change, low_95, high_95; per_cent: of the reference friction at the usual speed.
     notes : sentences on what limits the judgement, or prevents it
     """
 
@@ -64,7 +53,7 @@ class Judgement(NamedTuple):
     joints: tuple[int, ...]
     changed: tuple[str, ...]
     causes: tuple[str, ...]
-    parts: tuple[PartChange, ...]
+    parts: pd.DataFrame
     notes: tuple[str, ...]
 
 
@@ -81,7 +70,8 @@ def judge(
     notes = list(_notes(baseline, new, side, disturbed))
     if 2 * fits.sum() < len(fits):
         nothing = np.full(n, np.nan)
-        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), (), tuple(notes))
+        parts = pd.DataFrame(columns=list(_COLUMNS))
+        return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes))
     judged = Changes(*(values[fits] for values in new))
     size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, judged, size)
@@ -89,13 +79,10 @@ def judge(
     explanation = explained(tests, rate)
     single = [group[0] for group in explanation.groups if len(group) == 1]
     joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
-    parts = tuple(_parts(baseline, tests, single))
-    totals = [p for p in parts if p.part == "total"]
-    blind = [
-        baseline.joints[p.joint]
-        for p in totals
-        if (p.high - p.low) / 2 > _BLIND * baseline.level[p.joint]
-    ]
+    parts = pd.DataFrame(_parts(baseline, tests, single), columns=list(_COLUMNS))
+    totals = parts[parts.part == "total"]
+    is_blind = (totals.high_95 - totals.low_95) / 2 > _BLIND * baseline.level
+    blind = [baseline.joints[j] for j in totals.joint[is_blind]]
     if blind:
         notes.append(
             f"{', '.join(blind)}: changes smaller than the friction itself would not be seen: "
@@ -146,7 +133,9 @@ def _intervals(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
     return np.stack([value, value - half, value + half], axis=-1)
 
 
-def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[PartChange]:
+def _parts(
+    baseline: Baseline, tests: CauseTests, single: Sequence[str]
+) -> Iterator[tuple[int, str, float, float, float, float]]:
     """Change of each part of each joint beside all that changed, with its interval."""
     total = total_weights(baseline.reference.speeds)
     for j, name in enumerate(baseline.joints):
@@ -154,7 +143,7 @@ def _parts(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iter
         intervals = _intervals(tests, [f"friction of {name}", *single], rows)
         for part, (value, low, high) in zip((*PARTS, "total"), intervals.tolist(), strict=True):
             per_cent = 100.0 * value / float(baseline.level[j])
-            yield PartChange(j, part, value, low, high, per_cent)
+            yield j, part, value, low, high, per_cent
 
 
 def _causes(baseline: Baseline, tests: CauseTests, explanation: Explanation) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -12,7 +12,6 @@ import numpy as np
 
 from frictionid.api.fit import fit
 from frictionid.api.models import DatasetLike, dataset_of, friction_of
-from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -30,12 +29,7 @@ from .baseline import (
     numbers_of,
     save_baseline,
 )
-from .changes import (
-    Changes,
-    joined,
-    prepared_data,
-    recording_changes,
-)
+from .changes import Changes, joined, prepared_data, recording_changes
 from .judgement import judge
 from .monitored import Monitored
 
@@ -82,7 +76,7 @@ def baseline(
     healthy = make_baseline(prepared_data(dataset), friction)
     if out is not None:
         settings = {"law": str(friction.law), "dataset": dataset.name, "data": dataset.hashes}
-        save_baseline(healthy, Path(out), LAWS, settings)
+        save_baseline(healthy, Path(out), settings)
     return healthy
 
 
@@ -130,7 +124,7 @@ def monitor(
         raise InputError(f"rate = {rate:g} must lie between 0 and 1")
     if not isinstance(baseline, Baseline | str | Path):
         raise InputError(f"monitor: {baseline!r} is no baseline; give one, or its file, first")
-    healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline), LAWS)
+    healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline))
     several: Any = [data] if isinstance(data, str | Path | Dataset) else data
     parts: list[Changes] = []
     disturbed: list[Segment] = []
@@ -148,10 +142,7 @@ def monitor(
     new = joined(parts)
     arrivals: tuple[Arrival, ...] = ()
     if state is not None:
-        for arrival in arriving(Path(state), healthy, recordings, new):
-            if done is not None:
-                done(arrival.name)
-        arrivals = tuple(load_state(Path(state), healthy))
+        arrivals = arriving(Path(state), healthy, recordings, new, done)
     names = tuple(name for name, _ in recordings)
     return Monitored(healthy, judge(healthy, new, rate, disturbed), names, new, arrivals)
 
@@ -224,9 +215,13 @@ def load_state(path: Path, baseline: Baseline) -> list[Arrival]:
 
 
 def arriving(
-    path: Path, baseline: Baseline, recordings: Sequence[tuple[str, str]], new: Changes
-) -> Iterator[Arrival]:
-    """Recordings that are not in the state yet, each written to it before the next is looked at.
+    path: Path,
+    baseline: Baseline,
+    recordings: Sequence[tuple[str, str]],
+    new: Changes,
+    done: Callable[[str], None] | None = None,
+) -> tuple[Arrival, ...]:
+    """All recordings of the state, each new one written to it before the next is looked at.
 
     A process that is killed between two of them loses nothing: the file is written as a whole.
 
@@ -234,6 +229,7 @@ def arriving(
     ----------
     recordings : name and digest of each
     new : their changes
+    done : called with the name of each that was not in the state
     """
     arrivals = load_state(path, baseline)
     for i, (name, digest) in enumerate(recordings):
@@ -252,4 +248,6 @@ def arriving(
         ]
         document = {"format": STATE, "baseline": digest_of(baseline), "arrived": listed}
         write_json(path, document)
-        yield arrivals[-1]
+        if done is not None:
+            done(name)
+    return tuple(arrivals)

@@ -21,7 +21,7 @@ from frictionid.report.tables import Table, line, render_page, table_of, termina
 from .baseline import Arrival, Baseline
 from .changes import Changes, joined, totals, with_others_held
 from .effects import causes_of
-from .judgement import Judgement, PartChange
+from .judgement import Judgement
 
 PAGE, DOCUMENT, FRAME = "index.html", "monitoring.json", "changes.csv"
 _HEIGHT = 1.25  # [inch] of a panel
@@ -70,11 +70,12 @@ class Monitored:
 
         Columns: joint, part, change, low_95, high_95 [N m, or N], per_cent, p, changed.
         """
-        names = {"value": "change", "low": "low_95", "high": "high_95"}
-        frame = pd.DataFrame(self.judgement.parts, columns=PartChange._fields).rename(columns=names)
-        frame["p"] = self.judgement.p_of_joint[frame.joint].astype(float)
-        frame["changed"] = frame.joint.isin(self.judgement.joints)
-        return frame.assign(joint=np.array(self.baseline.joints, dtype=object)[frame.joint])
+        joint = self.judgement.parts.joint
+        return self.judgement.parts.assign(
+            joint=np.array(self.baseline.joints, dtype=object)[joint.astype(int)],
+            p=self.judgement.p_of_joint[joint.astype(int)],
+            changed=joint.isin(self.judgement.joints),
+        )
 
     def plot(self) -> Any:
         """A Matplotlib figure: change of each joint's friction over the recordings."""
@@ -118,7 +119,7 @@ class Monitored:
         """Changes of all joints, for people."""
         heads = (*text_columns("joint", "part"), "change", "95 % interval", "per cent", "p")
         lines = []
-        for joint, part, value, low, high, per_cent in self.judgement.parts:
+        for joint, part, value, low, high, per_cent in self.judgement.parts.to_numpy():
             p = f"{self.judgement.p_of_joint[joint]:.2g}" if part == "total" else ""
             interval = f"[{short(low, 3)}, {short(high, 3)}]"
             numbers = (short(value, 3), interval, f"{per_cent:+.1f}", p)

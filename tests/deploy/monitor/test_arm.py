@@ -76,9 +76,9 @@ def test_wear_of_one_joint_is_named_alone(known, folder):
     found = fid.monitor(known, recorded(folder, 3, 3, wear=0.25))
     assert found.answer == "changed" and found.judgement.joints == (1,)
     assert len(found.judgement.causes) == 1
-    (total,) = [p for p in found.judgement.parts if (p.joint, p.part) == (1, "total")]
-    assert total.value == pytest.approx(0.25 * COULOMB[1], rel=0.1)
-    assert found.frame.set_index(["joint", "part"]).p["shoulder", "total"] > 0.01
+    frame = found.frame.set_index(["joint", "part"])
+    assert frame.change["elbow", "total"] == pytest.approx(0.25 * COULOMB[1], rel=0.1)
+    assert frame.p["shoulder", "total"] > 0.01
 
 
 def test_torques_in_another_unit_are_no_judgement(known, folder):

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS
 from frictionid.deploy.monitor.baseline import (
     load_baseline,
     machine_of,
@@ -211,8 +210,8 @@ def test_faster_motion_than_any_healthy_one_cannot_be_judged(known, worn):
 
 def test_a_baseline_survives_its_file(known, tmp_path):
     path = tmp_path / "baseline.json"
-    save_baseline(known, path, LAWS, {})
-    again = load_baseline(path, LAWS)
+    save_baseline(known, path, {})
+    again = load_baseline(path)
     assert again.joints == known.joints
     np.testing.assert_allclose(again.changes.value, known.changes.value, rtol=1e-12)
     assert again.reference.effects == known.reference.effects
@@ -227,7 +226,7 @@ def test_other_machines_and_formats_are_refused(known, healthy, tmp_path):
     with pytest.raises(fid.InputError, match="the mechanism of the baseline differs"):
         fid.monitor(known, heavy)
     path = tmp_path / "baseline.json"
-    save_baseline(known, path, LAWS, {})
+    save_baseline(known, path, {})
     for change, said in (
         ({"format": "frictionid baseline 0"}, "make the baseline again"),
         ({"recordings": [{"name": "a"}]}, "is damaged"),
@@ -235,13 +234,13 @@ def test_other_machines_and_formats_are_refused(known, healthy, tmp_path):
         path.write_text(json.dumps(json.loads(path.read_text()) | change))
         with pytest.raises(fid.InputError, match=said):
             fid.monitor(path, heavy)
-        save_baseline(known, path, LAWS, {})
+        save_baseline(known, path, {})
 
 
 def test_a_killed_monitor_goes_on_where_it_was(known, worn, tmp_path):
     write_dataset(worn[0], tmp_path / "new")
     base, state = tmp_path / "baseline.json", tmp_path / "state.json"
-    save_baseline(known, base, LAWS, {})
+    save_baseline(known, base, {})
     seen = []
 
     def done(name):
