@@ -114,6 +114,18 @@ class Program:
         for name, row in self.outputs.items():
             yield from ((f"{name}_{k + 1}", operand) for k, operand in enumerate(row))
 
+    def operands(self) -> Iterator[Operand]:
+        """All that the lines and the outputs read, in their order."""
+        for line in self.lines:
+            yield from line.operands
+        for output in self.outputs.values():
+            yield from output
+
+    def read(self) -> list[str]:
+        """Inputs that are read, in their order."""
+        numbers = {v.number for v in self.operands() if isinstance(v, Value)}
+        return [name for k, name in enumerate(self.inputs) if k in numbers]
+
     def with_inputs(self, names: Sequence[str]) -> Program:
         """The program with only these of its inputs, those that it reads among them."""
         left = [k for k, name in enumerate(self.inputs) if name in names]

@@ -305,21 +305,14 @@ def without_zeros(programs: Mapping[str, Program], external: Collection[str]) ->
     out, zeros, fresh = dict(programs), set[str](), {""}
     while fresh:
         written = {x for program in out.values() for x, v in program.results() if v != 0.0}
-        read = {x for program in out.values() for x in _read(program)}
+        read = {x for program in out.values() for x in program.read()}
         fresh = {x for x in read - written if x.rpartition("_")[0] not in external}
         zeros |= fresh
         out = {
-            name: _with_zeros(program, zeros) if _read(program) & fresh else program
+            name: _with_zeros(program, zeros) if fresh & {*program.read()} else program
             for name, program in out.items()
         }
     return out
-
-
-def _read(program: Program) -> set[str]:
-    """Inputs that are read."""
-    operands = (*(line.operands for line in program.lines), *program.outputs.values())
-    numbers = {x.number for row in operands for x in row if isinstance(x, Value)}
-    return {name for k, name in enumerate(program.inputs) if k in numbers}
 
 
 def _with_zeros(program: Program, zeros: Collection[str]) -> Program:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.law import refuse_temperature
 from frictionid.friction.wrapped import LinearOutside
 from frictionid.mechanics import Mechanism
-from frictionid.programs.program import Operand, Program, Value
+from frictionid.programs.program import Program
 from frictionid.programs.trace import traced
 
 from ..compensation import CompensationLaw, continued, listed
@@ -299,12 +299,7 @@ def _programs(friction: Friction) -> Programs:
             f"{type(law).__name__}: its torque cannot be written as code ({error}); "
             "export it to onnx or torchscript, or as a table"
         ) from None
-    used = {
-        program.inputs[v.number].rpartition("_")[0]
-        for program in programs
-        for v in operands(program)
-        if isinstance(v, Value) and v.number < len(program.inputs)
-    }
+    used = {name.rpartition("_")[0] for program in programs for name in program.read()}
     unused = {f"{x}_{j + 1}" for x in INPUTS if x not in used for j in range(n)}
     torque_, advance_, start_ = (
         program.with_inputs([name for name in program.inputs if name not in unused])
@@ -316,14 +311,6 @@ def _programs(friction: Friction) -> Programs:
 def inputs_of(arrays: Mapping[str, Array]) -> Inputs:
     """Inputs of a law from arrays by name."""
     return Inputs(*(arrays[x] for x in INPUTS))
-
-
-def operands(program: Program) -> Iterator[Operand]:
-    """All that the lines and the outputs of a program read, in their order."""
-    for line in program.lines:
-        yield from line.operands
-    for output in program.outputs.values():
-        yield from output
 
 
 @validated

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from frictionid.programs.program import OPERATIONS, Line, Operand, Program, Value
 
-from .exported import ExportedFriction, operands
+from .exported import ExportedFriction
 
 TRUTHS = ("less", "less_equal", "equal", "and", "or", "not")  # operations that give true or false
 # operations of values of other libraries, by Python's operators
@@ -64,7 +64,7 @@ class _Writer:
         self.program, self.prefix = program, prefix
         self.expressions: dict[int, Expression] = dict(enumerate(program.inputs))
         self.size = dict.fromkeys(self.expressions, 0)
-        self.uses = Counter(v.number for v in operands(program) if isinstance(v, Value))
+        self.uses = Counter(v.number for v in program.operands() if isinstance(v, Value))
         ends = {v for output in program.outputs.values() for v in output if isinstance(v, Value)}
         self.ends = {v.number for v in ends if self.uses[v.number] == 1}
         self.statements: list[Statement] = []
@@ -290,19 +290,6 @@ class Function(NamedTuple):
     def places(self, language: Language) -> dict[str, str]:
         """Where the inputs stand, by their names in the program."""
         return {name: language.place(name) for name in self.program.inputs}
-
-    def reads(self, code: tuple[Block, ...]) -> list[str]:
-        """The inputs that the code reads, in the program's order."""
-        todo: list[Expression] = [s.expression for block in code for s in block.statements]
-        todo += [v for block in code for v in block.outputs.values()]
-        names = set()
-        while todo:
-            expression = todo.pop()
-            if isinstance(expression, Node):
-                todo += expression.operands
-            else:
-                names.add(expression)
-        return [name for name in self.program.inputs if name in names]
 
 
 def functions(model: ExportedFriction) -> tuple[Function, ...]:
