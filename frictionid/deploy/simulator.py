@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.dynamics.rollout import begin, diverged, sampled
+from frictionid.dynamics.rollout import begin, diverged, freeze, masked, sampled
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
@@ -127,8 +127,7 @@ class Simulator:
         plant, friction, u = self.plant, self.friction, self._joints("u", u)
         xp, dt = namespace(state.q), self._array(np.array(self.dt))
         lost = xp.isnan(state.q).any(-1)
-        if bool(lost.any()):
-            state = _where(lost, 0.0, state)
+        state, _ = freeze(state, lost, None)
         # a memory of samples takes in the newest one with the torque that is held from it
         has_memory = bool(state.memory)
         state = begin(plant, friction, state, u, dt)
@@ -139,8 +138,8 @@ class Simulator:
             state = state._replace(memory=tuple(xp.where(fresh[..., None], *p) for p in pairs))
         with np.errstate(all="ignore"):  # a diverging motion overflows
             state = adaptive_step(plant, friction, state, u, dt[..., None], self._size)
-        wild = diverged(plant, state) | lost
-        return _where(wild, float("nan"), state) if bool(wild.any()) else state
+        alive = ~(diverged(plant, state) | lost)
+        return State(masked(state.q, alive), masked(state.w, alive), state.memory)
 
     def run(self, state: State, u: Any) -> State:
         """Motion q, w (T + 1, ..., n) from a state under torques u (T, ..., n) [N m].
@@ -183,13 +182,3 @@ class Simulator:
                 f"number for each of {n} joints"
             )
         return out
-
-
-def _where(which: Array, value: float, state: State) -> State:
-    """The state with a value in the rows (...) that are chosen."""
-    xp = namespace(state.q)
-
-    def put(x: Array) -> Array:
-        return xp.where(which[..., None], value * xp.ones_like(x), x)
-
-    return State(put(state.q), put(state.w), tuple(put(z) for z in state.memory))

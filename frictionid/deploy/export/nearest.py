@@ -101,7 +101,7 @@ def differs(model: ExportedFriction, held: Friction) -> bool:
     if model.law.has_memory or follows_more(model.friction):
         return True
     w, torque = sliding(model)
-    off = np.abs(along_velocity(held, w) - torque)
+    off = np.abs(curves(held, w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 
 
@@ -111,11 +111,6 @@ def follows_more(friction: Friction) -> bool:
     x = Inputs(*(w * np.array([[0.0], [1.0]]),) * 4)._replace(w=w)
     torque = friction.law.torque(friction.theta, x, ())
     return bool((torque[0] != torque[1]).any())
-
-
-def along_velocity(friction: Friction, w: Array) -> Array:
-    """Torque (S, n) of a static friction at velocities w (S, n), without numerical smoothing."""
-    return friction.law.sharpened().torque(friction.theta, at_rest(w), ())
 
 
 def break_away(friction: Friction) -> Array:

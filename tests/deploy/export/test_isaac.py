@@ -13,7 +13,7 @@ from frictionid.data.envelope import Envelope
 from frictionid.data.servo import PositionControl
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
-from frictionid.deploy.export.nearest import along_velocity, break_away, nearest
+from frictionid.deploy.export.nearest import break_away, nearest
 from frictionid.friction import Friction
 from frictionid.friction.laws import Stribeck
 
@@ -82,7 +82,7 @@ def test_physx_has_the_held_friction():
     own, made, cfg = configured(Friction(Stribeck(), THETA))
     assert isinstance(cfg, ImplicitActuatorCfg) and not isinstance(cfg, DelayedPDActuatorCfg)
     w = np.linspace(-5, 5, 40)
-    wanted = along_velocity(nearest(own), np.stack([w, w], axis=-1))
+    wanted = nearest(own).curve(w)
     for j, joint in enumerate(("hip.a", "knee")):
         assert [bool(re.fullmatch(e, joint)) for e in cfg.joint_names_expr].count(True) == 1
         np.testing.assert_allclose(physx(cfg, joint, w), wanted[:, j], atol=1e-12)
