@@ -1,4 +1,10 @@
-"""Which causes explain a difference: friction of a joint, a payload, the torque's gain or delay.
+"""What new recordings have beyond healthy ones, and which causes explain it.
+
+Estimates x_r (D,) of recordings are what they share, an effect linear in covariates z_r, their true
+scatter and the noise of each estimate: x_r = B z_r + u_r + e_r, cov u = S, cov e_r = C_r, a model
+of random effects [DerSimonianKacker2007]. S is by moments, from both groups about their means,
+shrunk towards independent effects, since recordings are often no more than effects. The slopes of
+the motion are shrunk as much as predicts left-out recordings best [Allen1974].
 
 Each cause alone, by generalised least squares: how much of the difference d with covariance V it
 explains, T = b' M^-1 b with b the cause's rows of V^-1 d, and M its block of V^-1. Healthy
@@ -12,13 +18,157 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
 
-from .scatter import Difference
+from .changes import Changes
+from .motion import apart
 
+_SHRINKAGES = 10.0 ** np.arange(-1.0, 4.0)  # of the motion's slopes, in recordings
+_LEAST = 0.02  # of the variance of independent rows
 _MOST = 4  # causes that are named
+_FEW = 8  # recordings that say nothing of the motion's effect
+
+
+class Difference(NamedTuple):
+    """What new recordings have beyond the healthy ones.
+
+    mean : (D,) ; covariance : (D, D) of it, if nothing has changed; freedom : of the scatter
+    left : (N, D) of each healthy recording against the others; covariances : (N, D, D) of these
+    """
+
+    mean: Array
+    covariance: Array
+    freedom: float
+    left: Array
+    covariances: Array
+
+
+def difference_of(healthy: Changes, new: Changes, size: Array) -> Difference:
+    """What new recordings (K) have beyond healthy ones (N), on average.
+
+    size : (D,) standard deviations of the priors, which no estimate is off by more
+    """
+    C, C_new = _noise(healthy, new, size)
+    Z, z = _covariates(healthy, new)
+    penalty = _penalty(Z, healthy, C)
+    inverse = np.linalg.inv(Z.T @ Z + np.diag(penalty))
+    slopes = inverse @ Z.T @ healthy.value
+    slopes[0] = 0.0
+    leverage = np.einsum("ri,ij,rj->r", Z, inverse, Z)
+    x, y = healthy.value - Z @ slopes, new.value - z @ slopes
+    freedom = max(len(x) - float(leverage.sum()), 1.0) + len(y) - 1
+    about = [v - _plain_mean(v, c) for v, c in ((x, C), (y, C_new))]
+    S = _true_scatter(np.concatenate(about), np.concatenate([C, C_new]), freedom)
+    middle, error = _mean(x, S + C)
+    mean, error_of_mean = _mean(y, S + C_new)
+    # beyond the healthy range the motion's effect is open, by as much as recordings scatter
+    distance = float((apart(healthy.motion, new.motion) ** 2).mean())
+    by_slopes = max(float(z.mean(axis=0) @ inverse @ z.mean(axis=0)) - inverse[0, 0], 0.0)
+    typical = len(x) * error
+    covariance = error_of_mean + error + (by_slopes + distance) * typical
+    share = np.minimum(leverage, 0.9)[:, None]
+    return Difference(
+        mean - middle,
+        covariance,
+        freedom,
+        (x - middle) / (1.0 - share),
+        (S + C) / (1.0 - share[..., None]),
+    )
+
+
+def _noise(healthy: Changes, new: Changes, size: Array) -> tuple[Array, Array]:
+    """Covariances (N, D, D) and (K, D, D) of the estimates, as the scores of stretches scatter.
+
+    With the curvature H of a recording, scores of covariance R H R and priors of precision P, an
+    estimate is off by (H + P)^-1 (R H R + P) (H + P)^-1 on average.
+    """
+    excess = np.maximum(np.median(healthy.excess, axis=0), np.median(new.excess, axis=0))
+    root, prior = np.sqrt(np.maximum(excess, _LEAST)), np.diag(size**-2.0)
+    out = []
+    for inverse in (healthy.inverse, new.inverse):
+        scores = (np.linalg.inv(inverse) - prior) * root[:, None] * root
+        out.append(inverse @ (scores + prior) @ inverse)
+    return out[0], out[1]
+
+
+def _plain_mean(values: Array, covariances: Array) -> Array:
+    """Mean (D,) of rows (R, D), each effect by itself, while their scatter is not known."""
+    weights = 1.0 / np.einsum("rpp->rp", covariances)
+    return np.asarray((weights * values).sum(axis=0) / weights.sum(axis=0))
+
+
+def _mean(values: Array, covariances: Array) -> tuple[Array, Array]:
+    """Mean (D,) of rows (R, D), weighed by what they tell, and its covariance."""
+    weights = np.linalg.inv(covariances)
+    error = np.linalg.inv(weights.sum(axis=0))
+    return error @ np.einsum("rpq,rq->p", weights, values), error
+
+
+def _covariates(healthy: Changes, new: Changes) -> tuple[Array, Array]:
+    """Columns (N, 1 + c + 2 n) and (K, 1 + c + 2 n): one, covariates, and the motion.
+
+    A covariate that is the same in all healthy recordings, or unknown, is left out, and all where
+    the recordings are too few to tell their effect.
+    """
+    both = np.concatenate([healthy.covariates, new.covariates])
+    usable = np.isfinite(both).all(axis=0) & (np.ptp(healthy.covariates, axis=0) > 0)
+    usable &= len(healthy.value) >= usable.sum() + 3
+    motion = [x.motion.reshape(len(x.motion), -1) for x in (healthy, new)]
+    columns = []
+    middle, size = (f(healthy.covariates[:, usable], axis=0) for f in (np.mean, np.std))
+    centre, spread = motion[0].mean(axis=0), np.maximum(motion[0].std(axis=0), 1e-3)
+    for x, m in zip((healthy, new), motion, strict=True):
+        beside = (x.covariates[:, usable] - middle) / size
+        columns.append(np.column_stack([np.ones(len(m)), beside, (m - centre) / spread]))
+    return columns[0], columns[1]
+
+
+def _penalty(Z: Array, healthy: Changes, C: Array) -> Array:
+    """Penalties of the columns: none of covariates, that of the motion by left-out recordings."""
+    moves = healthy.motion[0].size
+    free = np.zeros(Z.shape[1] - moves)
+    if len(Z) < max(_FEW, len(free) + 3):
+        return np.concatenate([free, np.full(moves, 1e12)])
+    fixed = Z[:, : len(free)]
+    others = healthy.value - fixed @ (np.linalg.pinv(fixed) @ healthy.value)
+    size = others.var(axis=0) + 1e-6 * np.einsum("rpp->p", C) / len(C)
+    best, least = 1e12, np.inf
+    for penalty in (1e12, *_SHRINKAGES[::-1]):
+        both = np.concatenate([free, np.full(moves, penalty)])
+        hat = Z @ np.linalg.inv(Z.T @ Z + np.diag(both)) @ Z.T
+        left = (healthy.value - hat @ healthy.value) / (1.0 - np.diag(hat))[:, None]
+        error = float((left**2 / size).sum())
+        if error < least * (1.0 - 1.0 / len(Z)):  # a smaller gain is chance
+            best, least = float(penalty), error
+    return np.concatenate([free, np.full(moves, best)])
+
+
+def _true_scatter(about: Array, each: Array, freedom: float) -> Array:
+    """Covariance (D, D) of the true scatter, from rows (R, D) about their means with their noise.
+
+    That of independent effects is by moments of noise^-1 rows, in which each effect stands out by
+    what the recordings tell of it alone; then the sample's is shrunk towards it.
+    """
+    tells = np.einsum("rpp->rp", each) ** -0.5
+    tells /= np.sqrt((tells**2).sum(axis=0))
+    noise = np.einsum("rp,rpq,rq->pq", tells, each, tells)
+    weighted = tells * about * np.sqrt(len(about) / freedom)
+    precision = np.linalg.inv(noise)
+    size = np.diag(precision)
+    moments = ((weighted @ precision) ** 2).sum(axis=0)
+    beyond, _ = nnls(precision**2 / size[:, None] / size, moments / size - 1.0)
+    sample = weighted.T @ weighted
+    beyond = np.minimum(beyond / size, np.diag(sample))  # nothing scatters more than its estimates
+    share = len(sample) / (len(sample) + freedom)
+    total = (1.0 - share) * sample + share * (noise + np.diag(beyond))
+    root = np.linalg.cholesky(noise)
+    inner = np.linalg.solve(root, np.linalg.solve(root, total).T)
+    value, vector = np.linalg.eigh((inner + inner.T) / 2)
+    turned = root @ vector
+    return np.asarray((turned * np.maximum(value - 1.0, 0.0)) @ turned.T)
 
 
 class Explanation(NamedTuple):

@@ -20,9 +20,8 @@ from frictionid.friction.provenance import Segment
 from .baseline import Baseline
 from .changes import Changes, total_weights
 from .effects import MOMENTS, PARTS, causes_of
-from .explanation import CauseTests, Explanation, cause_tests, explained
+from .explanation import CauseTests, Explanation, cause_tests, difference_of, explained
 from .motion import beyond, sentence
-from .scatter import difference_of
 
 Answer = Literal["changed", "unchanged", "other", "cannot_tell"]
 _BLIND = 1.0  # of the usual friction: a change that is not seen below this is not seen at all

@@ -46,8 +46,7 @@ def watch(
     from frictionid.deploy.compensation import friction_in
     from frictionid.errors import InputError
 
-    from .code import write_code
-    from .watch import watch_of, watched
+    from .watch import watch_of, watched, write_code
 
     if code is None and (follow is None) == (not port):
         raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")

@@ -27,8 +27,7 @@ from frictionid.fitting.gauss_newton import MAD
 from frictionid.friction import Friction
 
 from ..compensation import friction_in
-from .members import members_of
-from .momentum_observer import SETTLING, MomentumObserver, Observed
+from .momentum_observer import SETTLING, MomentumObserver, Observed, members_of
 
 _DELAYS = 2.33  # of the observer's rate, which those of both filters add up to
 _BLOCK = 2000  # samples at a time, to spare memory

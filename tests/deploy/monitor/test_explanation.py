@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from frictionid.deploy.monitor.changes import Changes
-from frictionid.deploy.monitor.explanation import CauseTests, cause_tests, explained
-from frictionid.deploy.monitor.scatter import difference_of
+from frictionid.deploy.monitor.explanation import CauseTests, cause_tests, difference_of, explained
 
 D = 6
 CAUSES = {"a": np.array([0, 1, 2]), "b": np.array([3]), "c": np.array([4, 5])}

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.deploy.watch.code import write_code
 from frictionid.deploy.watch.external import interval_torques, noises
 from frictionid.deploy.watch.live import LiveFriction
 from frictionid.deploy.watch.momentum_observer import Observed
 from frictionid.deploy.watch.stream import Chunk, part
-from frictionid.deploy.watch.watch import watch_of, watched
+from frictionid.deploy.watch.watch import watch_of, watched, write_code
 from frictionid.friction.laws import CoulombViscous, Dahl
 from frictionid.simulate import (
     Camera,
