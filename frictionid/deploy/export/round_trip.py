@@ -93,7 +93,9 @@ def run_by_engine(
         (int(a), place[j]) for a in commanded if (j := int(engine.actuator_trnid[a, 0])) in place
     ]
     memory = memory_at(model.friction[None][np.zeros(len(initial.q), dtype=int)], initial)
-    bent = [(int(a), place[int(engine.actuator_trnid[a, 0])]) for a in _with_bristles(engine)]
+    # actuators that are nothing but bristles
+    bristles = np.flatnonzero((engine.actuator_ctrlnum == 0) & (engine.actuator_actadr >= 0))
+    bent = [(int(a), place[int(engine.actuator_trnid[a, 0])]) for a in bristles]
     step, out, state = float(engine.opt.timestep), np.empty_like(initial.q), mujoco.MjData(engine)
     for s in range(len(initial.q)):
         recording = model.data.recordings[initial.recording[s]]
@@ -111,11 +113,6 @@ def run_by_engine(
             mujoco.set_mjcb_passive(None)
         out[s] = state.qpos[places]
     return out
-
-
-def _with_bristles(engine: Any) -> Array:
-    """Actuators that are nothing but bristles."""
-    return np.flatnonzero((engine.actuator_ctrlnum == 0) & (engine.actuator_actadr >= 0))
 
 
 def _run(

@@ -150,10 +150,11 @@ def recording_changes(
     for r, recording in enumerate(dataset.recordings):
         row = np.flatnonzero(linear.recording == r)
         rows = _Rows(*(field[row] for field in linear))
-        fit, used = _undisturbed(rows, prior, np.broadcast_to(most, rows.residual.shape[1]))
+        widest = np.broadcast_to(most, rows.residual.shape[1])
+        *fit, peak, used = _undisturbed(rows, prior, widest)
         left_out += _segments(rows, used, recording.name)
         motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
-        fits.append((*fit[:3], motion, fit[3]))
+        fits.append((*fit, motion, peak))
     value, inverse, excess, motion, peak = (np.stack(x) for x in zip(*fits, strict=True))
     beside = covariate_means(dataset, covariates)
     return Changes(value, inverse, excess, motion, peak, beside), tuple(left_out)
@@ -225,11 +226,10 @@ def _basis(w: Array, speeds: Array) -> Array:
     return out.reshape(-1, *w.shape)
 
 
-_Fitted = tuple[Array, Array, Array, Array]  # value, inverse, excess, peak
-
-
-def _undisturbed(rows: _Rows, prior: Array, most: Array) -> tuple[_Fitted, Array]:
-    """The fit to what is not disturbed, and which rows (K,) that is."""
+def _undisturbed(
+    rows: _Rows, prior: Array, most: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Value, inverse, excess and peak of what is not disturbed, and which rows (K,) that is."""
     used = np.ones(len(rows.time), dtype=bool)
     for _ in range(_PASSES):
         value, inverse, excess, left = _fitted(rows, used, prior)
@@ -240,7 +240,7 @@ def _undisturbed(rows: _Rows, prior: Array, most: Array) -> tuple[_Fitted, Array
         if np.array_equal(before, used):
             break
     peak = np.abs(mean[used]).max(axis=0, initial=0.0)
-    return (value, inverse, excess, peak), used
+    return value, inverse, excess, peak, used
 
 
 def _fitted(rows: _Rows, used: Array, prior: Array) -> tuple[Array, Array, Array, Array]:

@@ -149,15 +149,8 @@ def write_monitoring(folder: Path, monitored: Monitored, *, replace: bool = Fals
     """Path of the page written, with its numbers and its picture beside it."""
     with style.drawing():
         kinds = style.rendered(_drift(monitored), ("svg", "pdf"))
-    context = {
-        "sentence": monitored.sentence,
-        "judgement": monitored.judgement,
-        "about": monitored.about,
-        "evidence": monitored.evidence,
-        "table": monitored.table,
-        "image": "data:image/svg+xml;base64," + base64.b64encode(kinds["svg"]).decode(),
-        "names": monitored.names,
-    }
+    image = "data:image/svg+xml;base64," + base64.b64encode(kinds["svg"]).decode()
+    context = {"monitored": monitored, "image": image}
     contents = {
         PAGE: render_page("monitoring.html.j2", context).encode(),
         DOCUMENT: json_text(monitored.document).encode(),

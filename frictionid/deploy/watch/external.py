@@ -105,9 +105,7 @@ class ExternalTorque:
     def frame(self) -> pd.DataFrame:
         """Columns recording, time [s], and torquej, bandj [N m] and contactj of each joint j."""
         parts = []
-        for name, time, torque, band in zip(
-            self.names, self.time, self.torque, self.band, strict=True
-        ):
+        for name, time, torque, band in self._recordings:
             part = {"recording": name, "time": time}
             for j in range(len(self.joints)):
                 part[f"torque{j + 1}"], part[f"band{j + 1}"] = torque[:, j], band[:, j]
@@ -120,9 +118,14 @@ class ExternalTorque:
         """Stretches in which the band of a joint excludes zero."""
         return tuple(
             contact
-            for row in zip(self.names, self.time, self.torque, self.band, strict=True)
+            for row in self._recordings
             for contact in contacts_in(*row, self.joints, self.band_of.response)
         )
+
+    @property
+    def _recordings(self) -> Iterator[tuple[str, Array, Array, Array]]:
+        """Name, time, torque and band of each recording."""
+        return zip(self.names, self.time, self.torque, self.band, strict=True)
 
 
 def contacts_in(
@@ -229,14 +232,15 @@ def held_out(fit: Fit) -> Iterator[tuple[Friction, Dataset]]:
         begin, middle, end = np.linspace(r.angle.time[0], r.angle.time[-1], 3)
         halves = cut(r.angle, begin, middle), cut(r.angle, middle, end)
         recordings = tuple(replace(r, angle=half, truth=None) for half in halves)
-    free = None if source.refined is None else {e.block for e in source.refined.parameters}
+    refined = source.refined
+    free = None if refined is None else sorted({e.block for e in refined.parameters})
     for k in range(count := min(_FOLDS, len(recordings))):
         seen = tuple(r for i, r in enumerate(recordings) if i % count != k)
         again = fit_again(
             replace(fit.data, recordings=seen),
             fit.friction.law,
             method=fit.method,
-            free=None if free is None else sorted(free),
+            free=free,
             sample_time=source.sample_time,
         )
         yield again.friction, replace(fit.data, recordings=recordings[k::count])
@@ -386,9 +390,8 @@ def _judged(
     momentum_observer: MomentumObserver, recording: Recording, band: Band
 ) -> tuple[Array, Array, Array]:
     """Time (K,), torque and band (K, n) of a recording, from its second sample on."""
-    time, pairs = [], []
-    for said in observed(momentum_observer, recording):
-        time.append(said.time)
-        pairs.append(with_band(said, band))
-    torque, bands = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    return np.concatenate(time), torque, bands
+    blocks = [
+        (said.time, *with_band(said, band)) for said in observed(momentum_observer, recording)
+    ]
+    time, torque, bands = map(np.concatenate, zip(*blocks, strict=True))
+    return time, torque, bands

@@ -13,16 +13,7 @@ from frictionid.deploy.export import expressions as ex
 
 from ..exported import ExportedFriction, ExportSettings, Written
 
-_HELPERS = {
-    "exp": ["RESULT := EXP(MAX(MIN(a, {top}), -{top}));"],
-    "log1p": ["RESULT := LN(1.0 + a);"],
-    "sign": ["RESULT := SEL(a < 0.0, SEL(a > 0.0, 0.0, 1.0), -1.0);"],
-    "tanh": [
-        "b := EXP(-2.0 * MIN(ABS(a), 20.0));",
-        "RESULT := SEL(a < 0.0, 1.0, -1.0) * (1.0 - b) / (1.0 + b);",
-    ],
-}
-_TOP = {"LREAL": "700.0", "REAL": "80.0"}  # of EXP
+_HELPERS = ("exp", "log1p", "sign", "tanh")  # whose bodies are in the template
 
 
 def write(model: ExportedFriction, settings: ExportSettings) -> Written:
@@ -32,9 +23,6 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
     names = {"name": settings.name, "real": real, "language": _language(settings.name, real)}
     context: dict[str, Any] = {**names, "comment": _comment, "functions": functions}
     context["code"] = {f.name: f.blocks(f"{f.name}_v") for f in functions}
-    context["helpers"] = {
-        name: [line.format(top=_TOP[real]) for line in lines] for name, lines in _HELPERS.items()
-    }
     text = ex.rendered("block.st.j2", model, context)
     arguments = [*model.programs.inputs, *(["dt", "reset"] if model.programs.memory else [])]
     call = ", ".join(f"{x} := {x}" for x in arguments)

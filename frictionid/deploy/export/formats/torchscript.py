@@ -1,6 +1,5 @@
 """Friction as TorchScript, for actuator networks: loaded by torch alone, without this package."""
 
-import io
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -129,8 +128,7 @@ def write(model: ExportedFriction, settings: ExportSettings) -> Written:
         module: torch.nn.Module = _Static(parts["torque"], facts)
         if m:
             module = _WithMemory(parts, facts, model.law.sample_time or 0.0)
-        buffer = io.BytesIO()
-        torch.jit.save(torch.jit.script(module), buffer)
+        content = torch.jit.script(module).save_to_buffer()
     called = "history, dt" if m else "x"
     note = f'module = torch.jit.load("{settings.stem}.pt"); Tf = module({called}); see module.facts'
-    return Written({".pt": buffer.getvalue()}, notes=(note,))
+    return Written({".pt": content}, notes=(note,))
