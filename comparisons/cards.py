@@ -30,7 +30,7 @@ import numpy as np
 from script import call
 
 import frictionid as fid
-from frictionid.api.machines import Machine
+from frictionid.api.machines import HeldOut, Machine
 from frictionid.comparison.registry import LAWS
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.recordings import Dataset
@@ -83,16 +83,7 @@ CARDS = {
 }
 
 
-class Held(NamedTuple):
-    """Error on motion that the judged fit has not seen, and without friction."""
-
-    error: float
-    without: float
-    unit: str
-    what: str
-
-
-def quick(dataset: Dataset) -> tuple[Friction, Held, str]:
+def quick(dataset: Dataset) -> tuple[Friction, HeldOut, str]:
     """The law of the first verdict."""
     result = fid.quick(dataset, lambda step: print("  ", step, flush=True))
     assert result.chosen is not None and result.friction is not None
@@ -101,17 +92,17 @@ def quick(dataset: Dataset) -> tuple[Friction, Held, str]:
         units = dataset.mechanism.position_units
         unit = norm_of(np.zeros((1, len(units))), units, dataset.scales.size)[1]
         what = f"median of predictions after {result.horizon:g} s, {result.folds} folds"
-        held = Held(result.chosen.error, without, unit, what)
+        held = HeldOut(result.chosen.error, without, unit, what)
     else:
         left = 100 * result.chosen.error, 100 * without
-        held = Held(*left, "%", f"of the torque is left, {result.folds} folds")
+        held = HeldOut(*left, "%", f"of the torque is left, {result.folds} folds")
     friction = result.friction
     if result.refined is not None:
         friction = friction.noted({"refined": result.refined})
     return friction, held, " ".join(verdict(result)[:1] + verdict(result)[2:])
 
 
-def servo(dataset: Dataset) -> tuple[Friction, Held, str]:
+def servo(dataset: Dataset) -> tuple[Friction, HeldOut, str]:
     """The law that predicts best the logs that its fit has not seen, every second one."""
     halves, laws = (dataset.recordings[::2], dataset.recordings[1::2]), SERVO_LAWS
     first, last = (replace(dataset, recordings=half, hashes={}) for half in halves)
@@ -119,12 +110,12 @@ def servo(dataset: Dataset) -> tuple[Friction, Held, str]:
     errors = ahead({**fits, "none": without_friction(fits[laws[0]])}, last)
     best = min(laws, key=lambda law: errors[law])
     what = f"median of predictions after {AHEAD:g} s, every second log"
-    held = Held(errors[best], errors["none"], "rad", what)
+    held = HeldOut(errors[best], errors["none"], "rad", what)
     said = ", ".join(f"{law} {errors[law]:.3g} rad" for law in laws if law != best)
     return shot(dataset, best), held, f"{best} predicts best: {said}."
 
 
-def legs(dataset: Dataset) -> tuple[Friction, Held, str]:
+def legs(dataset: Dataset) -> tuple[Friction, HeldOut, str]:
     """The law whose free run of the last third is best, fitted to all."""
     train, test = go2.part(0, 2 / 3), go2.part(2 / 3, 1)
     fits = {law: go2.fitted(law, train) for law in LEG_LAWS}
@@ -135,7 +126,7 @@ def legs(dataset: Dataset) -> tuple[Friction, Held, str]:
     }
     best = min(LEG_LAWS, key=lambda law: errors[law])
     what = "root mean square of a free run of the last third, by joint"
-    held = Held(errors[best], errors["none"], "rad", what)
+    held = HeldOut(errors[best], errors["none"], "rad", what)
     said = ", ".join(f"{law} {errors[law]:.2g} rad" for law in LEG_LAWS if law != best)
     return go2.fitted(best, dataset).friction, held, f"{best} predicts best: {said}."
 
@@ -158,12 +149,12 @@ def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
     return {n: score_value(frame, "rollout_angle", "median", AHEAD) for n, frame in each.items()}
 
 
-def published(dataset: Dataset, file: Path) -> tuple[Friction, Held, str]:
+def published(dataset: Dataset, file: Path) -> tuple[Friction, HeldOut, str]:
     """A published model, judged on our recordings."""
     friction = load_model(file, LAWS)
     errors = ahead({"published": friction, "none": without_friction(friction)}, dataset)
     what = f"median of predictions after {AHEAD:g} s, of all"
-    return friction, Held(*errors.values(), "rad", what), "As published, not fitted here."
+    return friction, HeldOut(*errors.values(), "rad", what), "As published, not fitted here."
 
 
 def made(name: str) -> dict[str, Any]:

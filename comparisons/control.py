@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from scipy.stats import binomtest
 from script import call
 
 import frictionid as fid
@@ -265,14 +266,6 @@ def outcome(done: Array, plan: Plan, wanted: Array | None) -> Outcome:
     return Outcome(elbow, error, effort, success)
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share, by Wilson's formula."""
-    z, share = 1.96, hits / count
-    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)) / (1 + z**2 / count)
-    return middle - half, middle + half
-
-
 def interval(values: Array) -> str:
     """Mean with its 95 % interval."""
     half = 1.96 * values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else float("nan")
@@ -296,7 +289,7 @@ def main(*, seeds: int = 50) -> None:
     for task, name in trials[0]:
         own = [each[task, name] for each in trials]
         hits = np.concatenate([o.success for o in own])
-        low, high = wilson(int(hits.sum()), len(hits))
+        low, high = binomtest(int(hits.sum()), len(hits)).proportion_ci(method="wilson")
         columns = (
             interval(np.concatenate([getattr(o, f) for o in own]))
             for f in ("error", "elbow", "effort")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 from script import call
 
 from frictionid import baseline, load_dataset, mechanisms, monitor
@@ -167,8 +167,7 @@ def taken(changes: Changes, index: Any) -> Changes:
 
 def counted(hits: int, cases: int) -> str:
     """A share with its exact 95 % interval (Clopper-Pearson)."""
-    low = beta.ppf(0.025, hits, cases - hits + 1) if hits else 0.0
-    high = beta.ppf(0.975, hits + 1, cases - hits) if hits < cases else 1.0
+    low, high = binomtest(hits, cases).proportion_ci()
     return f"{hits} of {cases}, {hits / cases:.1%} [{low:.1%}, {high:.1%}]"
 
 

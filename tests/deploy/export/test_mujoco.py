@@ -53,6 +53,13 @@ NUMBERS = np.array([[0.12, 0.02], [0.05, 0.01]])
 STRIBECK = np.array([[0.1, 0.05, 0.5, 0.02], [0.03, 0.0, 0.5, 0.01]])
 
 
+@pytest.fixture(autouse=True)
+def no_callback():
+    """What a test has set ends with it."""
+    yield
+    mujoco.set_mjcb_passive(None)
+
+
 @pytest.fixture
 def robot(tmp_path):
     path = tmp_path / "leg.xml"
@@ -144,42 +151,14 @@ def test_a_sliding_joint_has_the_models_torque(robot, law):
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     own = exported(Friction(*law), speeds=(5.0, 5.0)).friction
     mujoco.set_mjcb_passive(module.Friction(model))
-    try:
-        for _ in range(100):
-            data.qpos, data.qvel, data.ctrl = rng.uniform(-3, 3, (3, 2))
-            for _ in range(
-                3
-            ):  # the motor torque, and the level, are those of the evaluation before
-                mujoco.mj_forward(model, data)
-            levels = model.dof_frictionloss * np.sign(data.qvel)
-            x = Inputs(data.qpos, data.qvel, data.ctrl, 0.0 * data.ctrl)
-            wanted = own.law.sharpened().torque(own.theta, x, ())
-            np.testing.assert_allclose(levels - data.qfrc_passive, wanted, rtol=1e-9, atol=1e-9)
-    finally:
-        mujoco.set_mjcb_passive(None)
-
-
-def test_memory_advances_with_the_engines_steps(robot):
-    """The film under a given motion: the callback's torque is the law's."""
-    law, theta = FilmLag(), np.array([[0.1, 0.05, 0.5, 0.01, 0.02]] * 2)
-    made = written(law, theta, robot)
-    model, module = loaded(made)
-    data, passive = mujoco.MjData(model), module.Friction(model)
-    own = exported(Friction(law, theta), speeds=(5.0, 5.0)).friction
-    memory, sharp = None, own.law.sharpened()
-    for k in range(40):
-        data.time, data.qvel[:] = 0.001 * k, [np.sin(0.3 * k), 2.0 * np.cos(0.2 * k)]
-        data.qfrc_passive[:] = 0.0
-        passive(model, data)
-        x = Inputs(0 * data.qvel, data.qvel.copy(), 0 * data.qvel, 0 * data.qvel)
-        if memory is None:
-            memory = sharp.start(theta, x)
-        else:
-            memory = sharp.advance(theta, x, memory, np.array([0.001]))
-        held = model.dof_damping * data.qvel + model.dof_frictionloss * np.sign(data.qvel)
-        wanted = sharp.torque(theta, x, memory) - held
-        slides = np.abs(data.qvel) > 1e-4
-        np.testing.assert_allclose(-data.qfrc_passive[slides], wanted[slides], rtol=1e-9)
+    for _ in range(100):
+        data.qpos, data.qvel, data.ctrl = rng.uniform(-3, 3, (3, 2))
+        for _ in range(3):  # the motor torque, and the level, are those of the evaluation before
+            mujoco.mj_forward(model, data)
+        levels = model.dof_frictionloss * np.sign(data.qvel)
+        x = Inputs(data.qpos, data.qvel, data.ctrl, 0.0 * data.ctrl)
+        wanted = own.law.sharpened().torque(own.theta, x, ())
+        np.testing.assert_allclose(levels - data.qfrc_passive, wanted, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(("share", "moves"), [(0.9, False), (1.1, True)])
@@ -190,10 +169,7 @@ def test_a_joint_breaks_away_at_the_models_level(robot, share, moves):
     data = mujoco.MjData(model)
     data.ctrl[0] = share * (STRIBECK[0, 0] + STRIBECK[0, 1])
     mujoco.set_mjcb_passive(module.Friction(model))
-    try:
-        mujoco.mj_step(model, data, 200)
-    finally:
-        mujoco.set_mjcb_passive(None)
+    mujoco.mj_step(model, data, 200)
     assert abs(data.qpos[0]) > 0.01 if moves else abs(data.qpos[0]) < 1e-3
 
 
@@ -230,13 +206,11 @@ def moved(made, u, step):
     data, out = mujoco.MjData(model), []
     data.qpos[0] = 0.5
     mujoco.set_mjcb_passive(module.Friction(model) if vars(module).get("Friction") else None)
-    try:
-        for torque in u[:, 0]:
-            data.ctrl[0] = torque
-            mujoco.mj_step(model, data, round(0.01 / step))
-            out.append(data.qpos[0])
-    finally:
-        mujoco.set_mjcb_passive(None)
+    for torque in u[:, 0]:
+        data.ctrl[0] = torque
+        mujoco.mj_step(model, data, round(0.01 / step))
+        out.append(data.qpos[0])
+    mujoco.set_mjcb_passive(None)
     return np.array(out)
 
 

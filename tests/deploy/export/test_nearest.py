@@ -7,22 +7,24 @@ import pytest
 from fixtures.refusals import assert_refused
 
 from frictionid.data.readers.dataset import load_dataset
+from frictionid.data.signals import taken
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.nearest import break_away, cost_of, cost_sentence, differs, nearest
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, Quadratic, Stribeck
 
 
+def shortened(data, count):
+    """The first samples of the first recording."""
+    run = data.recordings[0]
+    angle, torque = (taken(s, range(count)) for s in (run.angle, run.torque))
+    return replace(data, recordings=(replace(run, angle=angle, torque=torque, truth=None),))
+
+
 @pytest.fixture(scope="module")
 def data():
     """Two seconds of one recording."""
-    whole = load_dataset("acrobot_clean")
-    run = whole.recordings[0]
-    angle, torque = (
-        s._replace(time=s.time[:120], value=s.value[:120]) for s in (run.angle, run.torque)
-    )
-    run = replace(run, angle=angle, torque=torque, truth=None)
-    return replace(whole, recordings=(run,), truth=None)
+    return replace(shortened(load_dataset("acrobot_clean"), 120), truth=None)
 
 
 def test_a_law_without_its_own_terms_is_found_as_it_is():
@@ -80,11 +82,6 @@ def test_the_cost_is_the_difference_on_the_datas_motion(data):
 
 
 def test_short_recordings_show_the_cost_over_half_of_them(data):
-    run = data.recordings[0]
-    angle, torque = (
-        s._replace(time=s.time[:80], value=s.value[:80]) for s in (run.angle, run.torque)
-    )
-    short = replace(data, recordings=(replace(run, angle=angle, torque=torque),))
-    own = exported(Friction(CoulombViscous(), np.zeros((2, 2))), data=short)
+    own = exported(Friction(CoulombViscous(), np.zeros((2, 2))), data=shortened(data, 80))
     assert own.horizon == 0.7  # of 1.3 s
     assert cost_of(own, own.friction).predictions > 0

@@ -29,10 +29,10 @@ ROBOT = """<robot name="arm">
 THETA = np.array([[0.12, 0.02], [3.5, 0.7]])
 
 
-def written(tmp_path, text=ROBOT, law=None, theta=THETA, units=("rad", "m")):
+def written(tmp_path, text=ROBOT, law=None, theta=THETA):
     path = tmp_path / "arm.urdf"
-    path.write_text(text)
-    model = Friction(law or CoulombViscous(), theta, position_units=units)
+    path.write_bytes(text.encode())
+    model = Friction(law or CoulombViscous(), theta, position_units=("rad", "m"))
     own = exported(model, ("one", "two"), (5.0, 1.0))
     return writer_of("urdf")(own, ExportSettings(into=path))
 
@@ -62,11 +62,7 @@ def test_settings_may_be_said_by_name(tmp_path):
 
 def test_marks_of_order_ends_of_lines_and_letters_stay(tmp_path):
     text = "\ufeff" + ROBOT.replace("two joints", "zwei Gelenke: größer").replace("\n", "\r\n")
-    path = tmp_path / "arm.urdf"
-    path.write_bytes(text.encode())
-    model = Friction(CoulombViscous(), THETA, position_units=("rad", "m"))
-    own = exported(model, ("one", "two"))
-    made = writer_of("urdf")(own, ExportSettings(into=path)).files[".urdf"].decode()
+    made = written(tmp_path, text).files[".urdf"].decode()
     new = '<dynamics damping="0.7" friction="3.5"/>'
     assert made == text.replace("friction='5'", 'friction="0.12" damping="0.02"').replace(
         '<child link="b"/>', f'<child link="b"/>\r\n    {new}'

@@ -11,12 +11,8 @@ import numpy as np
 import pytest
 
 import frictionid as fid
-from frictionid.deploy.monitor.baseline import (
-    load_baseline,
-    machine_of,
-    make_baseline,
-    save_baseline,
-)
+from frictionid.data.signals import taken
+from frictionid.deploy.monitor.baseline import load_baseline, machine_of, save_baseline
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
 from frictionid.deploy.monitor.monitor import load_state
 from frictionid.mechanics import mechanism_of
@@ -288,19 +284,14 @@ def test_the_commands_say_it_by_their_exit_status(healthy, worn, tmp_path, run):
 
 def test_a_baseline_of_one_recording_is_refused(healthy):
     with pytest.raises(fid.InputError, match="two or more"):
-        make_baseline(
-            prepared_data(some(healthy, 0, 1)),
-            fid.fit(healthy, "stribeck", method="one_step").friction,
-        )
+        fid.baseline(some(healthy, 0, 1))
 
 
 def test_pieces_of_healthy_recordings_raise_no_alarm(known, first):
     """Thirty samples are hardly more than what may change: the noise is that of healthy ones."""
 
     def piece(r, a):
-        rows = slice(a, a + 30)
-        angle = r.angle._replace(time=r.angle.time[rows], value=r.angle.value[rows])
-        return replace(r, name=f"{r.name} {a}", angle=angle, truth=None)
+        return replace(r, name=f"{r.name} {a}", angle=taken(r.angle, range(a, a + 30)), truth=None)
 
     new = some(first, COUNT, COUNT + 5)
     for a in range(0, 700, 100):

@@ -88,17 +88,11 @@ def test_what_is_linear_in_the_payload_changes_no_judgement_and_no_evidence(know
     np.testing.assert_allclose(one, two, rtol=1e-6)
 
 
-def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy):
-    plain = fid.baseline(dataset(*(replace(r, parameters={}) for r in light)))
-    assert plain.covariates == ()
-    with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
-        fid.monitor(plain, dataset(heavy[0]))
+@pytest.mark.parametrize("said", [{}, {"mass": LIGHT}], ids=["unsaid", "always the same"])
+def test_a_payload_of_which_the_baseline_knows_nothing_is_refused(light, heavy, said):
+    plain = fid.baseline(dataset(*(replace(r, parameters=said) for r in light)))
+    assert plain.covariates == tuple(said)
     assert fid.monitor(plain, dataset(light[0])).answer == "unchanged"  # the same mass
-
-
-def test_a_payload_that_is_always_the_same_is_no_covariate_to_go_by(light, heavy):
-    """All healthy recordings say the light mass: the heavy one is refused."""
-    plain = fid.baseline(dataset(*light))
     with pytest.raises(fid.InputError, match=r"mass = 0.7 is not the baseline's 0.5"):
         fid.monitor(plain, dataset(heavy[0]))
 

@@ -38,8 +38,3 @@ def test_the_feedback_of_a_plan_brings_errors_back():
         pushed = step(pushed, -gain[k] @ pushed).full()[:, 0]
         free = step(free, 0.0).full()[:, 0]
     assert np.abs(pushed[2:]).max() < 0.3 * np.abs(free[2:]).max()
-
-
-def test_an_interval_of_a_share_is_wilsons():
-    np.testing.assert_allclose(control.wilson(5, 10), (0.2366, 0.7634), atol=1e-4)
-    np.testing.assert_allclose(control.wilson(0, 50), (0.0, 0.0714), atol=1e-4)

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 import frictionid as fid
+from frictionid.data.signals import taken
 from frictionid.deploy.watch.external import interval_torques, noises
 from frictionid.deploy.watch.live import LiveFriction
 from frictionid.deploy.watch.momentum_observer import Observed
 from frictionid.deploy.watch.stream import Chunk, part
 from frictionid.deploy.watch.watch import watch_of, watched, write_code
-from frictionid.friction.laws import CoulombViscous, Dahl
+from frictionid.friction.laws import Dahl
 from frictionid.simulate import (
     Camera,
     Curve,
@@ -133,9 +134,7 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
     """Between its ends nothing is known; behind it the filters settle anew."""
     (r, *_) = quiet.recordings
     keep = (r.angle.time < 4.0) | (r.angle.time > 7.0)
-    angle, torque = (
-        x._replace(time=x.time[keep], value=x.value[keep]) for x in (r.angle, r.torque)
-    )
+    angle, torque = (taken(x, keep) for x in (r.angle, r.torque))
     paused = replace(quiet, recordings=(replace(r, angle=angle, torque=torque, truth=None),))
     said = fid.external_torque(fit, paused, quiet=quiet)
     assert not said.contacts
@@ -195,13 +194,15 @@ def test_the_live_estimate_is_the_same_however_the_samples_come(fit, folder):
     assert np.isinf(ends[0][0].estimate.band).all()  # one stretch does not say how they scatter
 
 
+def samples_of(recording):
+    return Chunk(recording.angle.time, recording.angle.value, recording.torque.value)
+
+
 def test_memory_is_that_of_a_stretch(fit, quiet):
     """What is kept after a stretch is as large as after ten."""
     watch = watch_of(fit.friction, quiet, 0.1, 1.0)
     live = watch.friction
-    said, size = live.start(), []
-    r = quiet.recordings[0]
-    whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
+    said, size, whole = live.start(), [], samples_of(quiet.recordings[0])
     for a in range(0, 2000, 400):
         said = live.added(said, part(whole, a, a + 401))
         size.append(sum(np.size(x) for x in said))
@@ -215,9 +216,8 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     live = watch_of(less, one, 0.1, 1.0).friction
     said, estimates = live.start(), []
     for r in recorded(8, seed=3).recordings:
-        whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
         for a in range(0, 2000, 1000):
-            said = live.added(said, part(whole, a, a + 1001))
+            said = live.added(said, part(samples_of(r), a, a + 1001))
             estimates.append(live.estimate(said))
     done = next(e for e in estimates if e.converged)
     batch = estimates[-1].share
@@ -230,10 +230,8 @@ def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(fit, qui
     """Also in the moment in which the next half begins."""
     live = watch_of(fit.friction, quiet, 0.1, 1.0).friction
     said = live.start()
-    r = quiet.recordings[0]
-    whole = Chunk(r.angle.time, r.angle.value, r.torque.value)
     for _ in range(8):
-        said = live.added(said, part(whole, 0, 1001))
+        said = live.added(said, part(samples_of(quiet.recordings[0]), 0, 1001))
     assert said.at == said.stretches == 8
     assert live.estimate(said).converged
     moved = said._replace(checkpoints=said.checkpoints - [[0.5], [0.0]])
@@ -274,8 +272,7 @@ def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
     with pytest.raises(fid.InputError, match="has 1 joints, the model has 2"):
         watch_of(two, quiet, 0.1, 1.0)
     r = quiet.recordings[0]
-    cut = r.angle._replace(time=r.angle.time[:90], value=r.angle.value[:90])
-    short = replace(quiet, recordings=(replace(r, angle=cut),))
+    short = replace(quiet, recordings=(replace(r, angle=taken(r.angle, range(90))),))
     with pytest.raises(
         fid.InputError, match="too short for a band: give 2 s and more beside 0.52 s"
     ):
@@ -285,7 +282,6 @@ def test_what_cannot_be_watched_is_refused(fit, quiet, tmp_path):
     other = replace(watch, momentum_observer=replace(watch.momentum_observer, friction=dahl))
     with pytest.raises(fid.InputError, match="code is for static laws"):
         write_code(other, tmp_path / "a.c", [], replace=False)
-    assert CoulombViscous().has_memory is False
 
 
 def test_the_command_follows_a_file(fit, folder, tmp_path, run):
