@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import go2
 import numpy as np
+from exported import halves
 from script import call
 
 import frictionid as fid
@@ -104,8 +105,7 @@ def quick(dataset: Dataset) -> tuple[Friction, HeldOut, str]:
 
 def servo(dataset: Dataset) -> tuple[Friction, HeldOut, str]:
     """The law that predicts best the logs that its fit has not seen, every second one."""
-    halves, laws = (dataset.recordings[::2], dataset.recordings[1::2]), SERVO_LAWS
-    first, last = (replace(dataset, recordings=half, hashes={}) for half in halves)
+    laws, (first, last) = SERVO_LAWS, halves(replace(dataset, hashes={}))
     fits = {law: shot(first, law) for law in laws}
     errors = ahead({**fits, "none": without_friction(fits[laws[0]])}, last)
     best = min(laws, key=lambda law: errors[law])

@@ -171,21 +171,11 @@ def gains(step: ca.Function, x: Array, u: Array) -> Array:
     cost = 10.0 * STATE_WEIGHT
     out = [np.zeros(4)]  # where the plan ends, nothing follows
     for k in reversed(range(len(u))):
-        A, B = _linear(slope, step, x[k], u[k])
-        K = _gain(A, B, cost)
+        A, B = (part.full() for part in slope(x[k], u[k], step(x[k], u[k])))
+        K = np.linalg.solve(TORQUE_WEIGHT + B.T @ cost @ B, B.T @ cost @ A)[0]
         cost = STATE_WEIGHT + A.T @ cost @ (A - B @ K[None])
         out.append(K)
     return np.array(out[::-1])
-
-
-def _linear(slope: ca.Function, step: ca.Function, x: Array, u: float) -> tuple[Array, Array]:
-    A, B = (part.full() for part in slope(x, u, step(x, u)))
-    return A, B
-
-
-def _gain(A: Array, B: Array, cost: Array) -> Array:
-    gain: Array = (np.linalg.solve(TORQUE_WEIGHT + B.T @ cost @ B, B.T @ cost @ A))[0]
-    return gain
 
 
 def run(

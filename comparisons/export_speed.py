@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import tempfile
-import time
+import timeit
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
@@ -73,12 +73,7 @@ def nanoseconds(own: ExportedFriction, precision: str, folder: Path) -> tuple[fl
 
 
 def _least(function: Callable[[], object]) -> float:
-    times = []
-    for _ in range(RUNS):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times) / COUNT / 2 * 1e9
+    return min(timeit.repeat(function, number=1, repeat=RUNS)) / COUNT / 2 * 1e9
 
 
 def main(*, precision: Literal["double", "float"] = "double") -> None:

@@ -23,6 +23,7 @@ from script import call
 
 from frictionid import baseline, load_dataset, mechanisms, monitor
 from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import Baseline
 from frictionid.deploy.monitor.changes import Changes, joined, prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import Judgement, judge
@@ -160,11 +161,6 @@ def called(name: str) -> Callable[[Judgement], bool]:
     return right
 
 
-def taken(changes: Changes, index: Any) -> Changes:
-    """Changes of some recordings."""
-    return Changes(*(values[index] for values in changes))
-
-
 def counted(hits: int, cases: int) -> str:
     """A share with its exact 95 % interval (Clopper-Pearson)."""
     low, high = binomtest(hits, cases).proportion_ci()
@@ -183,8 +179,8 @@ def print_sets(
         of = rest if same else np.arange(len(case.pool.value))
         new = rng.choice(of, settings["group"], replace=False)
         names = tuple(map(str, base))
-        own = replace(known, changes=taken(healthy, base), names=names, hashes=names)
-        said.append(judge(own, taken(case.pool, new), settings["rate"]))
+        own = replace(known, changes=healthy.rows(base), names=names, hashes=names)
+        said.append(judge(own, case.pool.rows(new), settings["rate"]))
     answers = [j.answer for j in said]
     right = sum(not j.parts.empty and case.right(j) for j in said)
     print(
@@ -226,8 +222,7 @@ def parts_of(data: Dataset, pieces: int) -> list[Dataset]:
     edges = np.linspace(r.angle.time[0], r.angle.time[-1], 2 * pieces + 1)
     cut = []
     for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
-        keep = (r.angle.time >= a) & (r.angle.time < b)
-        angle = r.angle._replace(time=r.angle.time[keep], value=r.angle.value[keep])
+        angle = taken(r.angle, (r.angle.time >= a) & (r.angle.time < b))
         cut.append(replace(r, name=f"part {i + 1}", angle=angle, truth=None))
     halves = cut[:pieces], cut[pieces:]
     return [replace(data, recordings=tuple(half), truth=None) for half in halves]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,6 +88,10 @@ class Changes(NamedTuple):
     motion: Array
     peak: Array
     covariates: Array
+
+    def rows(self, which: Any) -> Changes:
+        """What some of the recordings say, by their indices or a mask."""
+        return Changes(*(values[which] for values in self))
 
     @property
     def disturbed(self) -> Array:

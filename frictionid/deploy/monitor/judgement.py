@@ -71,9 +71,8 @@ def judge(
         nothing = np.full(n, np.nan)
         parts = pd.DataFrame(columns=list(_COLUMNS))
         return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes))
-    judged = Changes(*(values[fits] for values in new))
     size = np.array([e.size for e in baseline.reference.effects])
-    difference = difference_of(baseline.changes, judged, size)
+    difference = difference_of(baseline.changes, new.rows(fits), size)
     tests = cause_tests(difference, causes_of(baseline.reference.effects))
     explanation = explained(tests, rate)
     single = [group[0] for group in explanation.groups if len(group) == 1]

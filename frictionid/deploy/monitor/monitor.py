@@ -235,7 +235,7 @@ def arriving(
     for i, (name, digest) in enumerate(recordings):
         if digest in {arrival.digest for arrival in arrivals}:
             continue
-        changes = Changes(*(values[i : i + 1] for values in new))
+        changes = new.rows([i])
         before = joined([baseline.changes, *(arrival.changes for arrival in arrivals)])
         p = judge(replace(baseline, changes=before), changes).p
         bet = log_bet(p) if np.isfinite(p) else 0.0  # what cannot be judged is no evidence

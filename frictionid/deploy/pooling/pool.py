@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,9 @@ from frictionid.friction import Friction
 from frictionid.friction.model_files import save_model
 from frictionid.friction.provenance import Pooled as Specimens
 from frictionid.friction.provenance import Provenance
-from frictionid.report.console import printed, say
 from frictionid.report.estimates import digits, interval
 from frictionid.report.numbers import short
-from frictionid.report.tables import Table, table_of, text_columns
+from frictionid.report.tables import Table, table_of, terminal_text, text_columns
 
 from .models import Key, check_alike, estimates, place_of, pooled, with_parameters
 from .random_effects import Regression, meta_regression, pooled_draws
@@ -44,11 +42,6 @@ def pooled_table(several: Specimens) -> Table:
     return table_of(heads, rows)
 
 
-def show_pooled(several: Specimens) -> None:
-    """Print what was pooled, and what was left out."""
-    say(pooled_table(several), *map(printable, several.left_out))
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Pooled:
     """Friction of several specimens of one machine, and what another specimen may have.
@@ -63,7 +56,9 @@ class Pooled:
     friction: Friction
 
     def __repr__(self) -> str:
-        return printed(partial(show_pooled, self.several)).rstrip()
+        return "\n".join(
+            [terminal_text(pooled_table(self.several)), *map(printable, self.left_out)]
+        )
 
     @property
     def frame(self) -> pd.DataFrame:

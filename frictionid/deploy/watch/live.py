@@ -131,14 +131,12 @@ class LiveFriction:
         squares = float(off @ np.linalg.solve(spread, off)) / len(off) if live.stretches else 0.0
         # value is shrunk by its prior: what the rows say is curvature-weighted
         pull = np.linalg.solve(said.inverse[0], value)
-        now = Live(
-            live.stretches + 1,
-            live.precision + curvature,
-            live.pull + pull,
-            live.squares + squares,
-            live.checkpoints,
-            live.at,
-            live.seconds + float(np.ptp(chunk.time)),
+        now = live._replace(
+            stretches=live.stretches + 1,
+            precision=live.precision + curvature,
+            pull=live.pull + pull,
+            squares=live.squares + squares,
+            seconds=live.seconds + float(np.ptp(chunk.time)),
         )
         if now.stretches >= 2 * max(live.at, 1):
             last = np.stack([live.checkpoints[1], self._total(now)[0]])

@@ -190,10 +190,9 @@ class MomentumObserver:
     ) -> tuple[Array, Array, Array, Array, Memory]:
         """Momentum and force (K, S, n), friction (K, n) left open, M (K, n, n), and the memory."""
         n, members = len(state.angle), self.members
-        w, u = self.quick * (first - second)[:, :n], second[:, n:]
-        rising = self.quick * (first - second)[:, n:]
+        w, rising = np.split(self.quick * (first - second), [n], axis=1)
         M, momentum, slope = self._momentum(second[:, :n], w)
-        logged = u[:, None] - members.delay[:, None] * rising[:, None]
+        logged = second[:, None, n:] - members.delay[:, None] * rising[:, None]
         motors = self.plant.mechanism.motors
         driven = (members.gain * logged + members.bias) * motors
         x = self._inputs(second, w)
@@ -289,15 +288,9 @@ def members_of(friction: Friction, mechanism: Mechanism, base: Array) -> Members
     base : array, shape (nb,)
         Base parameters of the machine, by the fit's calibration.
     """
-    calibration = friction.calibration or Calibration.ideal(mechanism.n)
-    middle = Members(
-        np.asarray(friction.theta, dtype=float),
-        base,
-        np.asarray(calibration.gain, dtype=float),
-        np.asarray(calibration.bias, dtype=float),
-        np.asarray(calibration.offset, dtype=float),
-        np.asarray(calibration.delay, dtype=float),
-    )
+    c = friction.calibration or Calibration.ideal(mechanism.n)
+    numbers = (friction.theta, base, c.gain, c.bias, c.offset, c.delay)
+    middle = Members(*(np.asarray(x, dtype=float) for x in numbers))
     every = [middle, *_off(middle, friction, mechanism)]
     members = Members(*(np.stack(column) for column in zip(*every, strict=True)))
     low, high = np.array(friction.law.bounds, dtype=float).reshape(-1, 2).T

@@ -71,16 +71,12 @@ def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float)
     refuse_torques(dataset)
     band = band_of([(friction, dataset)], response, rate)
     momentum_observer = momentum_observer_of(friction, dataset, 0, response)
-    return Watch(dataset, momentum_observer, band, live_of(friction, dataset))
-
-
-def live_of(friction: Friction, dataset: Dataset) -> LiveFriction:
-    """Live estimate about a friction, with the speeds and the noise of recordings."""
     prepared = prepared_data(dataset)
     reference = reference_of(prepared, friction)
     quiet, _ = recording_changes(prepared, reference, ())
     drawn = drawn_by_noise(quiet, reference.effects)
-    return LiveFriction(dataset, reference, quiet.disturbed, drawn)
+    live = LiveFriction(dataset, reference, quiet.disturbed, drawn)
+    return Watch(dataset, momentum_observer, band, live)
 
 
 def watched(
