@@ -10,7 +10,11 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
+from frictionid.mechanics.rigid_body.rigid_body_tree import (
+    RigidBodyTree,
+    moments_of,
+    pseudo_inertia,
+)
 
 PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # Standard deviations of priors, wide beside what a recording tells, so that they hardly shrink it:
@@ -101,20 +105,13 @@ def _masses(mechanism: Mechanism) -> list[tuple[str, Array]]:
 def _point_masses(body: Array) -> Array:
     """Moments (4, 10) that a mass like a body's adds at its far end, and where it sits farther out.
 
-    The far end is the centre of mass, and a radius of gyration beyond. A mass at r has the second
-    moments of |r|^2 1 - r r'; the last three rows change them as r grows along x, y and z.
+    The far end is the centre of mass, and a radius of gyration beyond. A mass of 1 at r has the
+    pseudo-inertia (r, 1) (r, 1)'; the last three rows change it as r grows along x, y and z.
     """
-    mass, centre = float(body[0]), body[1:4] / body[0]
-    xx, _, _, yy, _, zz = body[4:] / mass
-    length = float(np.linalg.norm(centre))
-    gyration = np.sqrt(max((xx + yy + zz) / 2.0 - length**2, 0.0))
-    r = centre * (1.0 + gyration / max(length, 1e-9))
-    size = max(float(np.linalg.norm(r)), 0.1)
-
-    def second(a: Array, b: Array) -> Array:
-        return ((a @ b) * np.eye(3) - np.outer(a, b))[np.triu_indices(3)]
-
-    rows = [np.concatenate([[1.0], r, second(r, r)])]
-    for e in size * np.eye(3):
-        rows.append(np.concatenate([[0.0], e, second(e, r) + second(r, e)]))
-    return mass * np.stack(rows)
+    J = pseudo_inertia(body) / body[0]
+    length = float(np.linalg.norm(J[3, :3]))
+    gyration = np.sqrt(max(float(np.trace(J[:3, :3])) - length**2, 0.0))
+    r = J[3, :3] * (1.0 + gyration / max(length, 1e-9))
+    place, size = np.append(r, 1.0), max(float(np.linalg.norm(r)), 0.1)
+    farther = [np.outer(e, place) + np.outer(place, e) for e in size * np.eye(3, 4)]
+    return np.asarray(body[0] * moments_of(np.stack([np.outer(place, place), *farther])))
