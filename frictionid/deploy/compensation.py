@@ -89,7 +89,7 @@ class CompensationLaw(WrappedLaw):
         ahead = f", {s.ahead:g} s ahead" if s.ahead else ""
         limit = f", and is at most {listed(s.torque_limit)}" if s.torque_limit else ""
         return (
-            f"Compensation: {s.gain:g} of the friction {_bare(self.law)}.",
+            f"Compensation: {s.gain:g} of the friction {bare(self.law)}.",
             f"w is the velocity of the reference{ahead}, not the measured one; "
             "add Tf to the motor torque.",
             f"Tf changes sides over |w| = {listed(s.smooth)}{limit}.",
@@ -128,10 +128,11 @@ def continued(law: Law, speeds: Sequence[float]) -> Law:
     """A law with a straight line beyond these speeds; of a compensation, within its limits."""
     if isinstance(law, CompensationLaw):
         return replace(law, law=continued(law.law, speeds))
-    return LinearOutside(_bare(law), tuple(speeds))
+    return LinearOutside(bare(law), tuple(speeds))
 
 
-def _bare(law: Law) -> Law:
+def bare(law: Law) -> Law:
+    """A law without its continuation."""
     return law.law if isinstance(law, LinearOutside) else law
 
 

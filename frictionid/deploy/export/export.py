@@ -109,9 +109,7 @@ def export(
     ('friction.py', ())
     """
     chosen, write = _settings_of(settings or {}), writer_of(to)
-    dataset = data if data is None else dataset_of(data)
-    if dataset is None:
-        dataset = getattr(model, "data", None)
+    dataset = getattr(model, "data", None) if data is None else dataset_of(data)
     card = card_of(model)
     named = card.joints if card else ()
     named = named if dataset is None else tuple(dataset.mechanism.friction_names)

@@ -23,12 +23,11 @@ from frictionid.evaluation import Protocol, prepare, prepared_for
 from frictionid.evaluation.prepared import Prepared, with_calibration
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.law import refuse_temperature
-from frictionid.friction.wrapped import LinearOutside
 from frictionid.mechanics import Mechanism
 from frictionid.programs.program import Program
 from frictionid.programs.trace import traced
 
-from ..compensation import CompensationLaw, continued, listed
+from ..compensation import CompensationLaw, bare, continued, listed
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
 _HORIZON = 1.0  # [s], over which it is replayed what a target loses
@@ -98,8 +97,7 @@ class ExportedFriction:
     @property
     def law(self) -> Law:
         """The model's law, without its continuation."""
-        law = self.friction.law
-        return law.law if isinstance(law, LinearOutside) else law
+        return bare(self.friction.law)
 
     @property
     def units(self) -> tuple[str, ...]:

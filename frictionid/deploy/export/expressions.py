@@ -42,18 +42,13 @@ class Node:
 Expression = Node | str | float  # a name, or a constant
 
 
-class Statement(NamedTuple):
-    """A name for the value of an expression, which may be true or false."""
-
-    name: str
-    expression: Expression
-    is_truth: bool
-
-
 class Block(NamedTuple):
-    """What is computed for one joint: statements, then its entry of each output by name."""
+    """What is computed for one joint: named values, then its entry of each output by name.
 
-    statements: tuple[Statement, ...]
+    statements : name, expression, and whether it is true or false
+    """
+
+    statements: tuple[tuple[str, Expression, bool], ...]
     outputs: Mapping[str, Expression]
 
 
@@ -67,7 +62,7 @@ class _Writer:
         self.uses = Counter(v.number for v in program.operands() if isinstance(v, Value))
         ends = {v for output in program.outputs.values() for v in output if isinstance(v, Value)}
         self.ends = {v.number for v in ends if self.uses[v.number] == 1}
-        self.statements: list[Statement] = []
+        self.statements: list[tuple[str, Expression, bool]] = []
         self.named = 0
 
     def block(self, joint: int) -> Block:
@@ -119,7 +114,7 @@ class _Writer:
         if self.uses[number] > 1 or is_long:
             self.named += 1
             name = f"{self.prefix}{self.named}"
-            self.statements.append(Statement(name, expression, operation in TRUTHS))
+            self.statements.append((name, expression, operation in TRUTHS))
             expression, self.size[number] = name, 0
         self.expressions[number] = expression
 

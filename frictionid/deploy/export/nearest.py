@@ -48,8 +48,7 @@ def nearest(model: ExportedFriction) -> Friction:
     elif model.nearest is not None:
         theta = model.nearest.theta
     else:
-        w, torque = sliding(model)
-        fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
+        w, torque, fast = sliding(model)
         for j, use in enumerate(fast.T):
             if use.any():
                 columns = np.stack([np.sign(w[use, j]), w[use, j]], axis=-1)
@@ -62,8 +61,8 @@ def is_coulomb_viscous(law: Law) -> bool:
     return isinstance(law, CoulombViscous) and law.symmetric
 
 
-def sliding(model: ExportedFriction) -> tuple[Array, Array]:
-    """Velocities (S, n) and torques (S, n) of the model that a simpler law is to match.
+def sliding(model: ExportedFriction) -> tuple[Array, Array, Array]:
+    """Velocities and torques (S, n) that a simpler law is to match, and which of them are fast.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def sliding(model: ExportedFriction) -> tuple[Array, Array]:
             f"{type(model.law).__name__}: the torque of {model.joints[j]} is not finite at a "
             f"velocity of {at:.3g}, and no simpler law can match it: fit again"
         )
-    return w, torque
+    return w, torque, np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
 
 
 def differs(model: ExportedFriction, held: Friction) -> bool:
@@ -100,7 +99,7 @@ def differs(model: ExportedFriction, held: Friction) -> bool:
         return model.law.sharpened() == model.law
     if model.law.has_memory or follows_more(model.friction):
         return True
-    w, torque = sliding(model)
+    w, torque, _ = sliding(model)
     off = np.abs(curves(held, w) - torque)
     return bool(off.max() > _SAME * max(float(np.abs(torque).max()), 1e-12))
 

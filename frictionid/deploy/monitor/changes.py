@@ -21,6 +21,7 @@ import numpy as np
 
 from frictionid.arrays import Array, times
 from frictionid.data.calibration import Calibration
+from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.evaluation import (
@@ -312,10 +313,9 @@ def _widened(pushed: Array, time: Array) -> Array:
 
 def _segments(rows: _Rows, used: Array, name: str) -> list[Segment]:
     """Stretches that were left out."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~used, [False]]).astype(int)))
     return [
         Segment(name, float(rows.time[a]), float(rows.time[b - 1]), float(b - a))
-        for a, b in edges.reshape(-1, 2)
+        for a, b in zip(*run_edges(~used), strict=True)
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.config import read_toml
 from frictionid.data.readers.dataset_path import dataset_path
-from frictionid.data.readers.dataset_toml import DatasetToml, check_dataset_toml
+from frictionid.data.readers.dataset_toml import check_dataset_toml
 from frictionid.data.readers.table import read_table
 from frictionid.data.readers.table_recording import recorded
 from frictionid.errors import InputError
@@ -30,55 +30,45 @@ class Chunk(NamedTuple):
     torque: Array
 
 
-class Columns(NamedTuple):
-    """What the columns of a stream are: by a dataset.toml, and the stream's first line."""
+def chunks_of(dataset: str | Path, header: str) -> Callable[[list[str]], Chunk]:
+    """A function that reads complete lines below a header, as a folder's dataset.toml has columns.
 
-    toml: DatasetToml
-    header: str
+    It refuses a damaged line, and torques on a clock of their own.
+    """
+    file = dataset_path(Path(dataset))
+    toml = check_dataset_toml(read_toml(file), str(file))
+    if toml.columns is None:
+        raise InputError(f"{file}: a stream needs [columns]; this data set has a reader of its own")
 
-    def chunk(self, lines: list[str]) -> Chunk:
-        """Samples of complete lines, in SI units.
-
-        Raises
-        ------
-        InputError
-            For a damaged line, and torques on a clock of their own.
-        """
-        columns = self.toml.columns
-        assert columns is not None
-        asked = self.toml.asked.names()
-        table = read_table("\n".join([self.header, *lines]).encode(), _NAME, asked)
-        signals = recorded(table, self.toml)
+    def chunk(lines: list[str]) -> Chunk:
+        table = read_table("\n".join([header, *lines]).encode(), _NAME, toml.asked.names())
+        signals = recorded(table, toml)
         angle, torque = signals.angle, signals.torque
         if not np.array_equal(angle.time, torque.time):
             raise InputError("a stream needs angles and torques on one clock: log them together")
         return Chunk(angle.time, *(np.asarray(s.value, dtype=float) for s in (angle, torque)))
 
-    def sound_chunk(self, lines: list[str], row: int) -> tuple[Chunk | None, tuple[str, ...]]:
-        """Samples of the lines that are not damaged, and sentences on the others.
+    return chunk
 
-        row : of the first line in the stream
-        """
+
+def sound_chunk(
+    chunk: Callable[[list[str]], Chunk], lines: list[str], row: int
+) -> tuple[Chunk | None, tuple[str, ...]]:
+    """Samples of the lines that are not damaged, and sentences on the others.
+
+    row : of the first line in the stream
+    """
+    try:
+        return chunk(lines), ()
+    except InputError:
+        sound, damaged = list[str](), list[str]()
+    for k, line in enumerate(lines):
         try:
-            return self.chunk(lines), ()
-        except InputError:
-            sound, damaged = list[str](), list[str]()
-        for k, line in enumerate(lines):
-            try:
-                self.chunk([line])
-                sound.append(line)
-            except InputError as error:
-                damaged.append(f"row {row + k}, {line!r}, is left out: {error}")
-        return (self.chunk(sound) if sound else None), tuple(damaged)
-
-
-def columns_of(dataset: str | Path, header: str) -> Columns:
-    """Columns of a stream with a header, as the dataset.toml of a folder describes them."""
-    file = dataset_path(Path(dataset))
-    toml = check_dataset_toml(read_toml(file), str(file))
-    if toml.columns is None:
-        raise InputError(f"{file}: a stream needs [columns]; this data set has a reader of its own")
-    return Columns(toml, header)
+            chunk([line])
+            sound.append(line)
+        except InputError as error:
+            damaged.append(f"row {row + k}, {line!r}, is left out: {error}")
+    return (chunk(sound) if sound else None), tuple(damaged)
 
 
 def joined(before: Chunk, after: Chunk) -> Chunk:

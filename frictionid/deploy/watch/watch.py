@@ -28,7 +28,7 @@ from ..monitor.changes import prepared_data, recording_changes
 from .external import Band, band_of, interval_torques, momentum_observer_of, with_band
 from .live import Estimate, Live, LiveFriction, drawn_by_noise
 from .momentum_observer import MomentumObserver, State
-from .stream import Chunk, Columns, columns_of, joined, lines_of, part
+from .stream import Chunk, chunks_of, joined, lines_of, part, sound_chunk
 
 _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
 
@@ -96,15 +96,15 @@ def watched(
     idle : ends after so long without a byte [s]
     header : first line of the table, where the stream has none
     """
-    columns: Columns | None = columns_of(place, header) if header else None
+    chunk = chunks_of(place, header) if header else None
     stream: _Stream | None = None
     rows = 0
     for lines in lines_of(read, idle):
-        if columns is None and lines:
-            columns, lines, rows = columns_of(place, lines[0]), lines[1:], 1
-        if columns is None or not lines:
+        if chunk is None and lines:
+            chunk, lines, rows = chunks_of(place, lines[0]), lines[1:], 1
+        if chunk is None or not lines:
             continue
-        new, damaged = columns.sound_chunk(lines, rows + 1)
+        new, damaged = sound_chunk(chunk, lines, rows + 1)
         rows += len(lines)
         if new is None:
             if stream is None:

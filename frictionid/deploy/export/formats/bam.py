@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import nnls
 
 from frictionid.arrays import Array
-from frictionid.evaluation.curves import slow_speed
 from frictionid.friction import Friction, Law
 from frictionid.friction.bam_files import GEAR, MODELS, MOTOR
 from frictionid.friction.laws import CoulombViscous, GearLoad, MotorLoad, Stribeck
@@ -66,12 +65,11 @@ def held(model: ExportedFriction) -> Friction:
             return _geared(friction, [[*row, 0.0, _NONE] for row in friction.theta])
         sharp = replace(law, width=CoulombViscous().width, shape="tanh")
         return replace(friction, law=sharp, constraints=None)
-    w, torque = sliding(model)
+    w, torque, fast = sliding(model)
     u = np.zeros_like(w)
     geared = model.prepared is not None and not law.has_memory and follows_more(friction)
     if geared and model.prepared is not None:
         u = model.prepared.integral.nodes.inputs.u
-    fast = np.abs(w) >= slow_speed(np.quantile(np.abs(w), 0.95, axis=0))
     columns = zip(w.T, u.T, torque.T, fast.T, strict=True)
     rows = [_fitted(a[use], b[use], c[use]) for a, b, c, use in columns]
     if geared:
