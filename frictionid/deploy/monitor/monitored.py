@@ -182,8 +182,9 @@ def _drift(monitored: Monitored) -> Any:
         new = joined([a.changes for a in arrivals])
     healthy = baseline.changes
     shown = np.unique(np.linspace(0, len(healthy.value) - 1, _MOST).round().astype(int))
-    at = np.arange(-len(shown), len(new.value))
-    rows = len(baseline.joints) + len(baseline.covariates) + bool(arrivals)
+    old, now = np.arange(-len(shown), 0), np.arange(len(new.value))
+    n = len(baseline.joints)
+    rows = n + len(baseline.covariates) + bool(arrivals)
     picture = style.figure(0.5 + _HEIGHT * rows)
     axes = picture.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     before, after = (_shares(baseline, x, monitored.judgement.changed) for x in (healthy, new))
@@ -191,17 +192,16 @@ def _drift(monitored: Monitored) -> Any:
     for j, (axis, name) in enumerate(zip(axes, baseline.joints, strict=False)):
         axis.axhspan(middle[j] - reach[j], middle[j] + reach[j], color=style.PALE, lw=0)
         axis.axhline(middle[j], color=style.GREY, lw=0.8)
-        axis.plot(at[: len(shown)], before[shown, j], "o", ms=2.5, color=style.GREY)
-        axis.plot(at[len(shown) :], after[:, j], "o", ms=3.5, color=style.COLOURS[1])
+        axis.plot(old, before[shown, j], "o", ms=2.5, color=style.GREY)
+        axis.plot(now, after[:, j], "o", ms=3.5, color=style.COLOURS[1])
         axis.set_ylabel(f"{style.plain(name)}\nchange [%]")
-    for i, name in enumerate(baseline.covariates):
-        values = np.concatenate([healthy.covariates[shown, i], new.covariates[:, i]])
-        axis = axes[len(baseline.joints) + i]
-        axis.plot(at, values, "o-", ms=2.5, lw=0.8, color=style.COLOURS[0])
+    values = np.concatenate([healthy.covariates[shown], new.covariates])
+    for axis, name, column in zip(axes[n:], baseline.covariates, values.T, strict=False):
+        axis.plot([*old, *now], column, "o-", ms=2.5, lw=0.8, color=style.COLOURS[0])
         axis.set_ylabel(style.plain(name))
     if arrivals:
         log = np.array([arrival.log_evidence for arrival in arrivals]) / np.log(10.0)
-        axes[-1].plot(at[len(shown) :], log, "o-", ms=2.5, lw=0.8, color=style.COLOURS[1])
+        axes[-1].plot(now, log, "o-", ms=2.5, lw=0.8, color=style.COLOURS[1])
         axes[-1].axhline(2.0, color=style.GREY, lw=0.8, ls="--")
         axes[-1].set_ylabel("log10 evidence")
     axes[-1].set_xlabel("recording (healthy ones before 0)")
