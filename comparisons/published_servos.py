@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,31 +22,18 @@ from script import call
 from frictionid.comparison.registry import LAWS
 from frictionid.files import shipped, write_json
 from frictionid.friction import Friction
-from frictionid.friction.laws import CoulombViscous, GearLoad
+from frictionid.friction.bam_files import GRAVITY as G
+from frictionid.friction.bam_files import read_bam
+from frictionid.friction.laws import CoulombViscous
 from frictionid.friction.model_files import model_document
 
-G, MASS, LENGTH = 9.80665, 0.5, 0.1  # of the example load [kg], [m]
+MASS, LENGTH = 0.5, 0.1  # of the example load [kg], [m]
 TURN = 2 * np.pi
 CITATION = (
     "M. Duclusaud, G. Passault, V. Padois, O. Ly: Extended Friction Models for the Physics "
     "Simulation of Servo Actuators. IEEE International Conference on Robotics and Automation "
     "(ICRA), 12091-12097, 2025"
 )
-# parameters of `gear_load`, in its order, and where each model has them
-NAMES = {
-    "coulomb": ("friction_base",),
-    "viscous": ("friction_viscous",),
-    "motor": ("load_friction_motor", "load_friction_base"),
-    "external": ("load_friction_external", "load_friction_base"),
-    "peak": ("friction_stribeck",),
-    "peak_motor": ("load_friction_motor_stribeck", "load_friction_stribeck"),
-    "peak_external": ("load_friction_external_stribeck", "load_friction_stribeck"),
-    "quadratic_motor": ("load_friction_motor_quad",),
-    "quadratic_external": ("load_friction_external_quad",),
-    "stribeck_velocity": ("dtheta_stribeck",),
-    "exponent": ("alpha",),
-}
-ABSENT = {"stribeck_velocity": 1.0, "exponent": 2.0}  # without a peak they do nothing
 
 
 class Servo(NamedTuple):
@@ -78,16 +66,8 @@ SERVOS = {
 
 def friction_of(numbers: dict[str, Any], source: str) -> Friction:
     """The published friction."""
-    rotor = {"rotor": numbers["armature"], "g": G, "kt": numbers["kt"]}
-    parameters = rotor | ({"R": numbers["R"]} if "R" in numbers else {})
-    values = {
-        name: next((numbers[k] for k in keys if k in numbers), ABSENT.get(name, 0.0))
-        for name, keys in NAMES.items()
-    }
-    simple = numbers["model"] == "m1"
-    law = CoulombViscous() if simple else GearLoad(moment=MASS * G * LENGTH)
-    theta = np.array([[values[name] for name in law.names]])
-    return Friction(law, theta, parameters, {"source": source})
+    friction = read_bam({**numbers, "moment": MASS * G * LENGTH}, source)
+    return replace(friction, provenance={"source": source})
 
 
 def drive_of(servo: Servo, numbers: dict[str, Any]) -> dict[str, Any] | None:
