@@ -19,8 +19,9 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import calibrated_plant
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of, refuse_torques
+from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset, Recording
-from frictionid.data.signals import Signal, cut, holds
+from frictionid.data.signals import Signal, holds
 from frictionid.errors import InputError
 from frictionid.evaluation.predicted_motion import check_joints
 from frictionid.fitting.gauss_newton import MAD
@@ -228,10 +229,8 @@ def held_out(fit: Fit) -> Iterator[tuple[Friction, Dataset]]:
     assert fit.data is not None
     recordings, source = fit.data.recordings, fit.friction.provenance
     if len(recordings) == 1:
-        (r,) = recordings
-        begin, middle, end = np.linspace(r.angle.time[0], r.angle.time[-1], 3)
-        halves = cut(r.angle, begin, middle), cut(r.angle, middle, end)
-        recordings = tuple(replace(r, angle=half, truth=None) for half in halves)
+        half = float(np.ptp(recordings[0].angle.time)) / 2
+        recordings = within(recordings[0], 0.0, half), within(recordings[0], half, np.inf)
     refined = source.refined
     free = None if refined is None else sorted({e.block for e in refined.parameters})
     for k in range(count := min(_FOLDS, len(recordings))):
