@@ -113,10 +113,8 @@ class Simulator:
         InputError
             For arrays of another shape, or what is no number.
         """
-        q, w = (self._joints(name, x) for name, x in (("q", q), ("w", w)))
-        xp = namespace(q)
-        q, w = xp.broadcast_arrays(q, w)
-        return State(q, w)
+        q, w = self._joints("q", q), self._joints("w", w)
+        return State(*namespace(q).broadcast_arrays(q, w))
 
     def step(self, state: State, u: Any, fresh: Array | None = None) -> State:
         """State a time `dt` later under held torques u (..., n) [N m].

@@ -250,18 +250,14 @@ def exported(
     # names stand in comments of code: on one line, whatever a file said
     names = tuple(" ".join(printable(name).split()) for name in names)
     friction = replace(friction, law=law)
-    if card is not None and data is None:
-        parts = (card.mechanism, card.drive, card.nearest)
-        return ExportedFriction(friction, names, measured, None, *parts)
-    return ExportedFriction(friction, names, measured, data, *_driven(friction, data))
+    if data is not None:
+        return ExportedFriction(friction, names, measured, data, *_driven(friction, data))
+    parts = () if card is None else (card.mechanism, card.drive, card.nearest)
+    return ExportedFriction(friction, names, measured, None, *parts)
 
 
-def _driven(
-    friction: Friction, data: Dataset | None
-) -> tuple[Mechanism | None, PositionControl | None]:
+def _driven(friction: Friction, data: Dataset) -> tuple[Mechanism, PositionControl | None]:
     """Mechanism of the data, and position control of its first recording as it is calibrated."""
-    if data is None:
-        return None, None
     if friction.calibration is not None:
         data = calibrated_dataset(data, friction.calibration)
     servo, motor = data.recordings[0].servo, friction.parameters

@@ -2,5 +2,5 @@
 
 random_effects   estimates of one quantity, each with its error: mean, spread, the next specimen
 models           estimates of fitted models, parameter by parameter, pooled to one friction
-samples          parameters of further specimens, drawn from what was pooled
+pool             what a user asks for: pooled models, and parameters over a covariate
 """
