@@ -257,7 +257,7 @@ def _estimates(
         (a, b), (low, high) = inner[k] + shift, outer[k] + shift
         yield Estimate(
             *(p.block, p.name, p.unit),
-            p.place[0] if p.block not in ("inertia", "actuator") and p.place else None,
+            p.place[0] if p.block != "inertia" and p.place else None,
             float(covariance.values[k] + shift),
             float(error[k]),
             (float(a), float(b)),

@@ -16,7 +16,7 @@ from frictionid.errors import InputError
 from frictionid.friction import DataRange, Friction, constraints_of, present
 from frictionid.mechanics import Mechanism, configurations
 
-from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, check_fixed
+from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, Values, check_fixed
 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
@@ -314,11 +314,18 @@ class ActuatorBlock(ParameterBlock):
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         values = self.numbers(estimate).tolist()
-        for i, (name, unit, value) in enumerate(zip(MOTOR, _UNITS, values, strict=True)):
-            yield Parameter(self.name, name, unit, value, _LEAST * value, place=(i,))
+        for name, unit, value in zip(MOTOR, _UNITS, values, strict=True):
+            yield Parameter(self.name, name, unit, value, _LEAST * value)
 
     def numbers(self, estimate: Estimate) -> Array:
         return np.asarray(estimate.calibration.motor, dtype=float)
 
-    def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
-        return estimate._replace(calibration=replace(estimate.calibration, motor=numbers))
+    def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
+        motor = self.numbers(estimate)
+        return [float(motor[MOTOR.index(p.name)]) for p in free]
+
+    def with_values(self, estimate: Estimate, values: Values) -> Estimate:
+        motor = self.numbers(estimate).copy()
+        for parameter, value in values:
+            motor[MOTOR.index(parameter.name)] = value
+        return estimate._replace(calibration=replace(estimate.calibration, motor=motor))

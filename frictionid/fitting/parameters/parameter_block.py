@@ -149,6 +149,11 @@ class ParameterBlock(ABC):
         """The numbers, free or not, among which `place` finds each parameter."""
         return np.asarray(getattr(estimate.calibration, self.name), dtype=float)
 
+    def values(self, estimate: Estimate, free: Sequence[Parameter]) -> list[float]:
+        """Values of the block's free parameters."""
+        numbers = self.numbers(estimate)
+        return [float(numbers[p.place]) for p in free]
+
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
         """The estimate with other numbers."""
         return estimate._replace(calibration=replace(estimate.calibration, **{self.name: numbers}))
@@ -259,5 +264,5 @@ def with_values(estimate: Estimate, blocks: Sequence[FreeBlock], values: Array) 
 
 def values_of(estimate: Estimate, blocks: Sequence[FreeBlock]) -> Array:
     """Values (D,) of all free parameters in an estimate."""
-    pairs = ((free.block.numbers(estimate), p) for free in blocks for p in free.parameters)
-    return np.array([numbers[p.place] for numbers, p in pairs], dtype=float)
+    values = [free.block.values(estimate, free.parameters) for free in blocks]
+    return np.array([value for each in values for value in each], dtype=float)
