@@ -128,8 +128,7 @@ class Mechanism(ABC):
         return f"{self.kind}({', '.join(options + values)})"
 
     def __getstate__(self) -> dict[str, Any]:
-        # compiled code stays behind
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return {f.name: getattr(self, f.name) for f in fields(self)}  # compiled code stays behind
 
     @abstractmethod
     def base(self, parameters: Mapping[str, Any]) -> Array:
@@ -228,9 +227,10 @@ class Mechanism(ABC):
     @property
     def table(self) -> dict[str, Any]:
         """The [mechanism] table that stands for this mechanism in files."""
+        kind = {} if self.kind in self.options else {"kind": self.kind}
         parameters = {"parameters": dict(self.values)} if self.values else {}
         tolerances = {"tolerances": dict(self.tolerances)} if self.tolerances else {}
-        return {"kind": self.kind, **self.options, **parameters, **tolerances}
+        return {**kind, **self.options, **parameters, **tolerances}
 
     def nominal(self, overrides: Mapping[str, float] | None = None) -> dict[str, float]:
         """All physical parameters: the overrides, else the given values, else the defaults; SI.

@@ -63,12 +63,6 @@ class RigidBodyTree(Mechanism):
     def __repr__(self) -> str:
         return super().__repr__()
 
-    @property
-    def table(self) -> dict[str, Any]:
-        """The [mechanism] table that stands for this mechanism; the file's format is its kind."""
-        parameters = {"parameters": dict(self.values)} if self.values else {}
-        return {**self.options, **parameters}
-
     def base(self, parameters: Mapping[str, Any]) -> Array:
         for name in parameters:
             self.check_name(name)

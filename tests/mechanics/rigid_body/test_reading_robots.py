@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,8 +105,9 @@ def test_a_mechanism_is_what_its_file_says_and_how_it_is_read(read):
 def test_its_table_is_the_mechanism_again(read):
     arm = read(TEXT, joints=["shoulder", "elbow"], locked={"gripper": 0.2}, payload="finger")
     arm = arm.with_values({"rotor_elbow": 0.1, "payload_mass": 0.3})
+    arm = replace(arm, tolerances={"payload_mass": 5.0})
     again = mechanism_of(arm.table)
-    assert again == arm and again.values == arm.values
+    assert again == arm and again.values == arm.values and again.tolerances == arm.tolerances
     assert_array_equal(again.base({}), arm.base({}))
 
 
