@@ -9,7 +9,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.dynamics.rollout import begin, diverged, freeze, masked, sampled
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.errors import InputError
@@ -122,21 +122,23 @@ class Simulator:
         Rows that diverge are NaN from then on. The memory of friction starts with this step in rows
         that are `fresh` (...), in all where the state has none.
         """
-        plant, friction, u = self.plant, self.friction, self._joints("u", u)
         xp, dt = namespace(state.q), self._array(np.array(self.dt))
         lost = xp.isnan(state.q).any(-1)
         state, _ = freeze(state, lost, None)
         # a memory of samples takes in the newest one with the torque that is held from it
         has_memory = bool(state.memory)
-        state = begin(plant, friction, state, u, dt)
-        new = begin(plant, friction, State(state.q, state.w), u, dt) if fresh is not None else state
-        state = sampled(plant, friction, state, u, dt[..., None]) if has_memory else state
+        now = Instant(self.plant, self.friction, state, self._joints("u", u))
+        state = begin(now, dt)
+        now = now._replace(state=state)
+        alone = now._replace(state=State(state.q, state.w))
+        new = begin(alone, dt) if fresh is not None else state
+        state = sampled(now, dt[..., None]) if has_memory else state
         if fresh is not None:
             pairs = zip(new.memory, state.memory, strict=True)
             state = state._replace(memory=tuple(xp.where(fresh[..., None], *p) for p in pairs))
         with np.errstate(all="ignore"):  # a diverging motion overflows
-            state = adaptive_step(plant, friction, state, u, dt[..., None], self._size)
-        alive = ~(diverged(plant, state) | lost)
+            state = adaptive_step(now._replace(state=state), dt[..., None], self._size)
+        alive = ~(diverged(self.plant, state) | lost)
         return State(masked(state.q, alive), masked(state.w, alive), state.memory)
 
     def run(self, state: State, u: Any) -> State:

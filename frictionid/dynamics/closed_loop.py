@@ -19,7 +19,7 @@ from frictionid.arrays import Array, times
 from frictionid.data.integrals import integrals_of, pieces_of
 from frictionid.data.servo import Controller, Linear, Servo
 from frictionid.friction import Friction
-from frictionid.friction.coordinates import turns_of
+from frictionid.friction.coordinates import resting_parts, turns_of
 from frictionid.mechanics import Plant
 
 from .rollout import (
@@ -31,7 +31,7 @@ from .rollout import (
     masked,
     sampled,
 )
-from .state import State, velocities
+from .state import Instant, State
 from .step_size import StepSize, step_size_of
 from .torque_balance import inverse_of_free
 
@@ -168,12 +168,13 @@ def _after_sample(
     for piece in pieces:
         dt = drive.dt[piece]
         loop, u, moment = _loop_at(plant, drive, piece, _Motion(state, before, play))
-        before = begin(loop, friction, state, u, dt)
-        state = ahead(loop, friction, before, u, dt, size, many)
+        now = Instant(loop, friction, state, u)
+        before = begin(now, dt)
+        state = ahead(now._replace(state=before), dt, size, many)
         state = _displaced(loop, state, moment, dt[:, None])
         play = np.clip(play + state.q - before.q, -drive.half, drive.half)
     since = drive.dt[pieces.start : pieces.stop].sum(axis=0)
-    return _Motion(sampled(loop, friction, state, u, since[:, None]), before, play)
+    return _Motion(sampled(now._replace(state=state), since[:, None]), before, play)
 
 
 def _extremes(temperature: Array | None) -> Array | None:
@@ -207,7 +208,7 @@ def _displaced(plant: Plant, state: State, moment: Array, dt: Array) -> State:
         return state
     turns = turns_of(plant.mechanism, state.q)
     M = plant.mechanism.inertia(plant.p, state.q)
-    inner = inverse_of_free(M, velocities(plant, state) == 0.0, turns)
+    inner = inverse_of_free(M, resting_parts(state.w, turns) == 0.0, turns)
     way = times(inner, moment)
     K, B = np.moveaxis(plant.feedback, -2, 0)
     return state._replace(q=state.q + way, w=state.w - times(inner, (B + K * dt / 2) * way))

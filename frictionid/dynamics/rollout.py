@@ -11,7 +11,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Plant
 
 from .compiled.loops import are_many, machine_of, rolled_out
-from .state import State, inputs
+from .state import Instant, State
 from .step import adaptive_step, euler_step, semi_implicit_step
 from .step_size import StepSize, step_size_of
 
@@ -74,7 +74,7 @@ def rollout(
     xp = namespace(start.q, u)
     sizes = [step_size] * len(dt) if step_size else []
     sizes = sizes or (_step_sizes(plant, friction, dt, refine) if method == "rk4" else [])
-    state, alive = begin(plant, friction, start, u[0], dt[0]), None
+    state, alive = begin(Instant(plant, friction, start, u[0]), dt[0]), None
     many = are_many(len(u) * math.prod(state.q.shape[:-1]), MANY, plant.n)
     many = many and method == "rk4" and base_motion is None
     if many and (machine := machine_of(plant, friction, state.q, u)) is not None:
@@ -83,57 +83,57 @@ def rollout(
     q, w = [state.q], [state.w]
     for k in range(u.shape[0]):
         plant = plant if base_motion is None else plant.on_base(base_motion[k])
+        now = Instant(plant, friction, state, u[k])
         with np.errstate(all="ignore"):  # a diverging motion overflows before it is frozen
             if method == "rk4":
                 compiled = many and friction.law.sample_time is not None
-                state = ahead(plant, friction, state, u[k], dt[k], sizes[k], compiled)
+                state = ahead(now, dt[k], sizes[k], compiled)
             else:
-                state = _ONE_STEP[method](plant, friction, state, u[k], dt[k][..., None])
+                state = _ONE_STEP[method](now, dt[k][..., None])
         wild = diverged(plant, state)
         if bool(wild.any()):
             state, alive = freeze(state, wild, alive)
         # a memory of samples takes in the newest one with the torque logged with it
         newest = u[min(k + 1, u.shape[0] - 1)]
-        state = sampled(plant, friction, state, newest, dt[k][..., None])
+        state = sampled(now._replace(state=state, u=newest), dt[k][..., None])
         q.append(masked(state.q, alive))
         w.append(masked(state.w, alive))
     return State(xp.stack(q), xp.stack(w))
 
 
-def ahead(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, size: StepSize, many: bool
-) -> State:
+def ahead(now: Instant, dt: Array, size: StepSize, many: bool) -> State:
     """State after dt (...) within a sample interval, in which a memory of samples stands still.
 
     many : whether there is enough to do for compiled loops
     """
-    law = friction.law
-    if state.memory and law.sample_time is not None:
-        still = law.while_held(friction.theta, state.memory)
+    plant, friction, state, u = now
+    if state.memory and friction.law.sample_time is not None:
+        still = friction.law.while_held(friction.theta, state.memory)
         if still is not None:
             friction = replace(friction, law=still[0], theta=still[1])
-            after = ahead(plant, friction, state._replace(memory=()), u, dt, size, many)
-            return after._replace(memory=state.memory)
+            alone = now._replace(friction=friction, state=state._replace(memory=()))
+            return ahead(alone, dt, size, many)._replace(memory=state.memory)
     machine = machine_of(plant, friction, state.q, u) if many else None
     if machine is None:
-        return adaptive_step(plant, friction, state, u, dt[..., None], size)
+        return adaptive_step(now, dt[..., None], size)
     sizes = np.array([size])
     end = rolled_out(machine, plant, friction.theta, state, u[None], dt[None], sizes, _RUNAWAY)
     return end._replace(q=end.q[1], w=end.w[1])
 
 
-def begin(plant: Plant, friction: Friction, start: State, u: Array, dt: Array) -> State:
+def begin(now: Instant, dt: Array) -> State:
     """Start state with the batch axes of everything that takes part, and with a memory.
 
-    u (..., n) [N m] and dt (...) [s] are those of the first interval.
+    The torque of the instant and dt (...) [s] are those of the first interval.
     """
-    xp = namespace(start.q)
+    plant, friction, (q, w, memory), u = now
+    xp = namespace(q)
     batches = (friction.theta.shape[:-2], dt.shape, plant.p.shape[:-1])
-    shape = np.broadcast_shapes(start.q.shape, u.shape, *((*batch, 1) for batch in batches))
-    state = State(xp.broadcast_to(start.q, shape), xp.broadcast_to(start.w, shape), start.memory)
-    if state.memory:
+    shape = np.broadcast_shapes(q.shape, u.shape, *((*batch, 1) for batch in batches))
+    state = State(xp.broadcast_to(q, shape), xp.broadcast_to(w, shape), memory)
+    if memory:
         return state
-    x = inputs(plant, friction, state, u)
+    x = now._replace(state=state).inputs
     return state._replace(memory=friction.law.start(friction.theta, x))
 
 
@@ -152,13 +152,11 @@ def _step_sizes(plant: Plant, friction: Friction, dt: Array, refine: int) -> lis
     return [StepSize(refine * count, finest.parts) for count in counts]
 
 
-def sampled(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+def sampled(now: Instant, dt: Array) -> State:
     """The state with the memory of laws that advance once a sample, dt (..., 1) after the last."""
-    law = friction.law
-    if not state.memory or law.sample_time is None:
-        return state
-    x = inputs(plant, friction, state, u)
-    return state._replace(memory=law.advance(friction.theta, x, state.memory, dt))
+    if not now.state.memory or now.friction.law.sample_time is None:
+        return now.state
+    return now.state._replace(memory=now.memory_after(dt))
 
 
 def freeze(state: State, wild: Array, alive: Array | None) -> tuple[State, Array]:

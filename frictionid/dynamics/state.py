@@ -39,14 +39,49 @@ class Instant(NamedTuple):
     u: Array
 
     @property
+    def torque(self) -> Array:
+        """Motor torques u - K q - B w (..., n) [N m], or u where the plant has no feedback."""
+        loop, state = self.plant.feedback, self.state
+        return (
+            self.u
+            if loop is None
+            else self.u - loop[..., 0, :] * state.q - loop[..., 1, :] * state.w
+        )
+
+    @property
+    def driven(self) -> Array:
+        """Torques B u (..., n) [N m] of joints that have a motor, in closed loop."""
+        return self.torque * like(self.plant.mechanism.motors, self.u)
+
+    @property
     def inputs(self) -> Inputs:
-        """What friction may depend on."""
-        return inputs(*self)
+        """What friction may depend on (..., m); the load only for laws that use it."""
+        plant, (q, w, _) = self.plant, self.state
+        law, theta, mechanism = self.friction.law, self.friction.theta, plant.mechanism
+        x = Inputs(q, w, self.torque, 0.0 * w, plant.temperature)
+        if law.uses_load:
+            load = predicted_load(mechanism, law, theta, x, lambda u: plant.load(q, w, u))
+            x = x._replace(load=load)
+        return at_places(mechanism, x)
+
+    @property
+    def turns(self) -> Array | None:
+        """Turns (c, n) of coupled parts for one of each joint; None where there are none."""
+        return turns_of(self.plant.mechanism, self.state.w)
 
     @property
     def velocities(self) -> Array:
         """Velocities (..., m) [rad/s] of all parts, exactly zero at rest."""
-        return velocities(self.plant, self.state)
+        return resting_parts(self.state.w, self.turns)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether friction has memory that advances with each substep."""
+        return bool(self.state.memory) and self.friction.law.sample_time is None
+
+    def memory_after(self, dt: Array) -> Memory:
+        """Memory of friction after dt (..., 1) [s] at this instant."""
+        return self.friction.law.advance(self.friction.theta, self.inputs, self.state.memory, dt)
 
     @property
     def has_rows(self) -> bool:
@@ -82,31 +117,3 @@ def rows_of(x: Array, which: Array, axes: int) -> Array:
     if not batch or set(batch) == {1}:
         return xp.reshape(x, shape)
     return xp.broadcast_to(x, (*which.shape, *shape))[which]
-
-
-def inputs(plant: Plant, friction: Friction, state: State, u: Array) -> Inputs:
-    """What friction may depend on at a state (..., m); the load only for laws that use it."""
-    q, w, u = state.q, state.w, torque_in_loop(plant, state, u)
-    law, theta, mechanism = friction.law, friction.theta, plant.mechanism
-    x = Inputs(q, w, u, 0.0 * w, plant.temperature)
-    if law.uses_load:
-        load = predicted_load(mechanism, law, theta, x, lambda u: plant.load(q, w, u))
-        x = x._replace(load=load)
-    return at_places(mechanism, x)
-
-
-def velocities(plant: Plant, state: State) -> Array:
-    """Velocities (..., m) [rad/s] of all parts, exactly zero at rest."""
-    return resting_parts(state.w, turns_of(plant.mechanism, state.w))
-
-
-def torque_in_loop(plant: Plant, state: State, u: Array) -> Array:
-    """Motor torques u - K q - B w (..., n) [N m], or u where the plant has no feedback."""
-    if plant.feedback is None:
-        return u
-    return u - plant.feedback[..., 0, :] * state.q - plant.feedback[..., 1, :] * state.w
-
-
-def driven(plant: Plant, state: State, u: Array) -> Array:
-    """Torques B u (..., n) [N m] of joints that have a motor, in closed loop."""
-    return torque_in_loop(plant, state, u) * like(plant.mechanism.motors, u)

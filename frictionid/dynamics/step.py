@@ -13,11 +13,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, solve
-from frictionid.friction import Friction, Memory
-from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, turns_of
-from frictionid.mechanics import Plant
+from frictionid.friction import Memory
+from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts
 
-from .state import Instant, State, driven, inputs, rows_of, velocities
+from .state import Instant, State, rows_of
 from .step_size import StepSize
 from .torque_balance import Stiction, constrained, friction_torque
 from .zero_crossing import (
@@ -32,9 +31,7 @@ _MARGIN = 1.2  # accelerations grow towards rest, by the Stribeck peak
 _BEND = 0.01  # of a slow speed
 
 
-def adaptive_step(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, step_size: StepSize
-) -> State:
+def adaptive_step(now: Instant, dt: Array, step_size: StepSize) -> State:
     """State after dt in some pieces, each halved for the rows in which it is too long near rest.
 
     Batch axes of plant, friction, state, held u (..., n) [N m] and dt (..., 1) [s] broadcast.
@@ -45,13 +42,14 @@ def adaptive_step(
     >>> plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
     >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
-    >>> adaptive_step(plant, tf, raised, np.zeros(1), np.array([1.0]), StepSize(200, 1)).q
+    >>> now = Instant(plant, tf, raised, np.zeros(1))
+    >>> adaptive_step(now, np.array([1.0]), StepSize(200, 1)).q
     array([0.4])
     """
     part = dt / step_size.pieces
     for _ in range(step_size.pieces):
-        state = _halved(Instant(plant, friction, state, u), part, step_size.parts)
-    return state
+        now = now._replace(state=_halved(now, part, step_size.parts))
+    return now.state
 
 
 def _halved(now: Instant, dt: Array, parts: int) -> State:
@@ -60,9 +58,9 @@ def _halved(now: Instant, dt: Array, parts: int) -> State:
     A substep near rest is taken back, and its time halved, where a part crosses w = 0 or breaks
     away in it, or accelerations bend; with memory, which bends unseen, always.
     """
-    near, begin = near_rest(*now, dt)
-    whole = substep(*now, dt, begin)
-    again = near if remembers(now.friction, now.state) else near & whole.uneven
+    near, begin = near_rest(now, dt)
+    whole = substep(now, dt, begin)
+    again = near if now.remembers else near & whole.uneven
     if parts == 1 or not bool(again.any()):
         return whole.state
     late, part = (now.rows(again), rows_of(dt, again, 1)) if now.has_rows else (now, dt)
@@ -85,17 +83,13 @@ def _joined(which: Array, part: State, whole: State) -> State:
 Begin = tuple[Stiction, Array]
 
 
-def near_rest(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
-) -> tuple[Array, Begin]:
+def near_rest(now: Instant, dt: Array) -> tuple[Array, Begin]:
     """Rows (...) with a joint that is slow, or will be within dt, unless it sticks; the begin."""
-    xp = namespace(state.w)
-    held = stiction(Instant(plant, friction, state, u))
-    a = acceleration(plant, friction, state, u, held)
-    turns = turns_of(plant.mechanism, a)
-    w, change = of_parts(state.w, turns), of_parts(a, turns)
-    firm = xp.zeros_like(w) != 0.0 if held.firm is None else held.firm
-    near: Any = parts_near_rest(w, change, plant.slow_like(w), firm, dt).any(-1)
+    held, turns = stiction(now), now.turns
+    a = acceleration(now, held)
+    w, change = of_parts(now.state.w, turns), of_parts(a, turns)
+    firm = namespace(w).zeros_like(w) != 0.0 if held.firm is None else held.firm
+    near: Any = parts_near_rest(w, change, now.plant.slow_like(w), firm, dt).any(-1)
     return near, (held, a)
 
 
@@ -118,35 +112,31 @@ class Substepped(NamedTuple):
     uneven: Array
 
 
-def substep(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array, begin: Begin | None = None
-) -> Substepped:
+def substep(now: Instant, dt: Array, begin: Begin | None = None) -> Substepped:
     """State after one substep, and what happened in it."""
-    held = stiction(Instant(plant, friction, state, u)) if begin is None else begin[0]
-    memory = advanced(plant, friction, state, u, dt / 2)
+    held = stiction(now) if begin is None else begin[0]
+    state, memory = now.state, advanced(now, dt / 2)
     # accelerations are those of the begin where the memory does not advance in it
     first = begin[1] if begin is not None and memory is state.memory else None
 
-    def accelerate(q: Array, w: Array) -> Array:
-        return acceleration(plant, friction, State(q, w, memory), u, held)
+    def at(q: Array, w: Array) -> Instant:
+        return now._replace(state=State(q, w, memory))
 
-    q, w, bend = rk4(accelerate, state.q, state.w, dt, first)
-    memory = advanced(plant, friction, State(q, w, memory), u, dt / 2)
-    after = State(q, w, memory)
-    part = Substep(state, Instant(plant, friction, after, u), held, dt)
+    q, w, bend = rk4(lambda q, w: acceleration(at(q, w), held), state.q, state.w, dt, first)
+    memory = advanced(at(q, w), dt / 2)
+    part = Substep(state, at(q, w), held, dt)
     crossed = after_crossing(part)
     if crossed is not None:
         part = part._replace(end=part.end._replace(state=crossed[0]))
     after = after_break_away(part, None if crossed is None else crossed[1])
-    turns = turns_of(plant.mechanism, after.w)
+    turns = now.turns
     bend, ends = of_parts(bend, turns), resting_parts(after.w, turns)
-    begins, slow = velocities(plant, state), plant.slow_like(bend)
     firm = namespace(w).ones_like(ends) if held.firm is None else held.firm
-    uneven = is_uneven(bend, begins, ends, firm, slow)
+    uneven = is_uneven(bend, now.velocities, ends, firm, now.plant.slow_like(bend))
     if crossed is not None:
         uneven = uneven | crossed[1]
     if turns is not None and held.sticking is not None:  # joints that other parts hold, too
-        after = after._replace(w=resting_parts(after.w, turns)[..., : plant.n])
+        after = after._replace(w=resting_parts(after.w, turns)[..., : now.plant.n])
     return Substepped(after, held, None if crossed is None else crossed[1:], uneven)
 
 
@@ -184,42 +174,29 @@ def rk4(
     return q + dt / 6 * (w + 2 * w2 + 2 * w3 + w4), w + dt * mean, dt * (mean - (a1 + a4) / 2)
 
 
-def acceleration(
-    plant: Plant, friction: Friction, state: State, u: Array, stiction: Stiction | None = None
-) -> Array:
+def acceleration(now: Instant, stiction: Stiction | None = None) -> Array:
     """Joint accelerations dw/dt (..., n) [rad/s^2]."""
-    M, h = plant.dynamics(state.q, state.w)
-    f = h + driven(plant, state, u)
-    Tf = friction_torque(friction, inputs(plant, friction, state, u), state.memory, stiction)
-    turns = turns_of(plant.mechanism, state.w)
-    left = f - onto_joints(Tf, turns)
+    M, h = now.plant.dynamics(now.state.q, now.state.w)
+    Tf = friction_torque(now.friction, now.inputs, now.state.memory, stiction)
+    turns = now.turns
+    left = h + now.driven - onto_joints(Tf, turns)
     if stiction is None or stiction.sticking is None:
         return solve(M, left)
     return constrained(M, left, stiction.sticking, turns)
 
 
-def advanced(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> Memory:
-    """Memory after dt at a state, for laws whose memory advances with each substep."""
-    if not remembers(friction, state):
-        return state.memory
-    return friction.law.advance(friction.theta, inputs(plant, friction, state, u), state.memory, dt)
+def advanced(now: Instant, dt: Array) -> Memory:
+    """Memory after dt, of laws whose memory advances with each substep; else as it is."""
+    return now.memory_after(dt) if now.remembers else now.state.memory
 
 
-def remembers(friction: Friction, state: State) -> bool:
-    """Whether friction has memory that advances with each substep."""
-    return bool(state.memory) and friction.law.sample_time is None
-
-
-def euler_step(plant: Plant, friction: Friction, state: State, u: Array, dt: Array) -> State:
+def euler_step(now: Instant, dt: Array) -> State:
     """State after dt by explicit Euler, q' = q + w dt: the study's step, kept for comparison."""
-    a = acceleration(plant, friction, state, u)
-    memory = advanced(plant, friction, state, u, dt)
-    return State(state.q + dt * state.w, state.w + dt * a, memory)
+    q, w, _ = now.state
+    return State(q + dt * w, w + dt * acceleration(now), advanced(now, dt))
 
 
-def semi_implicit_step(
-    plant: Plant, friction: Friction, state: State, u: Array, dt: Array
-) -> State:
+def semi_implicit_step(now: Instant, dt: Array) -> State:
     """State after dt by semi-implicit Euler, q' = q + w' dt: what backward differences imply."""
-    after = euler_step(plant, friction, state, u, dt)
-    return after._replace(q=state.q + dt * after.w)
+    after = euler_step(now, dt)
+    return after._replace(q=now.state.q + dt * after.w)

@@ -17,10 +17,10 @@ import numpy as np
 
 from frictionid.arrays import Array, columns, inverse, like, namespace, solve, times
 from frictionid.friction import Friction, Inputs, Law, Memory, at_rest
-from frictionid.friction.coordinates import mobility, of_parts, onto_joints, turns_of
+from frictionid.friction.coordinates import mobility, of_parts, onto_joints
 from frictionid.friction.law import NUMERICAL_WIDTH, SHARP_WIDTH
 
-from .state import Instant, driven
+from .state import Instant
 
 SWEEPS = 50
 SETTLED = 1e-12  # [N m]
@@ -130,15 +130,13 @@ class Balance(NamedTuple):
 
 def balance(now: Instant, stiction: Stiction | None) -> Balance:
     """Torques at an instant."""
-    plant, friction, state, u = now
-    M, h = plant.dynamics(state.q, state.w)
+    M, h = now.plant.dynamics(now.state.q, now.state.w)
     x = now.inputs
     side = 0.0 * x.w + 1.0
-    law, theta, memory = friction.law, friction.theta, state.memory
+    law, theta, memory = now.friction.law, now.friction.theta, now.state.memory
     low, high = (law.limit(theta, x._replace(w=s * side), memory) for s in (-1.0, 1.0))
-    Tf = friction_torque(friction, x, memory, stiction)
-    turns = turns_of(plant.mechanism, state.w)
-    return Balance(M, h + driven(plant, state, u), Tf, low + 0.0 * Tf, high + 0.0 * Tf, turns)
+    Tf = friction_torque(now.friction, x, memory, stiction)
+    return Balance(M, h + now.driven, Tf, low + 0.0 * Tf, high + 0.0 * Tf, now.turns)
 
 
 def has_break_away(friction: Friction) -> bool:

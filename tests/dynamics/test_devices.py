@@ -14,7 +14,7 @@ from torch.overrides import TorchFunctionMode
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import acceleration, semi_implicit_step
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.training_sets import FoldStack, RowTrainingSet, SequenceTrainingSet
@@ -78,9 +78,10 @@ def test_accelerations_and_steps_without_stiction_stay_where_they_are(law):
     plant, friction = moved(acrobot(), friction_of(law), "meta")
     q, w, u = torch.zeros(3, 5, 2, dtype=torch.float64, device="meta")
     state = State(q, w, law.start(friction.theta, Inputs(q, w, u, 0.0 * q)))
-    assert acceleration(plant, friction, state, u).device.type == "meta"
+    now = Instant(plant, friction, state, u)
+    assert acceleration(now).device.type == "meta"
     dt = torch.full((1,), 0.01, dtype=q.dtype, device="meta")
-    after = semi_implicit_step(plant, friction, state, u, dt)
+    after = semi_implicit_step(now, dt)
     assert {x.device.type for x in (after.q, after.w, *after.memory)} == {"meta"}
 
 
@@ -89,7 +90,8 @@ def test_a_tensor_of_another_device_is_refused():
     plant, friction = moved(acrobot(), friction_of(CoulombViscous()), "meta")
     q, w, u = torch.zeros(3, 5, 2, dtype=torch.float64, device="meta")
     with pytest.raises(RuntimeError, match="device"):
-        acceleration(plant, friction, State(q, w), torch.zeros(5, 2, dtype=torch.float64))
+        u = torch.zeros(5, 2, dtype=torch.float64)
+        acceleration(Instant(plant, friction, State(q, w), u))
 
 
 @pytest.mark.parametrize("law", [MLP((4,)), WindowMLP(2, hidden=(3,)), LSTM(3, hidden=(4,))])

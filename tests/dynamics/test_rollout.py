@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import Backward
 from frictionid.dynamics.rollout import rollout
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import adaptive_step
 from frictionid.dynamics.step_size import StepSize, step_size_of
 from frictionid.friction import Friction, Inputs, Nodes, at_rest, memory_along
@@ -61,7 +61,7 @@ def test_a_rollout_is_one_step_after_the_other():
     state = start
     for k in range(T):
         step_size = most._replace(pieces=int(np.ceil(most.pieces * (dt[k] / dt.max()))))
-        state = adaptive_step(PLANT, STRIBECK, state, u[k], dt[k : k + 1], step_size)
+        state = adaptive_step(Instant(PLANT, STRIBECK, state, u[k]), dt[k : k + 1], step_size)
         np.testing.assert_array_equal(motion.q[k + 1], state.q)
         np.testing.assert_array_equal(motion.w[k + 1], state.w)
     np.testing.assert_array_equal(motion.q[0], start.q)
@@ -124,7 +124,8 @@ def test_a_step_near_rest_converges_as_it_is_halved():
 
     def end(parts):
         step_size = StepSize(2, parts)
-        return adaptive_step(plant, friction, start, u, np.full((count, 1), 1 / 60), step_size).w
+        now = Instant(plant, friction, start, u)
+        return adaptive_step(now, np.full((count, 1), 1 / 60), step_size).w
 
     finest = end(256)
     error = [np.sqrt(np.mean((end(parts) - finest) ** 2)) for parts in (1, 4, 16, 64)]

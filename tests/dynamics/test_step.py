@@ -10,7 +10,7 @@ from fixtures.refusals import assert_refused
 from fixtures.steps import step, substeps
 from scipy.integrate import solve_ivp
 
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import slopes, step_size_of, stiffness
 from frictionid.friction import Friction, at_rest
@@ -86,7 +86,7 @@ def advanced(case, method, count):
         state = step(case.plant, case.friction, state, u, dt * count, count)
     else:
         for _ in range(count):
-            state = method(case.plant, case.friction, state, u, dt)
+            state = method(Instant(case.plant, case.friction, state, u), dt)
     return np.concatenate([state.q, state.w])
 
 
@@ -135,8 +135,8 @@ def test_the_simple_steps_are_their_formulas():
     q, w, u, dt = (np.array(x) for x in (case.q, case.w, case.u, [0.01]))
     M, h = case.plant.dynamics(q, w)
     after = w + 0.01 * np.linalg.solve(M, h + u - case.friction.torque(at_rest(w)))
-    euler = euler_step(case.plant, case.friction, State(q, w), u, dt)
-    semi = semi_implicit_step(case.plant, case.friction, State(q, w), u, dt)
+    now = Instant(case.plant, case.friction, State(q, w), u)
+    euler, semi = euler_step(now, dt), semi_implicit_step(now, dt)
     np.testing.assert_allclose(euler.w, after, rtol=1e-13)
     np.testing.assert_array_equal(semi.w, euler.w)
     np.testing.assert_array_equal(euler.q, q + 0.01 * w)
@@ -207,13 +207,10 @@ def test_the_film_of_a_joint_at_rest_settles_while_the_joint_stays():
 def test_sampled_memory_waits_for_the_next_sample():
     friction = Friction(Sampled(), np.array([[0.2], [0.1]]))
     begin = State(np.ones(2), np.ones(2), (np.zeros(2), np.ones(2), np.full(2, 2.0)))
+    now = Instant(CASES["double"].plant, friction, begin, np.zeros(2))
     for method in (euler_step, semi_implicit_step):
-        end = method(CASES["double"].plant, friction, begin, np.zeros(2), np.array([0.1]))
-        assert end.memory is begin.memory
-    assert (
-        step(CASES["double"].plant, friction, begin, np.zeros(2), np.array([0.1]), 9).memory
-        is begin.memory
-    )
+        assert method(now, np.array([0.1])).memory is begin.memory
+    assert step(*now, np.array([0.1]), 9).memory is begin.memory
 
 
 # ---------------------------------------------------------------- how many substeps

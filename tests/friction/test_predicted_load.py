@@ -6,7 +6,7 @@ from fixtures.random_robots import mechanism as robot
 
 from frictionid.arrays import times
 from frictionid.comparison.fit_model import fit_model
-from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import acceleration
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
@@ -33,9 +33,10 @@ def test_the_predicted_load_is_that_of_the_motion_that_follows(share):
     friction = Friction(LoadDependent(), np.tile([0.5, share, 0.1], (arm.n, 1)))
     q, w, u = rng.normal(size=(3, 200, arm.n))
     w, state = w + np.sign(w), State(q, w + np.sign(w))  # nothing is near rest
-    predicted = inputs(plant, friction, state, 5 * u)
+    now = Instant(plant, friction, state, 5 * u)
+    predicted = now.inputs
     M, h = plant.dynamics(*state[:2])
-    follows = plant.load(*state[:2], times(M, acceleration(plant, friction, state, 5 * u)) - h)
+    follows = plant.load(*state[:2], times(M, acceleration(now)) - h)
     level = np.abs(friction.torque(predicted)).max()
     assert np.abs(predicted.load - follows).max() < 2 * share**2 * level
     alone = plant.load(*state[:2], 5 * u)

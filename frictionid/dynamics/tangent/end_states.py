@@ -10,17 +10,15 @@ import numpy as np
 
 from frictionid.arrays import Array, solve
 from frictionid.dynamics import step
-from frictionid.friction import Friction, Inputs, Memory
-from frictionid.friction.coordinates import of_parts, onto_joints, torque_map
-from frictionid.mechanics import Plant
+from frictionid.friction import Inputs, Memory
+from frictionid.friction.coordinates import of_parts, onto_joints, resting_parts, torque_map
 
 from ..compiled.end_states import end_states_of
 from ..compiled.loops import are_many
 from ..compiled.tangent import tangent_machine_of
-from ..state import State, driven, inputs, velocities
-from ..torque_balance import Stiction, constrained
-from ..zero_crossing import Crossing
-from .law_derivatives import SPEED, by_memory, by_theta, slopes
+from ..state import Instant, State
+from ..torque_balance import constrained
+from .law_derivatives import SPEED, FreeTheta, by_memory, by_theta, slopes
 from .substep import (
     MemoryRates,
     advanced,
@@ -74,8 +72,7 @@ def end_states(
         done = np.delete(np.arange(len(rows)), again)
         if len(done):
             at, torque = rows[done], torque.between(done, 0, 1)
-            here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
-            end, T[at] = _substep(model.take(at), here, T[at], torque, dt[done, None])
+            end, T[at] = _substep(model.take(at), _taken(state, at), T[at], torque, dt[done, None])
             for whole, part in zip(_arrays(state), _arrays(end), strict=True):
                 whole[at] = part
         return again
@@ -88,18 +85,22 @@ def _arrays(state: State) -> tuple[Array, ...]:
     return state.q, state.w, *state.memory
 
 
+def _taken(state: State, rows: Array) -> State:
+    return State(state.q[rows], state.w[rows], tuple(z[rows] for z in state.memory))
+
+
 def _too_long(
     model: MotionModel, state: State, rows: Array, motor: MotorTorque, dt: Array
 ) -> Array:
     """Which of some rows of states are near rest, and uneven in a substep of dt (k,)."""
 
-    def instant(which: Array) -> tuple[Plant, Friction, State, Array, Array]:
-        at, model_at = rows[which], model.take(rows[which])
-        here = State(state.q[at], state.w[at], tuple(z[at] for z in state.memory))
-        return model_at.plant, model_at.friction, here, motor.u[0][which], dt[which, None]
+    def instant(which: Array) -> tuple[Instant, Array]:
+        here = model.take(rows[which]).instant(_taken(state, rows[which]), motor.u[0][which])
+        return here, dt[which, None]
 
-    near = np.flatnonzero(step.near_rest(*instant(np.arange(len(rows))))[0])
-    if step.remembers(model.friction, state) or not len(near):
+    every = instant(np.arange(len(rows)))
+    near = np.flatnonzero(step.near_rest(*every)[0])
+    if every[0].remembers or not len(near):
         return near
     return near[step.substep(*instant(near)).uneven]
 
@@ -108,9 +109,9 @@ def _substep(
     model: MotionModel, state: State, T: Array, motor: MotorTorque, dt: Array
 ) -> tuple[State, Array]:
     """State (K, n) after a substep of dt (K, 1), and its derivatives T (K, s, D)."""
-    u, by = motor.u[0], np.moveaxis(motor.by[0], 0, -1)
-    after, stiction, crossing, _ = step.substep(model.plant, model.friction, state, u, dt)
-    T = _advanced(model, T, state, after, stiction, crossing, u, by, dt)
+    now, by = model.instant(state, motor.u[0]), np.moveaxis(motor.by[0], 0, -1)
+    end = step.substep(now, dt)
+    after, T = end.state, _advanced(model, T, now, end, by, dt)
     if motor.moment is not None and motor.moment_by is not None and motor.moment.any():
         by = np.moveaxis(motor.moment_by[0], 0, -1)
         after, T = _displaced(model, after, T, motor.moment[0], by)
@@ -120,60 +121,56 @@ def _substep(
 def _advanced(
     model: MotionModel,
     T: Array,
-    before: State,
-    after: State,
-    stiction: Stiction,
-    crossing: tuple[Array, Crossing] | None,
-    u: Array,
+    now: Instant,
+    end: step.Substepped,
     by: Array,
     dt: Array,
 ) -> Array:
-    """Derivatives T after a substep, see `step.substep`; by (K, n, E) of the motor torque u."""
+    """Derivatives T at the end of a substep; by (K, n, E) of the motor torque."""
     plant, n, turns, h = model.plant, by.shape[-2], model.turns, dt[..., None]
+    before, stiction = now.state, end.stiction
     held = None if stiction.sticking is None or not stiction.sticking.any() else stiction.sticking
     if held is not None:
         T = T.copy()
         M = plant.mechanism.inertia(plant.p, before.q)
         T[:, n : 2 * n] = without_held(T[:, n : 2 * n], held, M, turns)
-    at = middle(before, after, dt)
-    friction = slopes(plant, model.friction, at, u, model.free, model.reads, stiction)
+    now = now._replace(state=middle(before, end.state, dt))
+    friction = slopes(now, model.free, model.reads, stiction)
     if stiction.braking is not None and stiction.braking.any():
         minimum = stiction.braking
-        friction = at_break_away(friction, minimum, _limit_slopes(model, at, u, minimum))
-    M, h0 = plant.dynamics(at.q, at.w)
-    force = h0 + driven(plant, at, u) - onto_joints(friction.torque, turns)
+        friction = at_break_away(friction, minimum, _limit_slopes(now, model.free, minimum))
+    M, h0 = plant.dynamics(now.state.q, now.state.w)
+    force = h0 + now.driven - onto_joints(friction.torque, turns)
     a = solve(M, force) if held is None else constrained(M, force, held, turns)
-    partials = plant.mechanism.partials(plant.p, at.q, at.w, a)
-    rates = memory_rates(model, at, u, dt / 2)
+    partials = plant.mechanism.partials(plant.p, now.state.q, now.state.w, a)
+    rates = memory_rates(now, model.free, dt / 2)
     motors = plant.mechanism.motors
     here = linear(M, friction, partials, model.base, motors, turns, rates, plant.feedback)
     start, T = T, advanced(T, by, here, held, h, turns)
-    if crossing is not None:
-        rows, cross = crossing
+    if end.crossing is not None:
+        rows, cross = end.crossing
         slow = plant.slow_like(of_parts(before.w, turns))
         w = start[rows, n : 2 * n]
         T[rows] = crossed(T[rows], w, before.w[rows], cross, h[rows], slow)
     return T
 
 
-def _limit_slopes(model: MotionModel, state: State, u: Array, braking: Array) -> Array:
+def _limit_slopes(now: Instant, free: FreeTheta, braking: Array) -> Array:
     """Slopes (K, m, F) of break-away levels by free entries of theta, where joints are braked."""
-    x = inputs(model.plant, model.friction, state, u)
-    x = x._replace(w=np.where(braking != 0.0, braking, 1.0))
-    law, theta, zero = model.friction.law, model.friction.theta, 0.0 * x.w
+    x = now.inputs._replace(w=np.where(braking != 0.0, braking, 1.0))
+    law, theta, zero = now.friction.law, now.friction.theta, 0.0 * x.w
 
     def limit(theta: Array) -> Array:
-        return law.limit(theta, x, state.memory) + zero
+        return law.limit(theta, x, now.state.memory) + zero
 
-    return model.free.of_parts(by_theta(theta, model.free, limit, None, zero), x.w.shape[-1])
+    return free.of_parts(by_theta(theta, free, limit, None, zero), x.w.shape[-1])
 
 
-def memory_rates(model: MotionModel, state: State, u: Array, dt: Array) -> MemoryRates | None:
+def memory_rates(now: Instant, free: FreeTheta, dt: Array) -> MemoryRates | None:
     """How the memory changes over dt at states; None for laws that advance with the samples."""
-    law, theta = model.friction.law, model.friction.theta
-    if not state.memory or law.sample_time is not None:
+    if not now.remembers:
         return None
-    x = inputs(model.plant, model.friction, state, u)
+    law, theta, x, state = now.friction.law, now.friction.theta, now.inputs, now.state
 
     def later(theta: Array, x: Inputs, memory: Memory) -> Array:
         """All entries (e, K, m)."""
@@ -181,11 +178,11 @@ def memory_rates(model: MotionModel, state: State, u: Array, dt: Array) -> Memor
 
     up, down = (later(theta, x._replace(w=x.w + s * SPEED), state.memory) for s in (1.0, -1.0))
     of_memory = np.stack(by_memory(lambda z: later(theta, x, z), state.memory), axis=1)
-    of_theta = by_theta(theta, model.free, lambda t: later(t, x, state.memory), None, 0.0 * x.w)
+    of_theta = by_theta(theta, free, lambda t: later(t, x, state.memory), None, 0.0 * x.w)
     return MemoryRates(
         np.moveaxis(of_memory, 2, 0),
         np.moveaxis((up - down) / (2 * SPEED), 1, 0),
-        model.free.of_parts(
+        free.of_parts(
             np.moveaxis(np.broadcast_to(of_theta, (len(up), *of_theta.shape[-2:])), 1, 0),
             x.w.shape[-1],
         ),
@@ -197,10 +194,9 @@ def _displaced(
 ) -> tuple[State, Array]:
     """State displaced by M^-1 moment, for the torque's variation about its mean in a substep."""
     plant, n = model.plant, moment.shape[-1]
-    M, resting = plant.mechanism.inertia(plant.p, state.q), velocities(plant, state) == 0.0
     way, by_moment, by_base = displacement(
-        M,
-        resting,
+        plant.mechanism.inertia(plant.p, state.q),
+        resting_parts(state.w, model.turns) == 0.0,
         moment,
         lambda a: plant.mechanism.partials(plant.p, state.q, 0.0 * a, a).by_p,
         model.base,
@@ -227,7 +223,7 @@ def memory_after_sample(
     """
     (K, n), count = end.q.shape, len(end.memory)
     size = end.by_start.shape[1]
-    x = inputs(model.plant, model.friction, State(end.q, end.w, end.memory), motor.u[0])
+    x = model.instant(State(end.q, end.w, end.memory), motor.u[0]).inputs
     m = x.w.shape[-1]
     law, theta = model.friction.law, model.friction.theta
 

@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array, namespace
-from frictionid.friction import Friction, Inputs, Law, Memory
-from frictionid.friction.coordinates import is_coupled_by_load, of_parts, torque_map, turns_of
+from frictionid.friction import Inputs, Law, Memory
+from frictionid.friction.coordinates import is_coupled_by_load, of_parts, torque_map
 from frictionid.friction.wrapped import WrappedLaw
-from frictionid.mechanics import Plant
 
-from ..state import State, inputs
+from ..state import Instant, State
 from ..torque_balance import (
     Stiction,
     least_sliding_speed,
@@ -110,24 +109,17 @@ def reads_of(law: Law, theta: Array, x: Inputs) -> LawReads:
     return LawReads(not np.array_equal(here, turned), not np.array_equal(here, pushed), others)
 
 
-def slopes(
-    plant: Plant,
-    friction: Friction,
-    state: State,
-    u: Array,
-    free: FreeTheta,
-    reads: LawReads,
-    stiction: Stiction,
-) -> Slopes:
+def slopes(now: Instant, free: FreeTheta, reads: LawReads, stiction: Stiction) -> Slopes:
     """Friction torque and its slopes at states (K, n), of parts that slide to their side."""
+    plant, friction, state, u = now
     theta, memory, law = friction.theta, state.memory, sharpened(friction, stiction)
 
     def sliding(q: Array, w: Array, u: Array, theta: Array = theta) -> Inputs:
-        x = inputs(plant, replace(friction, theta=theta), State(q, w), u)
+        x = Instant(plant, replace(friction, theta=theta), State(q, w), u).inputs
         least = least_sliding_speed(friction.law)
         return x._replace(w=sliding_velocity(x.w, stiction.direction, least))
 
-    x, each = sliding(state.q, state.w, u), of_parts(state.w, turns_of(plant.mechanism, u))
+    x, each = sliding(state.q, state.w, u), of_parts(state.w, now.turns)
     w, moves = x.w, (x.w == each)[..., None]
     here, K = law.torque(theta, x, memory), len(w)
     if law.uses_load:

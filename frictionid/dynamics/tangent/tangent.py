@@ -19,6 +19,7 @@ from frictionid.friction import Friction
 from frictionid.friction.coordinates import turns_of
 from frictionid.mechanics import Plant
 
+from ..state import Instant, State
 from .law_derivatives import FreeTheta, LawReads
 
 
@@ -40,6 +41,10 @@ class MotionModel(NamedTuple):
         batch = np.ndim(self.friction.theta) > 2
         friction = self.friction[rows] if batch else self.friction
         return self._replace(plant=self.plant[rows], friction=friction)
+
+    def instant(self, state: State, u: Array) -> Instant:
+        """What determines accelerations at a state under motor torques u (K, n)."""
+        return Instant(self.plant, self.friction, state, u)
 
     @property
     def turns(self) -> Array | None:

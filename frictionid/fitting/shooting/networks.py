@@ -15,7 +15,7 @@ import numpy as np
 
 from frictionid.arrays import Array, namespace
 from frictionid.data.calibration import Calibration, calibrated_plant
-from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, SmoothedLaw, TensorLaw
 from frictionid.errors import needs
 from frictionid.friction import Friction, Inputs, LawParameter, Memory
@@ -163,7 +163,7 @@ def torque_samples(
         logged = logged_torque(intervals, calibration, at, np.array([0.0, 1.0])).mean[0]
         u = (calibration.gain * logged + calibration.bias) * driven
         state = State(intervals.q[at] - calibration.offset, intervals.w[at])
-        path.append(inputs(plant[intervals.recording[at]], friction, state, u))
+        path.append(Instant(plant[intervals.recording[at]], friction, state, u).inputs)
     return TorqueSamples(tuple(path), intervals.dt[rows][:, None])
 
 

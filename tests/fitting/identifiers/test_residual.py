@@ -11,7 +11,7 @@ from frictionid.data.integrals import averages
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.data.state_estimators import States
-from frictionid.dynamics.state import State
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step
 from frictionid.fitting.one_step.residual import (
     euler_problem,
@@ -100,7 +100,7 @@ def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measure
     begin = State(states.q[:-1], states.w[:-1])
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)
-    predicted = euler_step(plant_of(1)[0], SHARP, begin, u, dt)
+    predicted = euler_step(Instant(plant_of(1)[0], SHARP, begin, u), dt)
     residual = problem.residual(along(SHARP, problem.nodes))
     assert_allclose(residual, predicted.w - states.w[1:], rtol=0, atol=1e-12)
 

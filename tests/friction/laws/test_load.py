@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import along_inputs, assert_recovered
 
-from frictionid.dynamics.state import State, inputs
+from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import acceleration
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
@@ -91,12 +91,10 @@ def test_the_load_is_that_of_the_mechanism():
     plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.3})
     friction = Friction(LoadDependent(), np.array([[0.0, 0.01, 0.0]]))
     state = State(np.zeros(1), np.array([10.0]))
-    pull = 0.5 * (0.3 * 10.0**2 + 9.81)
-    assert friction.torque(inputs(plant, friction, state, np.zeros(1)))[0] == pytest.approx(
-        0.01 * pull
-    )
-    free = acceleration(plant, Friction(CoulombViscous(), np.zeros((1, 2))), state, np.zeros(1))
-    slowed = acceleration(plant, friction, state, np.zeros(1))
+    now, pull = Instant(plant, friction, state, np.zeros(1)), 0.5 * (0.3 * 10.0**2 + 9.81)
+    assert friction.torque(now.inputs)[0] == pytest.approx(0.01 * pull)
+    free = acceleration(now._replace(friction=Friction(CoulombViscous(), np.zeros((1, 2)))))
+    slowed = acceleration(now)
     assert (slowed - free)[0] == pytest.approx(-0.01 * pull / (0.5 * 0.3**2))
 
 
