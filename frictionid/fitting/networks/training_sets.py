@@ -46,10 +46,13 @@ class FoldStack(NamedTuple):
         return torch.tensor(values, device=self.device)
 
     def features(self) -> list[Tensor]:
-        """Features of the S nodes of fold after fold, (F S, n, ...), in the order of `Features`."""
+        """`Features` of the S nodes of fold after fold, (F S, n, ...), and what cells read."""
         pairs = zip(self.theta, self.problems, strict=True)
         each = [
-            self.law.features(theta, p.nodes.inputs, window(self.law, p.nodes))
+            (
+                *self.law.features(theta, p.nodes.inputs, window(self.law, p.nodes)),
+                self.law.read(theta, p.nodes.inputs),
+            )
             for theta, p in pairs
         ]
         return [None if x[0] is None else self._joined(x) for x in zip(*each, strict=True)]

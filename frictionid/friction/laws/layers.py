@@ -138,12 +138,20 @@ def cells_after(weights: Array, z: Array, memory: Memory) -> tuple[Array, Array]
     """
     xp, H = namespace(weights, z), len(memory) // 2
     h, c = stacked(memory[:H]), stacked(memory[H:])
-    whole = 0.0 * (z[..., :1] + h[..., :1])
-    both = xp.concat([z + whole, h + whole], axis=-1)
+    both = beside(z, h)
     gates = outputs(weights, both, (both.shape[-1], 4 * H))
     take, keep, give = (rise(gates[..., k * H : (k + 1) * H]) for k in range(3))
     c = keep * c + take * xp.tanh(gates[..., 3 * H :])
     return give * xp.tanh(c), c
+
+
+def beside(z: Array, h: Array) -> Array:
+    """Features (..., n, a + b) of two arrays whose batch axes broadcast."""
+    xp = namespace(z, h)
+    if z.shape[:-1] != h.shape[:-1]:
+        shape = np.broadcast_shapes(z.shape[:-1], h.shape[:-1])
+        z, h = (xp.broadcast_to(part, (*shape, part.shape[-1])) for part in (z, h))
+    return xp.concat([z, h], axis=-1)
 
 
 def rise(y: Array) -> Array:

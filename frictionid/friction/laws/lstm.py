@@ -5,16 +5,13 @@ so that friction never drives a joint where `dissipative` holds. A free network 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from frictionid.arrays import Array, namespace
 from frictionid.config import Count, Positive
 from frictionid.errors import InputError
 from frictionid.friction import Inputs, Memory
 
-from ..law import smooth_sign
-from .layers import Hidden, cells_after, count, input_slopes, stacked
-from .levels import above_zero
+from .layers import Hidden, input_slopes, stacked
 from .mlp import MLP
 from .network_law import Features, LevelNetwork, fine, side_of, within
 
@@ -63,44 +60,35 @@ class LSTM(LevelNetwork):
         beside = 0 if self.free else 1 + (not self.odd)
         return (beside + self.cells, *self.hidden, 1)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells * (1 + self.odd))
+    def inputs(self, theta: Array, x: Inputs, speed: Array, memory: Memory) -> Array:
+        share = speed / theta[..., 1]
+        if self.free:
+            return share[..., None][..., :0]
+        return stacked([fine(share)] + ([] if self.odd else [side_of(x.w)]))
 
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        speed = namespace(x.w).abs(x.w)
-        return self._level(theta, speed, side_of(x.w), memory) * self._sign(x.w)
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        z, half = self._read(theta, x.w), 2 * self.cells
-        parts = [self._cells(theta, z, memory[:half])]
-        if self.odd:
-            parts.append(self._cells(theta, -z, memory[half:]))
-        return tuple(part[..., i] for pair in parts for part in pair for i in range(self.cells))
-
-    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        return above_zero(
-            self._level(theta, 0.0 * x.w, side_of(x.w), memory) * float(not self.free)
-        )
+    def read(self, theta: Array, x: Inputs) -> Array:
+        share = x.w / theta[..., 1]
+        if self.free:
+            return stacked([within(share)])
+        return stacked([within(share), side_of(x.w) * fine(namespace(x.w).abs(share))])
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
-        share = namespace(x.w).abs(x.w) / theta[..., 1]
-        now = self._now(share, side_of(x.w))
-        z = stacked(now) if now else share[..., None][..., :0]
-        return Features(z, share * float(not self.free), self._sign(x.w), self._read(theta, x.w))
+        features = super().features(theta, x, memory)
+        if not self.free:
+            return features
+        return features._replace(share=0.0 * features.share, sign=1.0 + 0.0 * x.w)
+
+    def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
+        return super().limit(theta, x, memory) * float(not self.free)
 
     def memory_slopes(self, theta: Array, x: Inputs, memory: Memory) -> Memory:
         """The level depends on what the cells give, not on what they hold."""
-        share = namespace(x.w).abs(x.w) / theta[..., 1]
-        now = self._now(share, side_of(x.w))
-        share = share * float(not self.free)
-        sign = self._sign(x.w) / (1 + self.odd)
-        out = []
-        for k in range(1 + self.odd):
-            h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
-            z = stacked([*now, *h])
+        features, out = self.features(theta, x), []
+        sign = features.sign / (1 + self.odd)
+        for z in self.with_cells(features.z, memory):
             y, by_z = input_slopes(self.layer_weights(theta), z, self.sizes)
-            by_y = self.level_slopes(theta, y, share).by_y
-            out += [by_y * sign * by_z[..., len(now) + i] for i in range(self.cells)]
+            by_y = self.level_slopes(theta, y, features.share).by_y
+            out += [by_y * sign * by_z[..., i - self.cells] for i in range(self.cells)]
             out += [0.0 * y] * self.cells
         return tuple(out)
 
@@ -124,31 +112,3 @@ class LSTM(LevelNetwork):
             shape=self.shape,
         )
         return law, xp.concat(whole, axis=-1)
-
-    def _level(self, theta: Array, speed: Array, side: Array, memory: Memory) -> Array:
-        share = speed / theta[..., 1]
-        now = self._now(share, side)
-        parts = []
-        for k in range(1 + self.odd):
-            h = memory[2 * k * self.cells : (2 * k + 1) * self.cells]
-            # the mirrored cells read -w: so each side of the motion meets both alike
-            parts.append(self.level(theta, stacked([*now, *h]), share * float(not self.free)))
-        total: Any = sum(parts)
-        return total / len(parts)
-
-    def _sign(self, w: Array) -> Array:
-        return 1.0 + 0.0 * w if self.free else smooth_sign(w, self.width, self.shape)
-
-    def _now(self, share: Array, side: Array) -> list[Array]:
-        if self.free:
-            return []
-        return [fine(share)] + ([] if self.odd else [side])
-
-    def _read(self, theta: Array, w: Array) -> Array:
-        share = w / theta[..., 1]
-        if self.free:
-            return stacked([within(share)])
-        return stacked([within(share), side_of(w) * fine(namespace(w).abs(share))])
-
-    def _cells(self, theta: Array, z: Array, memory: Memory) -> tuple[Array, Array]:
-        return cells_after(theta[..., 3 : 3 + count(self.gate_sizes)], z, memory)

@@ -18,7 +18,7 @@ from frictionid.arrays import Array, namespace
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
 from ..law import smooth_sign
-from .layers import count, drawn, drawn_gates, outputs, rise
+from .layers import beside, cells_after, count, drawn, drawn_gates, outputs, rise
 from .levels import above_zero, on_side
 
 _FINE = 30.0  # how much finer slow speeds are resolved than fast ones: friction peaks there
@@ -39,27 +39,27 @@ class Features(NamedTuple):
     z : (..., n, a) inputs of the layers, within the reach; those of recurrent laws without cells
     share : (..., n) speed over reach
     sign : (..., n) smooth sign of the velocity
-    read : (..., n, b) what the cells of recurrent laws read
     """
 
     z: Array
     share: Array
     sign: Array
-    read: Array | None = None
 
 
 class NetworkLaw(Law):
     """A law whose parameters are scales, and then the weights of a network, which training changes.
 
     Tf = level(theta, z, share) sign, of the `features` z, share and sign. Of theta these depend on
-    the scales alone, so that training computes them once.
+    the scales alone, so that training computes them once. Memory of cells is what they give, and
+    then what they hold, at first nothing.
 
     Attributes
     ----------
     cells : int
         Number of recurrent cells, which read the motion sample by sample; 0: none.
     odd : bool
-        Whether friction is the same in both directions; cells then read -w as well.
+        Whether friction is the same in both directions; other cells then read -w, and the levels of
+        both are averaged.
     samples : int
         Number of past samples in the memory of a law that reads a window of them.
     presliding : float
@@ -98,9 +98,42 @@ class NetworkLaw(Law):
     def level(self, theta: Array, z: Array, share: Array) -> Array:
         """Level (..., n) [N m] of inputs z of the layers, the cells' outputs last."""
 
+    def read(self, theta: Array, x: Inputs) -> Array | None:
+        """What the cells read, (..., n, b); None of laws without."""
+        return None
+
+    def start(self, theta: Array, x: Inputs) -> Memory:
+        return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells * (1 + self.odd))
+
+    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
+        read, first, size = self.read(theta, x), len(self.scales), 2 * self.cells
+        if read is None:
+            return memory
+        gates = theta[..., first : first + count(self.gate_sizes)]
+        parts = [cells_after(gates, read, memory[:size])]
+        if self.odd:
+            parts.append(cells_after(gates, -read, memory[size:]))
+        return tuple(part[..., i] for pair in parts for part in pair for i in range(self.cells))
+
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         features = self.features(theta, x, memory)
-        return self.level(theta, features.z, features.share) * features.sign
+        return self.mean_level(theta, features.z, features.share, memory) * features.sign
+
+    def mean_level(self, theta: Array, z: Array, share: Array, memory: Memory) -> Array:
+        """Level (..., n) [N m] of inputs z of the layers without cells, and of what cells give."""
+        levels = [self.level(theta, each, share) for each in self.with_cells(z, memory)]
+        return sum(levels[1:], start=levels[0]) / len(levels)
+
+    def with_cells(self, z: Array, memory: Memory) -> list[Array]:
+        """Inputs z of the layers with the outputs of the cells; of odd laws those of both halves.
+
+        The mirrored cells read -w: so each side of the motion meets both alike.
+        """
+        if not self.cells:
+            return [z]
+        first = range(0, len(memory), 2 * self.cells)
+        outputs = (memory[k : k + self.cells] for k in first)
+        return [beside(z, namespace(z).stack(h, axis=-1)) for h in outputs]
 
     @property
     def weights(self) -> int:
@@ -240,4 +273,5 @@ class LevelNetwork(NetworkLaw):
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         still = 0.0 * x.w
-        return above_zero(self.level(theta, self.inputs(theta, x, still, memory), still))
+        z = self.inputs(theta, x, still, memory)
+        return above_zero(self.mean_level(theta, z, still, memory))

@@ -20,7 +20,7 @@ from frictionid.errors import InputError
 from frictionid.friction import Inputs, Law, LawParameter, Memory
 
 from ..law import smooth_sign
-from .layers import Hidden, cells_after, count, outputs, stacked
+from .layers import Hidden, outputs
 from .library import written_sums
 from .network_law import Features, NetworkLaw
 
@@ -83,7 +83,7 @@ class StateLibrary(Law):
 
     def features(self, x: Inputs) -> Array:
         """Values (..., P) of all monomials, the same for every joint."""
-        xp, values = namespace(x.w), _values(self, x)
+        xp, values = namespace(x.w), [value[..., 0] for value in _values(self, x)]
         columns = [1.0 + 0.0 * values[0]]
         for parent, last in _chain(self)[1:]:
             columns.append(columns[parent] * values[last])
@@ -141,22 +141,24 @@ def _chain(law: StateLibrary) -> tuple[tuple[int, int], ...]:
     return tuple((place[m[:-1]], m[-1]) if m else (0, 0) for m in place)
 
 
-def _values(law: StateLibrary, x: Inputs) -> list[Array]:
-    """Values (...) of the variables; zero for joints that there are not."""
+def _values(
+    law: Any, x: Inputs, speed: Array | float = 1.0, torque: Array | float = 1.0
+) -> list[Array]:
+    """Place, w / speed, s(w), u / torque of each joint that a law knows; zero where it is none.
+
+    Each is the same for all joints, (..., n).
+    """
     xp, n = namespace(x.w), x.w.shape[-1]
-    zero: Any = 0.0 * sum(part[..., 0] for part in (x.q, x.w, x.u))
+    zero = 0.0 * (x.w + x.q + x.u + speed)
     out: list[Array] = []
-    for v in _variables(law):
-        if v.joint >= n:
-            out.append(zero)
+    for j in range(law.joints):
+        if j >= n:
+            out += [zero] * (4 + law.turning)
             continue
-        q, w, u = (part[..., v.joint] for part in (x.q, x.w, x.u))
-        if v.what in ("sin", "cos"):
-            value = getattr(xp, v.what)(q)
-        else:
-            value = smooth_sign(w, law.width) if v.what == "s" else {"q": q, "w": w, "u": u}[v.what]
-        out.append(value + zero)
-    return out
+        q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
+        out += [xp.sin(q), xp.cos(q)] if law.turning else [q]
+        out += [w / speed, smooth_sign(w, law.width), u / torque]
+    return [value + zero for value in out]
 
 
 def _name(law: StateLibrary, m: tuple[int, ...]) -> str:
@@ -203,20 +205,10 @@ class StateNetworkLaw(NetworkLaw):
         return 0.0 * (theta[..., 0] + x.w)
 
     def features(self, theta: Array, x: Inputs, memory: Memory = ()) -> Features:
-        xp, n = namespace(theta, x.w), x.w.shape[-1]
-        speed, torque = theta[..., 1], theta[..., 2]
-        zero = 0.0 * (x.w + x.q + x.u + speed)
-        inputs = []
-        for j in range(self.joints):
-            if j >= n:
-                inputs += [zero] * (4 + self.turning)
-                continue
-            q, w, u = (part[..., j : j + 1] for part in (x.q, x.w, x.u))
-            inputs += [xp.sin(q), xp.cos(q)] if self.turning else [q]
-            inputs += [w / speed, smooth_sign(w, self.width), u / torque]
-        z = xp.stack([value + zero for value in inputs], axis=-1)
+        values = _values(self, x, theta[..., 1], theta[..., 2])
+        z = namespace(theta, x.w).stack(values, axis=-1)
         none = 0.0 * z[..., 0]
-        return Features(z, none, none - 1.0, z if self.cells else None)
+        return Features(z, none, none - 1.0)
 
     def level(self, theta: Array, z: Array, share: Array) -> Array:
         """Acceleration (..., n) [rad/s^2]."""
@@ -260,16 +252,5 @@ class StateLSTM(StateNetworkLaw):
     def gate_sizes(self) -> tuple[int, int]:
         return (self.measured + self.cells, 4 * self.cells)
 
-    def start(self, theta: Array, x: Inputs) -> Memory:
-        return (0.0 * (x.w + theta[..., 0]),) * (2 * self.cells)
-
-    def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
-        features = self.features(theta, x)
-        seen = [features.z[..., i] for i in range(features.z.shape[-1])]
-        z = stacked([*seen, *memory[: self.cells]])
-        return self.level(theta, z, features.share) * features.sign
-
-    def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
-        z = self.features(theta, x).z
-        new = cells_after(theta[..., 3 : 3 + count(self.gate_sizes)], z, memory)
-        return tuple(part[..., i] for part in new for i in range(self.cells))
+    def read(self, theta: Array, x: Inputs) -> Array:
+        return self.features(theta, x).z
