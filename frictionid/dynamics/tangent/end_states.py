@@ -18,7 +18,7 @@ from ..compiled.loops import are_many
 from ..compiled.tangent import tangent_machine_of
 from ..state import Instant, State
 from ..torque_balance import constrained
-from .law_derivatives import SPEED, FreeTheta, by_memory, by_theta, slopes
+from .law_derivatives import FreeTheta, by_input, by_memory, by_theta, slopes
 from .substep import (
     MemoryRates,
     advanced,
@@ -176,14 +176,14 @@ def memory_rates(now: Instant, free: FreeTheta, dt: Array) -> MemoryRates | None
         """All entries (e, K, m)."""
         return np.stack([z + 0.0 * x.w for z in law.advance(theta, x, memory, dt)])
 
-    up, down = (later(theta, x._replace(w=x.w + s * SPEED), state.memory) for s in (1.0, -1.0))
+    of_w = by_input(lambda x: later(theta, x, state.memory), x, "w")
     of_memory = np.stack(by_memory(lambda z: later(theta, x, z), state.memory), axis=1)
     of_theta = by_theta(theta, free, lambda t: later(t, x, state.memory), None, 0.0 * x.w)
     return MemoryRates(
         np.moveaxis(of_memory, 2, 0),
-        np.moveaxis((up - down) / (2 * SPEED), 1, 0),
+        np.moveaxis(of_w, 1, 0),
         free.of_parts(
-            np.moveaxis(np.broadcast_to(of_theta, (len(up), *of_theta.shape[-2:])), 1, 0),
+            np.moveaxis(np.broadcast_to(of_theta, (len(of_w), *of_theta.shape[-2:])), 1, 0),
             x.w.shape[-1],
         ),
     )
@@ -271,7 +271,5 @@ def _by_inputs(
             by = by - K * before[:, :n] - B * before[:, n : 2 * n]
         changes["u"] = torque_map(mechanism) @ by
     for name, change in changes.items():
-        value = getattr(x, name)
         for joints in np.eye(m) if model.reads.others else np.ones((1, m)):
-            up, down = (x._replace(**{name: value + s * SPEED * joints}) for s in (1, -1))
-            yield (advanced(up) - advanced(down)) / (2 * SPEED), change[:, joints > 0]
+            yield by_input(advanced, x, name, joints), change[:, joints > 0]

@@ -132,13 +132,16 @@ def slopes(now: Instant, free: FreeTheta, reads: LawReads, stiction: Stiction) -
             torque_map(plant.mechanism),
         )
 
+        def torque(x: Inputs) -> Array:
+            return law.torque(theta, x, memory)
+
         def diagonal(name: str) -> Array:
-            return _difference(law, theta, x, memory, name, SPEED)[..., None] * eye
+            return by_input(torque, x, name)[..., None] * eye
 
         by_q = diagonal("q") @ A if reads.q else np.zeros((K, *A.shape))
         by_u = diagonal("u") @ last if reads.u else np.zeros((K, *A.shape))
         if reads.others:
-            columns = [_difference(law, theta, x, memory, "w", step) for step in SPEED * eye]
+            columns = [by_input(torque, x, "w", joint) for joint in eye]
             by_w = np.stack(columns, axis=-1) * moves @ A
         else:
             by_w = diagonal("w") * moves @ A
@@ -158,13 +161,19 @@ def slopes(now: Instant, free: FreeTheta, reads: LawReads, stiction: Stiction) -
     return Slopes(here, by_q, by_w, by_u, entries, of_theta)
 
 
-def _difference(
-    law: Law, theta: Array, x: Inputs, memory: Memory, name: str, step: Array | float
+def difference(
+    function: Callable[[Any], Array], value: Array, step: Array | float, size: Array | float
 ) -> Array:
-    """Central difference (K, n) of the torque in one of the inputs."""
-    value = getattr(x, name)
-    up, down = (law.torque(theta, x._replace(**{name: value + s * step}), memory) for s in (1, -1))
-    return (up - down) / (2 * SPEED)
+    """Slope of a function by central difference, of values a step of some size up and down."""
+    return (function(value + step) - function(value - step)) / (2 * size)
+
+
+def by_input(
+    function: Callable[[Inputs], Array], x: Inputs, name: str, joints: Array | float = 1.0
+) -> Array:
+    """Slope of a function of the inputs in one of them, of all joints or those that are one."""
+    value, step = getattr(x, name), SPEED * joints
+    return difference(lambda v: function(x._replace(**{name: v})), value, step, SPEED)
 
 
 def _own_slopes(
@@ -189,25 +198,27 @@ def _through_load(
     torque: Callable[..., Array], values: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, Array]:
     """Slopes (K, m, n) by q, w and u of a torque that depends on the motion of all joints."""
-    n = values[0].shape[-1]
-    columns: list[list[Array]] = [[], [], []]
-    for part in range(3):
-        for step in SPEED * np.eye(n):
-            up, down = ([*values], [*values])
-            up[part], down[part] = values[part] + step, values[part] - step
-            columns[part].append((torque(*up) - torque(*down)) / (2 * SPEED))
-    by_q, by_w, by_u = (np.stack(c, axis=-1) for c in columns)
-    return by_q, by_w, by_u
+
+    def slopes_by(part: int) -> Array:
+        def moved(value: Array) -> Array:
+            return torque(*values[:part], value, *values[part + 1 :])
+
+        steps = SPEED * np.eye(values[part].shape[-1])
+        return np.stack([difference(moved, values[part], s, SPEED) for s in steps], axis=-1)
+
+    return slopes_by(0), slopes_by(1), slopes_by(2)
 
 
 def by_memory(function: Callable[[Memory], Array], memory: Memory) -> Memory:
     """Slopes of a function of the memory, entry by entry, each joint's in its own."""
-    out = []
-    for i, entry in enumerate(memory):
-        step = 1e-6 * (1e-3 + np.abs(entry))
-        up, down = ((*memory[:i], entry + s * step, *memory[i + 1 :]) for s in (1, -1))
-        out.append((function(up) - function(down)) / (2 * step))
-    return tuple(out)
+
+    def slope(i: int) -> Array:
+        step = 1e-6 * (1e-3 + np.abs(memory[i]))
+        return difference(
+            lambda entry: function((*memory[:i], entry, *memory[i + 1 :])), memory[i], step, step
+        )
+
+    return tuple(map(slope, range(len(memory))))
 
 
 def by_theta(
@@ -227,8 +238,7 @@ def by_theta(
     for place in np.unique(free.place):
         step = np.zeros_like(theta)
         step[..., place] = _theta_step(theta[..., place])
-        rise = function(theta + step) - function(theta - step)
-        columns[int(place)] = rise / (2 * step[..., place]) + zero
+        columns[int(place)] = difference(function, theta, step, step[..., place]) + zero
     chosen = zip(free.place, free.joint, strict=True)
     rows = [columns[int(place)][..., int(joint)] for place, joint in chosen]
     return np.stack(rows, axis=-1) if rows else np.empty((*zero.shape[:-1], 0))
@@ -242,8 +252,8 @@ def _by_theta_of_all(
     for joint, place in zip(free.joint, free.place, strict=True):
         step = np.zeros_like(theta)
         step[..., joint, place] = _theta_step(theta[..., joint, place])
-        width = 2 * step[..., joint, place, None]
-        rows.append(((function(theta + step) - function(theta - step)) / width)[..., None])
+        size = step[..., joint, place, None]
+        rows.append(difference(function, theta, step, size)[..., None])
     return np.concatenate(rows, axis=-1)
 
 
