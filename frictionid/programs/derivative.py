@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 
-from .program import Line, Operand, Program, Value, needed
+from .program import Line, Operand, Program, Value
 from .trace import Recorder
 
 _Record = Callable[..., Operand]
@@ -49,7 +49,7 @@ def with_derivatives(
         for direction, along in rates.items():
             rates_of_output = tuple(rate(x, along) for x in program.outputs[name])
             results[f"{name} by {direction}"] = rates_of_output
-    return needed(Program(program.inputs, tuple(recorder.lines), results))
+    return recorder.program(results)
 
 
 def _rate(record: _Record, line: Line, changes: tuple[Operand, ...], result: Operand) -> Operand:

@@ -21,8 +21,8 @@ from .program import Operand, Program, Value
 _NUMBER, _INDEX = ir.DoubleType(), ir.IntType(64)
 _FUNCTION = ir.FunctionType(ir.VoidType(), [ir.PointerType(_NUMBER)])
 _ARITHMETIC = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "divide": "fdiv"}
-_INTRINSIC = {"power": "pow", "absolute": "fabs"} | {x: x for x in ("sqrt", "exp", "log")}
-_INTRINSIC |= {x: x for x in ("sin", "cos")}
+_ALIKE = ("sqrt", "exp", "log", "sin", "cos")
+_INTRINSIC = {"power": "pow", "absolute": "fabs"} | {x: x for x in _ALIKE}
 _LIBRARY = {"log1p": "log1p", "tanh": "tanh", "arctan": "atan"}
 _COMPARISON = {"less": "<", "less_equal": "<=", "equal": "=="}
 _LONG = 50  # lines

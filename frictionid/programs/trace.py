@@ -45,6 +45,17 @@ class Recorder:
             self.lines[line] = Value(len(self.inputs) + len(self.lines))
         return self.lines[line]
 
+    def run(
+        self, program: Program, values: Mapping[str, Operand]
+    ) -> dict[str, tuple[Operand, ...]]:
+        """Outputs of a program on values of its inputs, with lines for what it does."""
+        functions = {name: partial(self.record, name) for name in OPERATIONS}
+        return {name: tuple(row) for name, row in program.run(values, functions).items()}
+
+    def program(self, outputs: Mapping[str, tuple[Operand, ...]]) -> Program:
+        """Program of those of the lines that its outputs need."""
+        return needed(Program(self.inputs, tuple(self.lines), outputs))
+
 
 def _simplified(operation: str, operands: tuple[Operand, ...]) -> Operand | None:
     """What needs no line: numbers alone, and sums and products with 0 and 1."""
@@ -255,11 +266,9 @@ def traced(
     """
     names = tuple(f"{name}_{k + 1}" for name, size in inputs.items() for k in range(size))
     recorder, arrays, at = Recorder(names), {}, 0
+    entries = _boxed([0.0 if name in zeros else Value(k) for k, name in enumerate(names)])
     for name, size in inputs.items():
-        entries = np.empty(size, dtype=object)
-        for k in range(size):
-            entries[k] = 0.0 if names[at + k] in zeros else Value(at + k)
-        arrays[name] = as_traced(recorder, entries.view(Traced))
+        arrays[name] = as_traced(recorder, entries[at : at + size])
         at += size
     result = function(arrays)
     outputs = {
@@ -268,7 +277,7 @@ def traced(
         )
         for name, array in result.items()
     }
-    return needed(Program(names, tuple(recorder.lines), outputs))
+    return recorder.program(outputs)
 
 
 def chained(first: Program, then: Program) -> Program:
@@ -283,13 +292,10 @@ def chained(first: Program, then: Program) -> Program:
         x for x in inputs if x in first.inputs or x.rpartition("_")[0] not in first.outputs
     )
     recorder = Recorder(inputs)
-    functions = {name: partial(recorder.record, name) for name in OPERATIONS}
     values: dict[str, Operand] = {name: Value(k) for k, name in enumerate(inputs)}
-    middle = first.run(values, functions)
+    middle = recorder.run(first, values)
     values |= {f"{x}_{j + 1}": v for x, row in middle.items() for j, v in enumerate(row)}
-    last = then.run(values, functions)
-    outputs = {name: tuple(row) for name, row in (*middle.items(), *last.items())}
-    return needed(Program(inputs, tuple(recorder.lines), outputs))
+    return recorder.program(middle | recorder.run(then, values))
 
 
 def without_zeros(programs: Mapping[str, Program], external: Collection[str]) -> dict[str, Program]:
@@ -318,7 +324,5 @@ def without_zeros(programs: Mapping[str, Program], external: Collection[str]) ->
 def _with_zeros(program: Program, zeros: Collection[str]) -> Program:
     """The program of inputs of which these are zero."""
     recorder = Recorder(program.inputs)
-    functions = {name: partial(recorder.record, name) for name in OPERATIONS}
     values = {x: 0.0 if x in zeros else Value(k) for k, x in enumerate(program.inputs)}
-    outputs = {name: tuple(row) for name, row in program.run(values, functions).items()}
-    return needed(Program(program.inputs, tuple(recorder.lines), outputs))
+    return recorder.program(recorder.run(program, values))
