@@ -198,15 +198,12 @@ class _Check(NamedTuple):
         terms, partials = m.terms(p[:, None], q, w), m.partials(p[:, None], q, w, a)
         for i in (0, 1):
             for k in (0, _SAMPLES - 1):
-                alone = m.terms(p[i], q[k], w[k])
-                for name, value in alone._asdict().items():
-                    together = getattr(terms, name)
-                    picked = together if name == "B" else together[i, k]
-                    self.equal(picked, value, f"{name} of a batch must be that of each entry")
-                single = m.partials(p[i], q[k], w[k], a[k])
-                for name, value in single._asdict().items():
-                    picked = getattr(partials, name)[i, k]
-                    self.equal(picked, value, f"{name} of a batch must be that of each entry")
+                alone: Any = m.terms(p[i], q[k], w[k]), m.partials(p[i], q[k], w[k], a[k])
+                for together, single in zip((terms, partials), alone, strict=True):
+                    for name, value in single._asdict().items():
+                        whole = getattr(together, name)
+                        picked = whole if name == "B" else whole[i, k]
+                        self.equal(picked, value, f"{name} of a batch must be that of each entry")
 
     def load(self) -> None:
         """Bearing loads are finite and not negative, alone as in a batch."""

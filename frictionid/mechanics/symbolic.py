@@ -127,7 +127,7 @@ class SymbolicMechanism(Mechanism):
         return self._symmetric(flat[: -self.n], zero), _columns(flat[-self.n :], zero)
 
     def inertia(self, p: Array, q: Array) -> Array:
-        return self._symmetric(*self._evaluate(self._code.inertia, p, q, None))
+        return self._symmetric(*self._evaluate(self._code.inertia, p, q))
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
         n = self.n
@@ -138,21 +138,14 @@ class SymbolicMechanism(Mechanism):
         return Terms(M, h, times(M, w), dLdq, B, flat[-1] + zero)
 
     def partials(self, p: Array, q: Array, w: Array, a: Array) -> Partials:
-        n, nb = self.n, len(self.base_names)
-        xp = namespace(q, p)
-        state = [x[..., j] for x in (q, w, a) for j in range(n)]
-        flat = self._code.partials(xp, *state, *(p[..., i] for i in range(nb)))
-        zero = 0.0 * (q[..., 0] + p[..., 0])
+        flat, zero = self._evaluate(self._code.partials, p, q, w, a)
 
-        def matrix(entries: Sequence[Array], columns: int) -> Array:
-            rows = [
-                xp.stack([f + zero for f in entries[i * columns : (i + 1) * columns]], axis=-1)
-                for i in range(n)
-            ]
-            return xp.stack(rows, axis=-2)
+        def matrix(first: int, columns: int) -> Array:
+            entries = _columns(flat[first : first + self.n * columns], zero)
+            return entries.reshape((*entries.shape[:-1], self.n, columns))
 
-        by_q, by_w = flat[: n * n], flat[n * n : 2 * n * n]
-        return Partials(matrix(by_q, n), matrix(by_w, n), matrix(flat[2 * n * n :], nb))
+        n, nb = self.n, p.shape[-1]
+        return Partials(matrix(0, n), matrix(n * n, n), matrix(2 * n * n, nb))
 
     def load(self, parameters: Mapping[str, Any], q: Array, w: Array, u: Array) -> Array:
         values = self._complete(parameters)
@@ -162,8 +155,7 @@ class SymbolicMechanism(Mechanism):
         xp = namespace(q)
         columns = [x[..., j] for x in (q, w, a) for j in range(self.n)]
         flat = self._code.load(xp, *columns, *(values[name] for name in self.defaults))
-        zero = 0.0 * q[..., 0]
-        x, y = (xp.stack([f + zero for f in flat[i::2]], axis=-1) for i in (0, 1))
+        x, y = (_columns(flat[i::2], 0.0 * q[..., 0]) for i in (0, 1))
         return xp.sqrt(x * x + y * y)
 
     def points(self, q: Array) -> Array:
@@ -185,13 +177,11 @@ class SymbolicMechanism(Mechanism):
         return {**self.defaults, **parameters}
 
     def _evaluate(
-        self, code: Callable[..., Any], p: Array, q: Array, w: Array | None
+        self, code: Callable[..., Any], p: Array, q: Array, *rates: Array
     ) -> tuple[Sequence[Array], Array]:
         """Values of the code, constants as they are, and zeros of their common shape."""
-        xp = namespace(q, p)
-        n = range(self.n)
-        state = [q[..., j] for j in n] + ([] if w is None else [w[..., j] for j in n])
-        flat = code(xp, *state, *(p[..., i] for i in range(p.shape[-1])))
+        state = [x[..., j] for x in (q, *rates) for j in range(self.n)]
+        flat = code(namespace(q, p), *state, *(p[..., i] for i in range(p.shape[-1])))
         return flat, 0.0 * (q[..., 0] + p[..., 0])
 
     def _symmetric(self, upper: Sequence[Array], zero: Array) -> Array:
