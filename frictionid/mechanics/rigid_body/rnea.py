@@ -8,6 +8,11 @@ from .kinematics import add_to_parents, cross_force, cross_motion, dot, momentum
 
 
 @inlined
+def _sum(x: Any, y: Any) -> Any:
+    return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3], x[4] + y[4], x[5] + y[5]
+
+
+@inlined
 def torques(parent: Any, S: Any, v: Any, a: Any, inertia: Any, force: Any, out: Any) -> None:
     """Write the torques (n,) of a motion without those of the rotors, and the forces (n, 6).
 
@@ -215,22 +220,7 @@ def torque_derivatives(
     for i in range(len(parent)):
         x0, x1, x2 = momentum(J[i], twice[i]), _times(B[i], dS[i]), cross_force(S[i], f[i])
         y0, y1 = momentum(J[i], dS[i]), _times(B[i], S[i])
-        x = (
-            x0[0] + x1[0] + x2[0],
-            x0[1] + x1[1] + x2[1],
-            x0[2] + x1[2] + x2[2],
-            x0[3] + x1[3] + x2[3],
-            x0[4] + x1[4] + x2[4],
-            x0[5] + x1[5] + x2[5],
-        )
-        y = (
-            2.0 * y0[0] + y1[0],
-            2.0 * y0[1] + y1[1],
-            2.0 * y0[2] + y1[2],
-            2.0 * y0[3] + y1[3],
-            2.0 * y0[4] + y1[4],
-            2.0 * y0[5] + y1[5],
-        )
+        x, y = _sum(_sum(x0, x1), x2), _sum(_sum(y0, y0), y1)
         row, inert = _transposed_times(B[i], S[i]), momentum(J[i], S[i])
         by_q[i, i], by_w[i, i] = dot(S[i], x), dot(S[i], y)
         j = parent[i]
