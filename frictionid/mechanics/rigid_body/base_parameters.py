@@ -120,21 +120,13 @@ def _scaled_regressor(tree: Tree) -> Array:
 
 def geometry(tree: Tree, reduction: BaseParameters | None = None) -> Geometry:
     """What the loops over samples need of a tree; without base parameters p is all of pi."""
-    count = 10 * tree.n + len(tree.rotors)
-    leading = np.arange(count) if reduction is None else reduction.leading
-    silent = np.zeros(count) if reduction is None else reduction.silent
-    return Geometry(
-        tree.parent,
-        tree.prismatic,
-        tree.axis,
-        tree.turn,
-        tree.shift,
-        tree.gravity,
-        tree.rotors,
-        leading,
-        silent,
-        0 if reduction is None else reduction.carrier,
-    )
+    arrays = (tree.parent, tree.prismatic, tree.axis, tree.turn, tree.shift, tree.gravity)
+    if reduction is not None:
+        leading = reduction.leading, reduction.silent, reduction.carrier
+    else:
+        count = 10 * tree.n + len(tree.rotors)
+        leading = np.arange(count), np.zeros(count), 0
+    return Geometry(*arrays, tree.rotors, *leading)
 
 
 def regressor(tree: Tree, q: Array, w: Array, a: Array, base: Array | None = None) -> Array:
@@ -169,29 +161,20 @@ def _preference(tree: Tree) -> Iterator[int]:
     With the axis along z, mass, mz and Iyy of a body act like others of the body before
     [Gautier1990]; rotors like the inertia about their axis.
     """
-    along = np.argmax(np.abs(tree.axis), axis=1)
-    for kinds in (_MIXED, _SECOND_INERTIA, _ALONG, _MASS):
-        for body in range(tree.n):
-            yield from (10 * body + k for k in kinds[along[body]])
-        if kinds is _MIXED:
-            yield from range(10 * tree.n, 10 * tree.n + len(tree.rotors))
+    order = np.array([_BY_AXIS[z].split() for z in np.argmax(np.abs(tree.axis), axis=1)])
+    places = 10 * np.arange(tree.n)[:, None] + np.vectorize(MOMENTS.index)(order)
+    yield from places[:, :_MIXED].ravel()
+    yield from range(10 * tree.n, 10 * tree.n + len(tree.rotors))
+    yield from places[:, _MIXED:].T.ravel()
 
 
-_INERTIA = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
-
-
-def _by_axis() -> Iterator[tuple[tuple[int, ...], ...]]:
-    for z in range(3):
-        x, y = (z + 1) % 3, (z + 2) % 3
-        mixed = (
-            _INERTIA[z, z],
-            _INERTIA[x, x],
-            *(_INERTIA[i, j] for i, j in ((x, y), (x, z), (y, z))),
-        )
-        yield (*map(int, mixed), 1 + x, 1 + y), (int(_INERTIA[y, y]),), (1 + z,), (0,)
-
-
-_MIXED, _SECOND_INERTIA, _ALONG, _MASS = zip(*_by_axis(), strict=True)
+# moments of a body whose axis is x, y or z; the first ones are led by no body before
+_MIXED = 7
+_BY_AXIS = (
+    "Ixx Iyy Iyz Ixy Ixz my mz Izz mx mass",
+    "Iyy Izz Ixz Iyz Ixy mz mx Ixx my mass",
+    "Izz Ixx Ixy Ixz Iyz mx my Iyy mz mass",
+)
 
 
 def _names(tree: Tree) -> tuple[list[str], list[str]]:
