@@ -200,11 +200,13 @@ def with_base_motion(p: Array, motion: Array | None) -> Array:
     the proper acceleration of its origin [m/s^2], which is what an accelerometer shows: that less
     gravity. Position, orientation and velocity do not matter. Without it the base is at rest.
     """
-    if motion is None:
-        return p
-    lead = np.broadcast_shapes(p.shape[:-1], motion.shape[:-1])
-    parts = (np.broadcast_to(x, (*lead, x.shape[-1])) for x in (p, motion))
-    return np.concatenate([*parts], axis=-1)
+    return p if motion is None else side_by_side(p, motion)
+
+
+def side_by_side(*arrays: Array) -> Array:
+    """Numbers (..., k) of arrays whose batch axes broadcast, those of one behind the other's."""
+    lead = np.broadcast_shapes(*(x.shape[:-1] for x in arrays))
+    return np.concatenate([np.broadcast_to(x, (*lead, x.shape[-1])) for x in arrays], axis=-1)
 
 
 def base_motion_of(p: Array, count: int) -> Array | None:

@@ -9,7 +9,7 @@ those of a distribution of mass where its pseudo-inertia
 is positive semidefinite [Wensing2018].
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -22,23 +22,22 @@ from frictionid.errors import InputError
 from frictionid.mechanics.rigid_body import loops
 
 from ..mechanism import Mechanism, Parameter, Partials, Terms
-from ..plant import base_motion_of, with_base_motion
+from ..plant import base_motion_of, side_by_side, with_base_motion
 from .base_parameters import BaseParameters, geometry
 from .kinematics import placements
 from .loops import Geometry
-from .robot import Attached, Tree, moved
+from .robot import MOMENTS, Attached, Tree, moved
 
 PAYLOAD = (
     ("mass", "kg", "mass of the payload"),
     ("x", "m", "its centre of mass, in the frame of the link that carries it"),
     ("y", "m", "its centre of mass"),
     ("z", "m", "its centre of mass"),
-    *((f"I{k}", "kg m^2", "its inertia about its centre of mass") for k in ("xx", "xy", "xz")),
-    *((f"I{k}", "kg m^2", "its inertia about its centre of mass") for k in ("yy", "yz", "zz")),
+    *((name, "kg m^2", "its inertia about its centre of mass") for name in MOMENTS[4:]),
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class RigidBodyTree(Mechanism):
     """A tree of rigid bodies. Physical parameters are those of its rotors and of a payload.
 
@@ -55,13 +54,10 @@ class RigidBodyTree(Mechanism):
         Where the payload is.
     """
 
-    tree: Tree = field(compare=False, repr=False)
-    reduction: BaseParameters = field(compare=False, repr=False)
+    tree: Tree = field(compare=False)
+    reduction: BaseParameters = field(compare=False)
     identity: str
     payload: Attached | None = field(default=None, compare=False)
-
-    def __repr__(self) -> str:
-        return super().__repr__()
 
     def base(self, parameters: Mapping[str, Any]) -> Array:
         for name in parameters:
@@ -148,8 +144,10 @@ class RigidBodyTree(Mechanism):
         p = with_base_motion(self.base(parameters), base_motion)
         M, h = self.dynamics(p, q, w)
         force = self.motors * u
-        rotors = self._rotor_inertias({**self.defaults, **parameters})
-        R = self.tree.rotors
+        rotors, R = (
+            _stacked({**self.defaults, **parameters}, self.tree.rotor_names),
+            self.tree.rotors,
+        )
         return np.abs(force - ((solve(M, h + force) @ R.T) * rotors) @ R)
 
     def with_parameters(self, values: Mapping[str, float]) -> tuple[Tree, Array]:
@@ -158,30 +156,18 @@ class RigidBodyTree(Mechanism):
         bodies = inertial[: 10 * self.n].reshape(self.n, 10)
         return replace(self.tree, inertia=bodies), inertial[10 * self.n :]
 
-    def _rotor_inertias(self, values: Mapping[str, Any]) -> Array:
-        numbers = [values[name] for name in self.tree.rotor_names]
-        arrays = [x if hasattr(x, "shape") else np.asarray(x, dtype=float) for x in numbers]
-        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
-
     def _inertial(self, values: Mapping[str, Any]) -> Array:
         """Inertial parameters (..., N) of physical ones."""
         for name, value in values.items():
             if hasattr(value, "detach"):
                 raise InputError(f"{self.kind}: {name} is a tensor; trees of bodies need NumPy")
-        rotors = self._rotor_inertias(values)
-        bodies = np.broadcast_to(self.tree.inertia, (*rotors.shape[:-1], self.n, 10))
-        if self.payload is not None and self.payload.body >= 0:
+        bodies = self.tree.inertia
+        if self.payload is not None:
             payload = _payload_inertia(values, self.payload)
             bodies = np.broadcast_to(bodies, (*payload.shape[:-1], self.n, 10)).copy()
             bodies[..., self.payload.body, :] += payload
-        lead = np.broadcast_shapes(rotors.shape[:-1], bodies.shape[:-2])
-        return np.concatenate(
-            [
-                np.broadcast_to(bodies.reshape(*bodies.shape[:-2], -1), (*lead, 10 * self.n)),
-                np.broadcast_to(rotors, (*lead, rotors.shape[-1])),
-            ],
-            axis=-1,
-        )
+        rotors = _stacked(values, self.tree.rotor_names)
+        return side_by_side(bodies.reshape(*bodies.shape[:-2], -1), rotors)
 
     @cached_property
     def _geometry(self) -> Geometry:
@@ -200,10 +186,16 @@ class RigidBodyTree(Mechanism):
         return loops.evaluate(loop, self._geometry, shapes, *arrays)
 
 
+def _stacked(values: Mapping[str, Any], names: Iterable[str]) -> Array:
+    """Values (..., k) of these k names."""
+    numbers = [values[name] for name in names]
+    arrays = [x if hasattr(x, "shape") else np.asarray(x, dtype=float) for x in numbers]
+    return np.stack(np.broadcast_arrays(*arrays), axis=-1)
+
+
 def _payload_inertia(values: Mapping[str, Any], at: Attached) -> Array:
     """Inertial parameters (..., 10) that a payload adds to its body."""
-    numbers = [np.asarray(values[f"payload_{name}"], dtype=float) for name, *_ in PAYLOAD]
-    table = np.stack(np.broadcast_arrays(*numbers), axis=-1)
+    table = _stacked(values, (f"payload_{name}" for name, *_ in PAYLOAD))
     out = np.empty((*table.shape[:-1], 10))
     for k in np.ndindex(table.shape[:-1]):
         mass, center, six = table[k][0], table[k][1:4], table[k][4:]
