@@ -1,6 +1,7 @@
 """The physics step row by row: what machine code is run for, and when."""
 
 import math
+from collections import namedtuple
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -22,45 +23,18 @@ INERTIAS = 100  # entries of M that are not zero: ten joints in a row compile in
 LINES = 3000  # of a law's program, which take half a second to compile: two networks of 24 x 24
 
 
-class Code(NamedTuple):
-    """Addresses of what the loops run: programs of `Row`, or its sequences of them."""
-
-    begin: int
-    near_rest: int
-    brake: int
-    stick: int
-    first: int
-    smooth: int
-    look_back: int
-    change_side: int
-    stop_more: int
-    end_crossing: int
-    slide: int
-    hold: int
-    settle: int
-
-
-class Places(NamedTuple):
-    """Where numbers of a row begin that the loops read or write."""
-
-    q: int
-    w: int
-    u: int
-    feedback: int
-    p: int
-    theta: int
-    physical: int
-    memory: int
-    slow: int
-    dt: int
-    is_slow: int
-    is_near: int
-    uneven: int
-    crosses: int
-    loosens: int
-    turns_back: int
-    at_stake: int
-    moved: int
+# Addresses of what the loops run: programs of `Row`, or its sequences of them.
+Code = namedtuple(
+    "Code",
+    "begin near_rest brake stick first smooth look_back change_side stop_more "
+    "end_crossing slide hold settle",
+)
+# Where numbers of a row begin that the loops read or write.
+Places = namedtuple(
+    "Places",
+    "q w u feedback p theta physical memory slow dt is_slow is_near uneven crosses "
+    "loosens turns_back at_stake moved",
+)
 
 
 class Machine(NamedTuple):

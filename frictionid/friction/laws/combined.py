@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,27 +173,29 @@ class PerJoint(CombinedLaw):
 
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         parts = self._each(theta, x, memory)
-        return _joined([p.law.torque(p.theta, p.x, p.memory) for p in parts])
+        return _joined([law.torque(numbers, at, z) for law, numbers, at, z in parts])
 
     def limit(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         parts = self._each(theta, x, memory)
-        return _joined([p.law.limit(p.theta, p.x, p.memory) for p in parts])
+        return _joined([law.limit(numbers, at, z) for law, numbers, at, z in parts])
 
     def gradient(self, theta: Array, x: Inputs) -> Array:
         columns = []
-        for part, places in zip(self._each(theta, x, ()), self._places, strict=True):
-            slopes = np.asarray(part.law.gradient(part.theta, part.x))
+        parts = zip(self._each(theta, x, ()), self._places, strict=True)
+        for (law, numbers, at, _), places in parts:
+            slopes = np.asarray(law.gradient(numbers, at))
             wide = np.zeros((*slopes.shape[:-1], len(self.names)))
             wide[..., places] = slopes
             columns.append(wide)
         return np.concatenate(np.broadcast_arrays(*columns), axis=-2)
 
     def start(self, theta: Array, x: Inputs) -> Memory:
-        return self._packed([p.law.start(p.theta, p.x) for p in self._each(theta, x, ())])
+        parts = self._each(theta, x, ())
+        return self._packed([law.start(numbers, at) for law, numbers, at, _ in parts])
 
     def advance(self, theta: Array, x: Inputs, memory: Memory, dt: Array) -> Memory:
         parts = self._each(theta, x, memory)
-        return self._packed([p.law.advance(p.theta, p.x, p.memory, dt) for p in parts])
+        return self._packed([law.advance(numbers, at, z, dt) for law, numbers, at, z in parts])
 
     @cached_property
     def _entries(self) -> tuple[int, ...]:
@@ -201,11 +203,14 @@ class PerJoint(CombinedLaw):
         still = at_rest(np.zeros((1, 1)))
         return tuple(len(law.start(np.array(law.initial[:1]), still)) for law in self.parts)
 
-    def _each(self, theta: Array, x: Inputs, memory: Memory) -> Iterator[_Part]:
+    def _each(
+        self, theta: Array, x: Inputs, memory: Memory
+    ) -> Iterator[tuple[Law, Array, Inputs, Memory]]:
+        """Each joint's law, parameters, inputs and memory, the joint's axis of length one."""
         for j, (law, places) in enumerate(zip(self.parts, self._places, strict=True)):
             joint = slice(j, j + 1) if len(self.laws) > 1 else slice(None)
             entries = memory[: self._entries[j]] if memory else ()
-            yield _Part(
+            yield (
                 law,
                 theta[..., joint, :][..., places],
                 x.each(lambda entry, joint=joint: entry[..., joint]),
@@ -220,15 +225,6 @@ class PerJoint(CombinedLaw):
         like = next(entries[0] for entries in memories if entries)
         filled = [(*entries, *(0.0 * like,) * (most - len(entries))) for entries in memories]
         return tuple(map(_joined, zip(*filled, strict=True)))
-
-
-class _Part(NamedTuple):
-    """One joint's law with its parameters, inputs and memory, the joint's axis of length one."""
-
-    law: Law
-    theta: Array
-    x: Inputs
-    memory: Memory
 
 
 def _joined(columns: Sequence[Array]) -> Array:
