@@ -2,17 +2,29 @@
 
 What is kept holds the code of other files that a function calls, too: of its room, or of this one.
 So it is compiled again when a file of these has changed since.
+
+Loops become programs, too: they compute once on numbers that write down what is done. Of what they
+do not know yet, entries are `Number`s: they stand in arrays of objects, on which the Python that is
+compiled otherwise runs as it is.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
+import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.progress import report_compiling
+
+from .program import Operand, Value
+from .trace import Recorder, as_traced, recorder_of
 
 # for functions that compiled ones call: small ones, and larger ones
 inlined = numba.njit(error_model="numpy", forceinline=True)
@@ -77,3 +89,92 @@ def _newest_source(room: str) -> float:
     here = Path(__file__).parent
     files = [*here.rglob("*.py"), *(here.parent / room).rglob("*.py")]
     return max(path.stat().st_mtime for path in files)
+
+
+# --- Loops as programs ----------------------------------------------------------------------------
+
+
+class Number:
+    """A number of a program that is being written; with numbers that are known it gives another."""
+
+    __slots__ = ("operand", "recorder")
+
+    def __init__(self, recorder: Recorder, operand: Operand) -> None:
+        self.recorder, self.operand = recorder, operand
+
+    def _record(self, operation: str, *numbers: Any) -> Any:
+        operands = (x.operand if isinstance(x, Number) else float(x) for x in numbers)
+        result = self.recorder.record(operation, *operands)
+        return Number(self.recorder, result) if isinstance(result, Value) else result
+
+    def __add__(self, other: Any) -> Any:
+        return self._record("add", self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return self._record("add", other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return self._record("subtract", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._record("subtract", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._record("multiply", self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._record("multiply", other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._record("divide", self, other)
+
+    def __neg__(self) -> Any:
+        return self._record("negative", self)
+
+    def sin(self) -> Any:
+        """Its sine, which NumPy asks for."""
+        return self._record("sin", self)
+
+    def cos(self) -> Any:
+        """Its cosine."""
+        return self._record("cos", self)
+
+
+def traced_loop(
+    loop: Callable[..., object], geometry: Any, shapes: tuple[tuple[int, ...], ...], *arrays: Array
+) -> list[Any]:
+    """Traced arrays of these shapes that a loop over samples fills at one sample.
+
+    loop : called with the geometry, arrays (1, ...), and arrays of results (1, ...)
+    arrays : those that are not traced are constants
+    """
+    recorder = recorder_of(arrays)
+
+    def number(operand: Any) -> Any:
+        return Number(recorder, operand) if isinstance(operand, Value) else float(operand)
+
+    def operand(number: Any) -> Operand:
+        return number.operand if isinstance(number, Number) else float(number)
+
+    numbers = [_each(number, np.asarray(x).view(np.ndarray))[None] for x in arrays]
+    out = [np.empty((1, *shape), dtype=object) for shape in shapes]
+    interpreted(loop)(geometry, *numbers, *out)
+    return [as_traced(recorder, _each(operand, x[0])) for x in out]
+
+
+def _each(function: Callable[[Any], Any], array: Array) -> Array:
+    out = np.empty(array.shape, dtype=object)
+    for index in np.ndindex(out.shape):
+        out[index] = function(array[index])
+    return out
+
+
+@cache
+def interpreted(loop: Any) -> Any:
+    """The Python function that was compiled, which calls Python functions in its turn."""
+    function = getattr(loop, "__wrapped__", loop)
+    function = getattr(function, "py_func", function)
+    scope = dict(function.__globals__)
+    compiled = (name for name in function.__code__.co_names if hasattr(scope.get(name), "py_func"))
+    scope |= {name: interpreted(scope[name]) for name in tuple(compiled)}
+    return FunctionType(function.__code__, scope, function.__name__, function.__defaults__)

@@ -1,4 +1,4 @@
-"""The derivatives of the compiled step: programs of what `tangent.substep` computes of arrays."""
+"""The derivatives of the compiled step: programs of what `tangent.tangent` computes of arrays."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from frictionid.programs.trace import without_zeros
 
 from ..state import State
 from ..tangent.law_derivatives import FreeTheta, Slopes
-from ..tangent.substep import (
+from ..tangent.tangent import (
     MemoryRates,
+    MotionModel,
     advanced,
     at_break_away,
     crossed,
@@ -30,7 +31,6 @@ from ..tangent.substep import (
     middle,
     without_held,
 )
-from ..tangent.tangent import MotionModel
 from .loops import Machine, machine_of, programs_of, row_of
 from .row import EXTERNAL, NO_PROGRAM, Row, places_of, program_of, zero_entries
 

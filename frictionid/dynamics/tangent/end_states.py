@@ -19,8 +19,11 @@ from ..compiled.tangent import tangent_machine_of
 from ..state import Instant, State
 from ..torque_balance import constrained
 from .law_derivatives import FreeTheta, by_input, by_memory, by_theta, slopes
-from .substep import (
+from .tangent import (
     MemoryRates,
+    MotionModel,
+    MotorTorque,
+    advance_in_pieces,
     advanced,
     at_break_away,
     crossed,
@@ -29,7 +32,6 @@ from .substep import (
     middle,
     without_held,
 )
-from .tangent import MotionModel, MotorTorque, advance_in_pieces
 
 COMPILED = 64  # pieces of intervals of two joints: fewer are done before loops are compiled
 
