@@ -90,8 +90,7 @@ def test_a_tensor_of_another_device_is_refused():
     plant, friction = moved(acrobot(), friction_of(CoulombViscous()), "meta")
     q, w, u = torch.zeros(3, 5, 2, dtype=torch.float64, device="meta")
     with pytest.raises(RuntimeError, match="device"):
-        u = torch.zeros(5, 2, dtype=torch.float64)
-        acceleration(Instant(plant, friction, State(q, w), u))
+        acceleration(Instant(plant, friction, State(q, w), torch.zeros(5, 2, dtype=torch.float64)))
 
 
 @pytest.mark.parametrize("law", [MLP((4,)), WindowMLP(2, hidden=(3,)), LSTM(3, hidden=(4,))])

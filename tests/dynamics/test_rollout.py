@@ -121,11 +121,10 @@ def test_a_step_near_rest_converges_as_it_is_halved():
     w = rng.choice([0.0, 0.05, 1.0], (count, 2)) * rng.normal(size=(count, 2))
     start = State(rng.uniform(-2, 2, (count, 2)), w)
     u = 0.2 * rng.normal(size=(count, 1)) * plant.mechanism.motors
+    now = Instant(plant, friction, start, u)
 
     def end(parts):
-        step_size = StepSize(2, parts)
-        now = Instant(plant, friction, start, u)
-        return adaptive_step(now, np.full((count, 1), 1 / 60), step_size).w
+        return adaptive_step(now, np.full((count, 1), 1 / 60), StepSize(2, parts)).w
 
     finest = end(256)
     error = [np.sqrt(np.mean((end(parts) - finest) ** 2)) for parts in (1, 4, 16, 64)]

@@ -207,10 +207,9 @@ def test_the_film_of_a_joint_at_rest_settles_while_the_joint_stays():
 def test_sampled_memory_waits_for_the_next_sample():
     friction = Friction(Sampled(), np.array([[0.2], [0.1]]))
     begin = State(np.ones(2), np.ones(2), (np.zeros(2), np.ones(2), np.full(2, 2.0)))
-    now = Instant(CASES["double"].plant, friction, begin, np.zeros(2))
-    for method in (euler_step, semi_implicit_step):
-        assert method(now, np.array([0.1])).memory is begin.memory
-    assert step(*now, np.array([0.1]), 9).memory is begin.memory
+    now, dt = Instant(CASES["double"].plant, friction, begin, np.zeros(2)), np.array([0.1])
+    for end in (euler_step(now, dt), semi_implicit_step(now, dt), step(*now, dt, 9)):
+        assert end.memory is begin.memory
 
 
 # ---------------------------------------------------------------- how many substeps

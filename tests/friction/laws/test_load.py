@@ -90,12 +90,11 @@ def test_the_load_is_that_of_the_mechanism():
     """A pendulum that turns fast pulls at its bearing with m l w^2 and its weight."""
     plant = Plant.from_parameters(pendulum(), {"mass": 0.5, "length": 0.3})
     friction = Friction(LoadDependent(), np.array([[0.0, 0.01, 0.0]]))
-    state = State(np.zeros(1), np.array([10.0]))
-    now, pull = Instant(plant, friction, state, np.zeros(1)), 0.5 * (0.3 * 10.0**2 + 9.81)
+    now = Instant(plant, friction, State(np.zeros(1), np.array([10.0])), np.zeros(1))
+    pull = 0.5 * (0.3 * 10.0**2 + 9.81)
     assert friction.torque(now.inputs)[0] == pytest.approx(0.01 * pull)
     free = acceleration(now._replace(friction=Friction(CoulombViscous(), np.zeros((1, 2)))))
-    slowed = acceleration(now)
-    assert (slowed - free)[0] == pytest.approx(-0.01 * pull / (0.5 * 0.3**2))
+    assert (acceleration(now) - free)[0] == pytest.approx(-0.01 * pull / (0.5 * 0.3**2))
 
 
 @BOTH
