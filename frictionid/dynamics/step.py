@@ -37,8 +37,9 @@ def adaptive_step(now: Instant, dt: Array, step_size: StepSize) -> State:
     Batch axes of plant, friction, state, held u (..., n) [N m] and dt (..., 1) [s] broadcast.
 
     >>> import numpy as np
+    >>> from frictionid.friction import Friction
     >>> from frictionid.friction.laws import CoulombViscous
-    >>> from frictionid.mechanics import pendulum
+    >>> from frictionid.mechanics import Plant, pendulum
     >>> plant = Plant.from_parameters(pendulum(), {"mass": 0.1, "length": 0.2})
     >>> tf = Friction(CoulombViscous(), np.array([[0.1, 0.0]]))
     >>> raised = State(np.array([0.4]), np.array([0.0]))       # gravity 0.076, break-away 0.1 N m
