@@ -115,13 +115,20 @@ class LiveFriction:
         return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.zeros((2, n)), 0, 0.0)
 
     def added(self, live: Live, chunk: Chunk) -> Live:
-        """With what a stretch says; unchanged where it is too short or nothing moves."""
+        """With what a stretch says.
+
+        Unchanged where it is too short, nothing moves, or most of it is disturbed: the rest would
+        be fitted by as many numbers as it has rows.
+        """
         angle = Signal(chunk.time, chunk.angle, sigma=self.dataset.recordings[0].angle.sigma)
         run = Recording("stretch", angle, self.torque_of(chunk))
         data = replace(self.dataset, recordings=(run,), truth=None)
         try:
-            said, _ = recording_changes(prepared_data(data), self.reference, (), self.peak)
+            prepared = prepared_data(data)
+            said, disturbed = recording_changes(prepared, self.reference, (), self.peak)
         except InputError:
+            return live
+        if sum(s.size for s in disturbed) > len(chunk.time) / 2:
             return live
         size = np.array([e.size for e in self.reference.effects])
         curvature = np.linalg.inv(said.inverse[0]) - np.diag(size**-2.0)

@@ -36,6 +36,9 @@ from ..pooling.models import place_of
 SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
 _QUICK = 6.0  # times the rate, that of the first filter
 _GAP = 6.0  # over the rate [s]: between samples farther apart nothing is known
+# An angle jumps, as where an encoder is set anew or wraps, that moves so many times faster than
+# ever before, and so far in one interval [rad or m].
+_JUMP, _FAR = 10.0, 0.1
 
 
 class Members(NamedTuple):
@@ -55,7 +58,8 @@ class Members(NamedTuple):
 class State(NamedTuple):
     """What a stream remembers: the last sample, and the filters.
 
-    time : of the last sample [s]; angle (n,) there; begin : of the stream, after the last gap [s]
+    time : of the last sample [s]; angle (n,) there
+    begin : of the stream, after the last gap or jump [s]; fastest : (n,) so far, without jumps
     first, second : (2 n,), filters of angles and torques; momentum, force : (S, n)
     stick : (n,), share of friction that rest leaves open; memory : of the friction's law
     slower, torque : (S + 1, n), the observer's filter, of the members' torques and of `stick`
@@ -64,6 +68,7 @@ class State(NamedTuple):
     time: float
     angle: Array
     begin: float
+    fastest: Array
     first: Array
     second: Array
     momentum: Array
@@ -124,7 +129,9 @@ class MomentumObserver:
         nothing, out = np.zeros((S, n)), np.zeros((S + 1, n))
         x = self._inputs(held[None], np.zeros((1, n)))
         memory = self.friction.law.start(self.members.theta, _at(x, 0))
-        state = State(time, angle, time, held, held, nothing, nothing, nothing[0], memory, out, out)
+        zero = nothing[0]
+        filters = held, held, nothing, nothing, zero, memory, out, out
+        state = State(time, angle, time, zero, *filters)
         momentum, force, stick, *_ = self._forces(held[None], held[None], state, np.zeros(1))
         return state._replace(momentum=momentum[0], force=force[0], stick=stick[0])
 
@@ -162,12 +169,15 @@ class MomentumObserver:
         open_share = (np.concatenate([state.stick[None], stick[:-1]]) + stick) / 2
         both = np.concatenate([left, open_share[:, None]], axis=1)
         slower, out = _filtered(both, both, dt, self.rate, state.slower, state.torque)
-        begin = np.maximum.accumulate(np.where(dt > _GAP / self.rate, time, state.begin))
+        jumps, fastest = _jumps(np.abs(angle - last), dt, state.fastest)
+        anew = jumps | (dt > _GAP / self.rate)
+        begin = np.maximum.accumulate(np.where(anew, time, state.begin))
         settled = time - begin >= SETTLING / self.rate
         after = State(
             float(time[-1]),
             angle[-1],
             float(begin[-1]),
+            fastest,
             first[-1],
             second[-1],
             momentum[-1],
@@ -236,6 +246,16 @@ class MomentumObserver:
             memory = law.advance(theta, now, memory, np.full((1, 1), step)) if step > 0 else memory
             out.append(law.torque(theta, now, memory))
         return np.stack(out), memory
+
+
+def _jumps(step: Array, dt: Array, fastest: Array) -> tuple[Array, Array]:
+    """In which intervals (K,) an angle jumps, by steps (K, n), and the fastest speed (n,) then."""
+    jumps = np.zeros(len(dt), dtype=bool)
+    for k, speed in enumerate(step / dt[:, None]):
+        jump = (step[k] > _FAR) & (speed > _JUMP * fastest)
+        jumps[k] = jump.any()
+        fastest = np.where(jump, fastest, np.maximum(fastest, speed))
+    return jumps, fastest
 
 
 def _at(x: Inputs, k: int) -> Inputs:

@@ -142,6 +142,19 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
     assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
 
 
+def test_an_encoder_that_is_set_anew_is_no_contact(fit, quiet):
+    """At the jump nothing is known; the filters settle anew."""
+    (r, *_) = quiet.recordings
+    value = r.angle.value + 2 * np.pi * (r.angle.time > 6.0)[:, None]
+    run = replace(r, angle=r.angle._replace(value=value), truth=None)
+    jumped = replace(quiet, recordings=(run,))
+    said = fid.external_torque(fit, jumped, quiet=quiet)
+    unknown = said.frame.time[said.frame.torque1.isna() & (said.frame.time > 2.0)]
+    assert 6.0 < unknown.min() < 6.01 and 6.3 < unknown.max() < 7.6
+    alone = fid.external_torque(fit, quiet, quiet=quiet).frame
+    assert not alone.torque1[alone.time > 2.0].isna().any()
+
+
 def test_uncertain_parameters_widen_the_band(quiet):
     plain = fid.fit(quiet, "coulomb_viscous", method="one_step")
     loose = replace(quiet, mechanism=replace(quiet.mechanism, tolerances={"mass": 5.0}))
@@ -224,6 +237,16 @@ def test_the_live_estimate_ends_at_the_batch_and_says_so(fit, quiet):
     assert (np.abs(done.share - batch) < done.band).all()
     assert batch == pytest.approx(0.9, abs=0.02)
     assert isinstance(live, LiveFriction)
+
+
+def test_a_stretch_that_is_mostly_disturbed_says_nothing(fit, quiet):
+    """Few rows that are left would be fitted by as many numbers as they are."""
+    live = watch_of(fit.friction, quiet, 0.1, 1.0).friction
+    sound = part(samples_of(quiet.recordings[0]), 0, 1001)
+    pushes = np.repeat(np.random.default_rng(0).normal(size=21), 50)[:1001] * (sound.time > 0.7)
+    said = live.added(live.start(), sound)
+    assert live.added(said, sound).stretches == 2
+    assert live.added(said, sound._replace(torque=sound.torque - pushes[:, None])) is said
 
 
 def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(fit, quiet):
