@@ -84,7 +84,7 @@ class Observed(NamedTuple):
 
     time (K,); torque (K, n) [N m] by the fit; spread (K, n) [N m], of the members about it
     stick (K, n) [N m]; M (K, n, n) [kg m^2], which makes torques of the angles' noise
-    settled (K,) of bool
+    begin (K,) of the stream, after the last gap or jump [s]; settled (K,) of bool
     """
 
     time: Array
@@ -92,6 +92,7 @@ class Observed(NamedTuple):
     spread: Array
     stick: Array
     M: Array
+    begin: Array
     settled: Array
 
 
@@ -188,7 +189,7 @@ class MomentumObserver:
             out[-1],
         )
         spread = np.sqrt(((out[:, 1:-1] - out[:, :1]) ** 2).sum(axis=1))
-        return after, Observed(time, out[:, 0], spread, out[:, -1], M, settled)
+        return after, Observed(time, out[:, 0], spread, out[:, -1], M, begin, settled)
 
     @property
     def quick(self) -> float:

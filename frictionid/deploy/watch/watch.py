@@ -139,13 +139,20 @@ class _Stream(NamedTuple):
 
 def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
-    stretch, live, estimate = joined(stream.stretch, new), stream.live, None
-    torque = interval_torques(watch.friction.torque_of(stretch), stretch.time)[-len(new.time) :]
+    stretch, live, estimate = stream.stretch, stream.live, None
+    both = joined(stretch, new)
+    torque = interval_torques(watch.friction.torque_of(both), both.time)[-len(new.time) :]
     state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
-    while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
-        end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
-        live = watch.friction.added(live, part(stretch, 0, end + 1))
-        estimate, stretch = watch.friction.estimate(live), part(stretch, end)
+    anew = np.flatnonzero(np.diff(said.begin, prepend=stream.state.begin))
+    for k, rows in enumerate(np.split(np.arange(len(new.time)), anew)):
+        after = Chunk(*(values[rows] for values in new))
+        if k and np.ptp(stretch.time) >= _LAST:
+            live = watch.friction.added(live, stretch)
+        stretch = after if k else joined(stretch, after)
+        while np.ptp(stretch.time) >= _STRETCH:  # the same however many samples come at a time
+            end = int(np.argmax(stretch.time - stretch.time[0] >= _STRETCH))
+            live = watch.friction.added(live, part(stretch, 0, end + 1))
+            estimate, stretch = watch.friction.estimate(live), part(stretch, end)
     seen = Seen(said.time, *with_band(said, watch.band), estimate)
     return _Stream(state, stretch, live), seen
 

@@ -112,7 +112,7 @@ def test_noise_of_angles_is_told_from_errors_of_the_model_though_someone_touches
     torque[::100] += 30.0
     nothing = np.zeros((count, 2))
     settled = np.ones(count, dtype=bool)
-    said = Observed(np.arange(count) / 10.0, torque, nothing, nothing, M, settled)
+    said = Observed(np.arange(count) / 10.0, torque, nothing, nothing, M, 0.0 * settled, settled)
     for estimate, true in zip(noises(said), (noise, shake), strict=True):
         np.testing.assert_allclose(estimate, true, rtol=0.15)
 
@@ -142,12 +142,17 @@ def test_a_gap_in_the_log_is_no_contact(fit, quiet):
     assert 7.0 < said.frame.time[unknown].min() < said.frame.time[unknown].max() < 7.6
 
 
-def test_an_encoder_that_is_set_anew_is_no_contact(fit, quiet):
-    """At the jump nothing is known; the filters settle anew."""
+@pytest.fixture(scope="module")
+def jumped(quiet):
+    """A log in which the encoder is set anew by 400 turns at 6 s."""
     (r, *_) = quiet.recordings
-    value = r.angle.value + 2 * np.pi * (r.angle.time > 6.0)[:, None]
-    run = replace(r, angle=r.angle._replace(value=value), truth=None)
-    jumped = replace(quiet, recordings=(run,))
+    value = r.angle.value + 800 * np.pi * (r.angle.time > 6.0)[:, None]
+    run = replace(r, angle=r.angle._replace(value=value))
+    return replace(quiet, recordings=(run,))
+
+
+def test_an_encoder_that_is_set_anew_is_no_contact(fit, quiet, jumped):
+    """At the jump nothing is known; the filters settle anew."""
     said = fid.external_torque(fit, jumped, quiet=quiet)
     unknown = said.frame.time[said.frame.torque1.isna() & (said.frame.time > 2.0)]
     assert 6.0 < unknown.min() < 6.01 and 6.3 < unknown.max() < 7.6
@@ -205,6 +210,22 @@ def test_the_live_estimate_is_the_same_however_the_samples_come(fit, folder):
     assert once.seconds > 11.9  # the last two seconds count, too
     assert len(ends[0]) > len(ends[1])
     assert np.isinf(ends[0][0].estimate.band).all()  # one stretch does not say how they scatter
+
+
+def test_a_jump_ends_a_stretch_of_the_live_estimate(fit, quiet, jumped, tmp_path):
+    """It hardly moves the estimate; before and behind it what the samples say counts."""
+    watch = watch_of(fit.friction, quiet, 0.1, 1.0)
+    sound = replace(quiet, recordings=quiet.recordings[:1])
+    ends = []
+    for data, size in (sound, 10**9), (jumped, 10**9), (jumped, 1500):
+        place = tmp_path / str(len(ends))
+        write_dataset(data, place)
+        (table,) = place.glob("*.csv")
+        seen = list(watched(watch, place, in_pieces(table.read_bytes(), size), 0.0))
+        ends.append([s.estimate for s in seen if s.estimate][-1])
+    np.testing.assert_allclose(ends[1].share, ends[2].share, rtol=1e-9)
+    np.testing.assert_allclose(ends[1].share, ends[0].share, atol=0.01)
+    assert ends[0].seconds - 1.1 < ends[1].seconds < ends[0].seconds
 
 
 def samples_of(recording):
