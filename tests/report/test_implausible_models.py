@@ -22,23 +22,18 @@ GRID = made.about()["velocity"]
 
 def task(name, error, *, size=4, turned=False, energy=None, loops=None, **changes):
     """A model, of which friction may drive the motion at high speeds."""
-    scored = made.rows(0.3, error, noise=[0.001, -0.001, 0.002, -0.002])
+    document = made.task(name, 0.3, error, noise=[0.001, -0.001, 0.002, -0.002], **changes)
+    scored = document["rows"]["made"]
     scored[-1][5] = float(size)
     for fold, value in enumerate(energy or ()):
         scored.append([str(fold), "dissipated_energy", "ratio", None, "all", value, "1"])
     if energy:
         mean = float(np.mean(energy))
         scored.append(["all", "dissipated_energy", "ratio", None, "all", mean, "1"])
-    document = made.task(name, {"made": scored}, **changes)
     if turned:
         curves = np.where(np.abs(GRID) > 3.0, -1.0, 1.0) * np.asarray(document["curves"])
         document["curves"] = curves
     return document | {"loops": loops or []}
-
-
-def section(folder, tasks):
-    """The section of a folder of these tasks."""
-    return made.section(made.write(folder, tasks))
 
 
 def outcome(verdict, model, check):
@@ -47,7 +42,7 @@ def outcome(verdict, model, check):
 
 
 def test_friction_that_drives_the_motion_is_named_everywhere(tmp_path):
-    own = section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
+    own = made.section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
     verdict = verdict_of(own)
     assert outcome(verdict, "odd", "dissipation") == "failed"
     assert outcome(verdict, "good", "dissipation") == "passed"
@@ -67,14 +62,14 @@ def test_friction_that_drives_the_motion_is_named_everywhere(tmp_path):
 
 
 def test_other_tables_mark_the_name(tmp_path):
-    own = section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
+    own = made.section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
     table = marked(parameter_table(own, parameter_numbers(own)), verdict_of(own))
     assert {line.cells[0].text for line in table.lines} == {"odd †", "good"}
     assert "† Not plausible" in table.caption and r"$\dagger$" in latex(table)
 
 
 def test_without_failures_no_table_has_the_column(tmp_path):
-    own = section(tmp_path, [task("a", 0.2), task("b", 0.4)])
+    own = made.section(tmp_path, [task("a", 0.2), task("b", 0.4)])
     verdict = verdict_of(own)
     table = summary_table(summary_of(own.fitted, verdict.failed), "")
     assert "implausible" not in [column.name for column in table.columns]
@@ -82,13 +77,13 @@ def test_without_failures_no_table_has_the_column(tmp_path):
 
 def test_an_implausible_model_is_not_recommended_where_another_is_as_good(tmp_path):
     tasks = [task("odd", 0.2, turned=True), task("good", 0.203, size=9)]
-    verdict = verdict_of(section(tmp_path, tasks))
+    verdict = verdict_of(made.section(tmp_path, tasks))
     assert verdict.recommended == "good"
     assert "odd would do, but is implausible" in verdict.sentence
 
 
 def test_an_implausible_model_without_a_rival_is_doubted(tmp_path):
-    verdict = verdict_of(section(tmp_path, [task("odd", 0.2, turned=True)]))
+    verdict = verdict_of(made.section(tmp_path, [task("odd", 0.2, turned=True)]))
     assert verdict.recommended == "odd"
     assert verdict.main_doubt.startswith("odd is not plausible: it drives the motion")
     answers = {q.name: q.answer for q in verdict.questions}
@@ -105,7 +100,7 @@ def test_an_implausible_model_without_a_rival_is_doubted(tmp_path):
     ],
 )
 def test_friction_takes_the_energy_that_the_motion_implies(tmp_path, energy, expected):
-    verdict = verdict_of(section(tmp_path, [task("a", 0.2, energy=energy)]))
+    verdict = verdict_of(made.section(tmp_path, [task("a", 0.2, energy=energy)]))
     assert outcome(verdict, "a", "energy") == expected
 
 
@@ -137,7 +132,7 @@ def test_hysteresis_counts_against_the_control_without_memory(
     tmp_path, width, control, expected, answer
 ):
     tasks = [task("keeps", 0.2, loops=[loop(width)], size=9), task("plain", control)]
-    verdict = verdict_of(section(tmp_path, tasks))
+    verdict = verdict_of(made.section(tmp_path, tasks))
     assert outcome(verdict, "keeps", "hysteresis") == expected
     assert {q.name: q.answer for q in verdict.questions}["hysteresis"] == answer
 
@@ -145,7 +140,7 @@ def test_hysteresis_counts_against_the_control_without_memory(
 def test_cycles_that_give_energy_fail(tmp_path):
     bad = loop(0.0005)
     bad["torque"] = -np.asarray(bad["torque"])
-    verdict = verdict_of(section(tmp_path, [task("a", 0.2, loops=[bad]), task("b", 0.4)]))
+    verdict = verdict_of(made.section(tmp_path, [task("a", 0.2, loops=[bad]), task("b", 0.4)]))
     assert outcome(verdict, "a", "cycle_work") == "failed"
 
 
@@ -157,7 +152,7 @@ def test_extrapolation_and_break_away_are_read_from_the_folder(tmp_path):
         "curves": np.where(np.abs(GRID) > 3.0, -1.0, 1.0) * curves,
         "break_away": np.full((made.FOLDS + 1, 2, 2), -0.1),
     }
-    verdict = verdict_of(section(tmp_path, [own]))
+    verdict = verdict_of(made.section(tmp_path, [own]))
     assert outcome(verdict, "a", "extrapolation") == "failed"
     assert outcome(verdict, "a", "break_away") == "failed"
     assert outcome(verdict, "a", "dissipation") == "passed"

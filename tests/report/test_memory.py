@@ -17,12 +17,11 @@ WOBBLE = (0.001, -0.001, 0.002, -0.002)
 
 def written(folder, left=0.0, rollout=0.0, methods=METHODS):
     """Results in which memory is ahead by known amounts; `left` where all is corrected."""
-    tasks = [made.task("none", {"made": made.rows(0.61, 0.9)}, role="none", fit="study")]
+    tasks = [made.task("none", 0.61, 0.9, role="none", fit="study")]
     for fit, (scheme, corrects, ahead) in methods.items():
         ahead = left if fit == "ours" else ahead
-        static = made.task("mlp", {"made": made.rows(0.44, 0.2)}, fit=fit)
-        rows = made.rows(0.44 - ahead, 0.2 - rollout, noise=WOBBLE)
-        dynamic = made.task("lstm", {"made": rows}, fit=fit)
+        static = made.task("mlp", 0.44, 0.2, fit=fit)
+        dynamic = made.task("lstm", 0.44 - ahead, 0.2 - rollout, noise=WOBBLE, fit=fit)
         dynamic["loops"] = [
             {"joint": joint, "kind": kind, "frequency": 1.0, "width": [0.1], "lag": [0.01]}
             | {"velocity": [1.0, 2.0], "torque": [[1.0, 1.0]]}

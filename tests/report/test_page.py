@@ -23,7 +23,7 @@ WIDTHS = (390, 1400)
 def comparison(folder):
     """A fitted law with its own example motions, no friction, the truth, and a hostile name."""
     noise = [0.01, -0.01, 0.02, -0.02]
-    own = made.task("stribeck", {"made": made.rows(0.4, 0.1, curve=0.05, noise=noise)})
+    own = made.task("stribeck", 0.4, 0.1, curve=0.05, noise=noise)
     own["motions"] += [made.example("made", place) for place in ("best", "median", "worst")]
     shot = made.shot(
         [
@@ -32,12 +32,12 @@ def comparison(folder):
         ]
     )
     tasks = [
-        made.task("none", {"made": made.rows(0.6, 0.9, curve=1.0, noise=noise)}, role="none"),
+        made.task("none", 0.6, 0.9, curve=1.0, noise=noise, role="none"),
         own,
-        made.task(HOSTILE, {"made": made.rows(0.5, 0.3, curve=0.2, noise=noise)}, refined=shot),
-        made.task("truth", {"made": made.rows(0.35, 0.08, curve=0.0, noise=noise)}, role="truth"),
+        made.task(HOSTILE, 0.5, 0.3, curve=0.2, noise=noise, refined=shot),
+        made.task("truth", 0.35, 0.08, curve=0.0, noise=noise, role="truth"),
     ]
-    return made.write(folder, tasks, {"made": made.about()}, title=f"Title {HOSTILE}")
+    return made.write(folder, tasks, title=f"Title {HOSTILE}")
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,8 @@ def test_what_check_says_of_the_data_stands_on_the_page(tmp_path, monkeypatch):
     made.undraw(monkeypatch)
     finding = {"level": "doubtful", "text": "the torque acts late", "remedy": "free the delay"}
     about = made.about() | {"check": {"level": "doubtful", "findings": [finding], "next": []}}
-    tasks = [made.task("stribeck", {"made": made.rows(0.4, 0.1)})]
-    words = made.words(made.built(made.write(tmp_path, tasks, {"made": about})))
+    tasks = [made.task("stribeck", 0.4, 0.1)]
+    words = made.words(made.built(tmp_path, tasks, {"made": about}))
     assert "Checked before any fit: doubtful. the torque acts late; free the delay." in words
 
 
@@ -123,8 +123,8 @@ def test_what_there_is_none_of_is_not_drawn(page, tmp_path, monkeypatch):
     assert len(charts(page)) == 2 + 2 * 3  # two joints; lines and animation from three starts
     assert "<h2>Hysteresis" not in page and "<h2>Learning" not in page
     made.undraw(monkeypatch)
-    task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
-    bare = (made.built(made.write(tmp_path, [task])) / "index.html").read_text()
+    task = made.task("a", horizons=(), motions=False)
+    bare = (made.built(tmp_path, [task]) / "index.html").read_text()
     assert len(charts(bare)) == 2  # friction is there, motion is not
     assert "No verdict: the comparison predicts no motion." in made.words(tmp_path)
 

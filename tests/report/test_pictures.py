@@ -25,9 +25,10 @@ GRID = np.linspace(-10.0, 10.0, 401)[:, None]
 
 def section(folder, *fits, **changes):
     """What was fitted: pairs of identifier and recipe, with their scores."""
-    scored = {"made": made.rows(0.4, 0.1, curve=0.1, joints=1)}
-    tasks = [made.task(name, scored, fit=fit, joints=1) | changes for name, fit in fits]
-    return made.section(made.write(folder, tasks, {"made": made.about(1)}))
+    tasks = [
+        made.task(name, 0.4, 0.1, curve=0.1, fit=fit, joints=1) | changes for name, fit in fits
+    ]
+    return made.section(folder, tasks, {"made": made.about(1)})
 
 
 def steps(picture):

@@ -15,7 +15,7 @@ NOISE = np.array([-0.002, 0.001, 0.002, -0.001])
 
 def model(name, kind, rollout, *, box=False, role="fitted", noise=NOISE):
     scored = {d: made.rows(0.1, rollout * size, noise=noise) for d, size in SIZES.items()}
-    task = made.task(name, scored, role=role)
+    task = made.task(name, scored=scored, role=role)
     task["model"]["law"] = {"kind": kind}
     if box:
         task["model"]["mechanism"] = "unit"
@@ -35,7 +35,7 @@ def compared(folder, hybrid, *, noise=NOISE):
         model("nothing", "none", 0.5, role="none"),
     ]
     about = {name: made.about(tests=None if name == "made" else "made") for name in SIZES}
-    return made.section(made.write(folder, tasks, about))
+    return made.section(folder, tasks, about)
 
 
 def answers(section):

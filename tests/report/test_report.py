@@ -35,9 +35,9 @@ ODD = ("_hidden", "a|b", "$x_1$", "100 % & #{1}~^\\", "*bold* `code` [x](y)", "�
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory):
     """A report with pictures, without rollouts or examples; settings of Matplotlib stay."""
-    task = made.task("a", {"made": made.rows(0.3, 0.2, horizons=())}, motions=False)
+    task = made.task("a", horizons=(), motions=False)
     folder, before = tmp_path_factory.mktemp("bare"), dict(matplotlib.rcParams)
-    made.built(made.write(folder, [task]))
+    made.built(folder, [task])
     assert dict(matplotlib.rcParams) == before
     return folder
 
@@ -166,9 +166,9 @@ def test_smooth_friction_without_a_true_calibration_has_the_truth_of_friction_on
 
 @pytest.mark.usefixtures("undrawn")
 def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
-    same = [made.task("a", {"made": made.rows(0.1, 0.1)}, seed=s, role="given") for s in (0, 1)]
-    differ = [made.task("b", {"made": made.rows(0.1, 0.1)}, seed=s) for s in (0, 1)]
-    made.built(made.write(tmp_path, same + differ))
+    same = [made.task("a", 0.1, 0.1, seed=s, role="given") for s in (0, 1)]
+    differ = [made.task("b", 0.1, 0.1, seed=s) for s in (0, 1)]
+    made.built(tmp_path, same + differ)
     names = [
         line[0] for line in made.grid((tmp_path / "tables" / "summary--made.md").read_text())[1:]
     ]
@@ -178,8 +178,8 @@ def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
 @pytest.mark.usefixtures("undrawn")
 def test_data_that_test_two_fits_have_a_table_for_each(tmp_path):
     scored = [{name: made.rows(0.1, 0.1), "other": made.rows(0.2, 0.2)} for name in ("x", "y")]
-    tasks = [made.task("a", own, dataset=next(iter(own))) for own in scored]
-    made.built(made.write(tmp_path, tasks))
+    tasks = [made.task("a", scored=own, dataset=next(iter(own))) for own in scored]
+    made.built(tmp_path, tasks)
     names = {path.name for path in (tmp_path / "tables").glob("summary*.md")}
     ends = ("x", "y", "other-fitted-on-x", "other-fitted-on-y")
     assert names == {f"summary--{end}.md" for end in ends}
@@ -189,13 +189,13 @@ def test_data_that_test_two_fits_have_a_table_for_each(tmp_path):
 
 
 def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
-    wild = made.task("wild", {"made": made.rows(np.inf, np.inf, curve=np.inf)})
+    wild = made.task("wild", np.inf, np.inf, curve=np.inf)
     wild["curves"] = np.full_like(wild["curves"], np.nan)
     for motion in wild["motions"]:
         motion["predicted"] = np.where(motion["predicted"] > 0.5, np.inf, np.nan)
-    tame = made.task("tame", {"made": made.rows(0.3, 0.2, curve=0.1)})
-    also = made.task("also", {"made": made.rows(0.4, 0.3, curve=0.2)})
-    made.built(made.write(tmp_path, [wild, tame, also]))
+    tame = made.task("tame", curve=0.1)
+    also = made.task("also", 0.4, 0.3, curve=0.2)
+    made.built(tmp_path, [wild, tame, also])
     _, *lines = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
     assert lines[0][0] == "wild"
     assert lines[0][2:8] == ["∞", "∞", *["∞ (∞, 100 %)"] * 3, "∞"]
@@ -208,9 +208,9 @@ def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
 def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
     if len(horizons) != 1:
         made.leave_blank(monkeypatch)  # pictures have the gap once
-    short = made.task("short", {"made": made.rows(0.3, 0.2, horizons=horizons, curve=0.1)})
-    long = made.task("long", {"made": made.rows(0.3, 0.2, curve=0.1)})
-    made.built(made.write(tmp_path, [short, long]))
+    short = made.task("short", horizons=horizons, curve=0.1)
+    long = made.task("long", curve=0.1)
+    made.built(tmp_path, [short, long])
     head, first, second = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
     last = head.index("rollout 1 s [rad]")
     assert (first[last], second[last] == "–") == ("–", False)
@@ -227,8 +227,8 @@ def test_without_rollouts_or_examples_the_rest_is_there(bare):
 
 @pytest.mark.usefixtures("blank")
 def test_without_truth_no_curve_error_is_shown(tmp_path):
-    task = made.task("a", {"made": made.rows(0.3, 0.2)})
-    made.built(made.write(tmp_path, [task], {"made": made.about(truth=False)}))
+    task = made.task("a")
+    made.built(tmp_path, [task], {"made": made.about(truth=False)})
     assert "curve error" not in (tmp_path / "tables" / "summary--made.md").read_text()
     assert not list((tmp_path / "figures").glob("tradeoff*"))
     assert "no truth is known" in made.words(tmp_path)
@@ -237,8 +237,8 @@ def test_without_truth_no_curve_error_is_shown(tmp_path):
 @pytest.mark.usefixtures("blank")
 @pytest.mark.parametrize("role", ["none", "given", "truth"])
 def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
-    task = made.task("a", {"made": made.rows(0.3, 0.2, curve=0.1)}, role=role)
-    made.built(made.write(tmp_path, [task]))
+    task = made.task("a", curve=0.1, role=role)
+    made.built(tmp_path, [task])
     assert verdict_of(made.section(tmp_path)).sentence in made.words(tmp_path)
 
 
@@ -249,11 +249,8 @@ def test_a_comparison_without_a_fit_is_reported_too(role, tmp_path):
 def odd(tmp_path_factory):
     """A report in which everything has an odd name."""
     folder = tmp_path_factory.mktemp("odd")
-    tasks = [
-        made.task(name, {"my|rig": made.rows(0.3, 0.2, curve=0.1)}, dataset="my|rig", fit="$fit_")
-        for name in ODD
-    ]
-    return made.blank(made.write(folder, tasks, title="A *title* | <b>"))
+    tasks = [made.task(name, curve=0.1, dataset="my|rig", fit="$fit_") for name in ODD]
+    return made.blank(folder, tasks, title="A *title* | <b>")
 
 
 def test_odd_names_stand_in_markdown_as_they_are(odd):

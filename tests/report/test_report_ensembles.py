@@ -27,7 +27,7 @@ def benchmark():
 
 def ensemble(name="wide", offset=0.0, size=0.01):
     """A task whose members are its curve plus -2, ..., 2 times a size, `offset` off the truth."""
-    task = made.task(name, {"made": made.rows(0.3, 0.2)}, motions=False)
+    task = made.task(name, motions=False)
     truth = np.asarray(made.about()["truth"])
     task["curves"] = np.repeat((truth + offset)[None], len(task["curves"]), axis=0)
     steps = np.arange(-2.0, 3.0)[:, None, None]
@@ -36,8 +36,7 @@ def ensemble(name="wide", offset=0.0, size=0.01):
 
 
 def gathered(folder, *tasks, **about):
-    made.write(folder, list(tasks), {"made": made.about(**about)})
-    return made.section(folder)
+    return made.section(folder, tasks, {"made": made.about(**about)})
 
 
 def test_a_task_stores_the_curves_of_members_and_their_mean_is_the_fit(benchmark):
@@ -59,7 +58,7 @@ def test_what_is_no_ensemble_of_friction_has_no_members(benchmark):
 
 
 def test_members_are_lines_and_no_band(tmp_path):
-    section = gathered(tmp_path, ensemble(), made.task("other", {"made": made.rows(1, 1)}))
+    section = gathered(tmp_path, ensemble(), made.task("other", 1, 1))
     with drawing():
         (curves,) = friction_curves(section, styles(section.models))
         (own,) = spreads(section, styles(section.models))
@@ -90,6 +89,6 @@ def test_the_page_shows_the_picture_and_says_what_members_are(tmp_path, monkeypa
 
 
 def test_without_an_ensemble_nothing_is_drawn_or_told(tmp_path):
-    section = gathered(tmp_path, made.task("plain", {"made": made.rows(0.3, 0.2)}))
+    section = gathered(tmp_path, made.task("plain"))
     assert spread_caption(section) == ""
     assert spreads(section, styles(section.models)) == []

@@ -16,7 +16,7 @@ from frictionid.evaluation.hysteresis import (
     loop_width,
 )
 from frictionid.friction import Friction, Law, at_rest
-from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
+from frictionid.friction.laws import FilmLag, Stribeck
 from frictionid.report.figures.studies import learning_curves, losses_of
 from frictionid.report.figures.style import drawing, rendered, styles
 from frictionid.report.memory import loop_pictures, loop_table, with_memory
@@ -100,12 +100,14 @@ def test_the_width_is_the_area_over_the_range_and_turns_with_the_loop():
     assert loop_width(w[::-1], torque[::-1]) == pytest.approx(area / 6, rel=1e-3)
 
 
-def test_friction_of_the_velocity_alone_has_no_loop():
+def test_friction_of_the_velocity_alone_has_no_loop_and_is_its_curve():
     theta = np.array([[[0.05, 0.03, 2.0, 0.004]], [[0.02, 0.0, 1.0, 0.001]]])
-    for loop in hysteresis_loops(
-        Friction(Stribeck(), theta), PLANT, HysteresisSettings(), GRID, 1 / 60
-    ):
-        assert np.abs(loop.width).max() < 1e-9 and loop.torque.shape == (2, len(loop.velocity))
+    both = Friction(Stribeck(), theta)
+    for loop in hysteresis_loops(both, PLANT, HysteresisSettings(), GRID, 1 / 60):
+        assert np.abs(loop.width).max() < 1e-9
+        slides = np.abs(loop.velocity) > 0.3  # beyond the smoothing, which curves leave out
+        curves = [friction.curve(loop.velocity[slides])[:, 0] for friction in (both[0], both[1])]
+        np.testing.assert_allclose(loop.torque[:, slides], curves, atol=1e-12)
 
 
 @pytest.mark.parametrize("lag", [0.005, 0.02])
@@ -238,9 +240,9 @@ def loops_document(lag, folds=made.FOLDS, scatter=0.0, joints=2):
     ],
 )
 def test_the_verdict_says_what_was_put_in(tmp_path, lag, scatter, verdict):
-    task = made.task("late", {"made": made.rows(0.3, 0.1, curve=0.1)})
+    task = made.task("late", 0.3, 0.1, curve=0.1)
     task["loops"] = loops_document(lag, scatter=scatter)
-    section = made.section(made.write(tmp_path, [task]))
+    section = made.section(tmp_path, [task])
     (model,) = section.models
     first, second = (shown_loops(model, joint, "offset")[1] for joint in (0, 1))
     assert verdict in (second.verdict, first.verdict if scatter else "")
@@ -252,12 +254,11 @@ def test_the_verdict_says_what_was_put_in(tmp_path, lag, scatter, verdict):
 
 
 def test_learning_curves_are_drawn_where_a_model_has_them(tmp_path):
-    task = made.task("network", {"made": made.rows(0.3, 0.1, curve=0.1)})
+    task = made.task("network", 0.3, 0.1, curve=0.1)
     losses = np.exp(-np.arange(30) / 10)[None] + 0.1 * np.arange(1, made.FOLDS + 2)[:, None]
     task["model"]["provenance"] = {"learning": {"training": losses, "held_out": 1.1 * losses}}
-    other = made.task("stribeck", {"made": made.rows(0.4, 0.2, curve=0.1)})
-    made.write(tmp_path, [task, other])
-    section = made.section(tmp_path)
+    other = made.task("stribeck", 0.4, 0.2, curve=0.1)
+    section = made.section(tmp_path, [task, other])
     network, plain = models = section.models
     with drawing():
         assert learning_curves(section._replace(models=(plain,)), styles(models)) is None
@@ -266,11 +267,3 @@ def test_learning_curves_are_drawn_where_a_model_has_them(tmp_path):
         assert len(rendered(picture, ["png"])["png"]) > 1000
     assert len(lines) == 3 * made.FOLDS  # training, held out, the best
     assert losses_of(plain) is None and losses_of(network)["training"].shape == (made.FOLDS, 30)
-
-
-def test_a_curve_of_the_velocity_alone_is_read_by_the_loop_as_the_curve():
-    friction = Friction(CoulombViscous(), np.array([[[0.05, 0.01]]]))
-    for loop in hysteresis_loops(friction, PLANT, HysteresisSettings((5.0,)), GRID, 1 / 60):
-        expected = friction[0].curve(loop.velocity)[:, 0]
-        slides = np.abs(loop.velocity) > 0.3  # beyond the smoothing, which curves leave out
-        np.testing.assert_allclose(loop.torque[0][slides], expected[slides], atol=1e-12)

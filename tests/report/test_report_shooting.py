@@ -79,7 +79,7 @@ def document(computed):
 
 def folder_of(tmp_path, refined, **changes):
     """A result folder with one fit by shooting."""
-    own = made.task("law", {"made": made.rows(0.3, 0.2, curve=0.1)}, refined=refined)
+    own = made.task("law", curve=0.1, refined=refined)
     return made.write(tmp_path, [own], {"made": {**made.about(), **changes}})
 
 
@@ -190,7 +190,7 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
         {"recording": f"run_{i % 3}", "begin": 0.5 * i, "end": 0.5 * i + 0.3, "size": 1.0 + i}
         for i in range(14)
     ]
-    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    refined = made.shot()
     text = page(tmp_path, {**refined, "left_out": places[:2], "unexplained": places[2:]})
     assert "Windows left out: 2 of 50" in text and "Windows not explained: 12 of 50" in text
     table = pd.read_csv(tmp_path / "tables" / "windows--made--law.csv")
@@ -208,12 +208,12 @@ def test_windows_are_told_by_recording_and_time(tmp_path):
 
 def test_the_law_that_predicts_best_stands_there_and_others_are_linked(tmp_path, monkeypatch):
     made.leave_blank(monkeypatch)
-    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    refined = made.shot()
     tasks = [
-        made.task(name, {"made": made.rows(0.3, error, curve=0.1)}, refined=refined)
+        made.task(name, 0.3, error, curve=0.1, refined=refined)
         for name, error in (("poor", 0.9), ("good", 0.1))
     ]
-    made.built(made.write(tmp_path, tasks))
+    made.built(tmp_path, tasks)
     text = made.words(tmp_path)
     assert "What good identifies" in text and "What poor identifies" not in text
     assert re.search(r"poor: converged after \d+ iterations, 1 of 1 parameters identified", text)
@@ -289,7 +289,7 @@ def test_what_was_not_measured_is_grey_and_nothing_else(seed):
 
 
 def test_bands_are_as_wide_as_the_document_says(tmp_path):
-    refined = made.shot([made.parameter("friction", "coulomb", 0.1, 0.001, joint=0)])
+    refined = made.shot()
     section = made.section(folder_of(tmp_path, refined))
     (model,) = section.models
     (picture,) = curve_bands(section, styles([model]))

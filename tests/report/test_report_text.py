@@ -56,18 +56,17 @@ NEAR = [0.02, -0.03, 0.025, -0.02]  # scatter of a difference of 0.01 that it hi
 
 
 def test_differences_are_weighed_against_the_scatter_of_the_folds(tmp_path):
-    first = made.task("a", {"made": made.rows(0.3, 0.2)})
-    second = made.task("b", {"made": made.rows(0.31, 0.21, noise=NEAR)})
-    section = made.section(made.write(tmp_path, [first, second]))
+    first = made.task("a")
+    second = made.task("b", 0.31, 0.21, noise=NEAR)
+    section = made.section(tmp_path, [first, second])
     pair = section.fitted.paired(*section.models[::-1], LAST)
     # 0.0139 for independent folds, times sqrt(1 + 4/3)
     assert (round(pair.mean, 3), round(pair.error, 3), pair.clear) == (0.009, 0.021, False)
 
 
 def test_a_fold_that_is_not_finite_is_not_averaged_away(tmp_path):
-    lost = made.rows(0.3, 0.2, noise=[0.0, np.inf, 0.0, 0.0])
-    tasks = [made.task("a", {"made": lost}), made.task("b", {"made": made.rows(0.3, 0.2)})]
-    section = made.section(made.write(tmp_path, tasks))
+    lost = made.task("a", noise=[0.0, np.inf, 0.0, 0.0])
+    section = made.section(tmp_path, [lost, made.task("b")])
     pair = section.fitted.paired(*section.models, LAST)
     assert np.isnan(pair.mean)
     assert pair.clear is None
@@ -75,10 +74,10 @@ def test_a_fold_that_is_not_finite_is_not_averaged_away(tmp_path):
 
 def test_friction_that_makes_things_worse_is_told(tmp_path):
     tasks = [
-        made.task("none", {"made": made.rows(0.3, 0.1)}, role="none"),
-        made.task("bad", {"made": made.rows(0.4, 0.2)}),
+        made.task("none", 0.3, 0.1, role="none"),
+        made.task("bad", 0.4, 0.2),
     ]
-    verdict = verdict_of(made.section(made.write(tmp_path, tasks)))
+    verdict = verdict_of(made.section(tmp_path, tasks))
     assert verdict.recommended == "none"
     assert next(q.answer for q in verdict.questions if q.name == "friction") == "no"
 
@@ -87,20 +86,20 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
     ("unit", "far"), [("rad", "a quarter of the travel or 1 rad"), ("m", "a quarter of the travel")]
 )
 def test_predictions_that_diverged_are_told_with_the_limit_of_their_unit(unit, far, tmp_path):
-    tasks = [made.task("wild", {"made": made.rows(0.3, 0.9)})]
+    tasks = [made.task("wild", 0.3, 0.9)]
     about = {**made.about(), "position_units": [unit] * 2}
-    folder = made.built(made.write(tmp_path, tasks, {"made": about}))
+    folder = made.built(tmp_path, tasks, {"made": about})
     said = f"on made after 1 s (further off than {far}, which medians hide): up to 100 %"
     assert said in made.words(folder)
     assert f"share further off than {far})" in (folder / "summary.md").read_text()
 
 
 def test_curves_and_parameters_that_wander_are_told(tmp_path):
-    stray = made.task("stray", {"made": made.rows(0.3, 0.2)})
+    stray = made.task("stray")
     stray["curves"][-1] *= 1.5
-    vague = made.task("vague", {"made": made.rows(0.3, 0.2)}, spread=2.0)
-    steady = made.task("steady", {"made": made.rows(0.3, 0.2)})
-    folder = made.built(made.write(tmp_path, [stray, vague, steady]))
+    vague = made.task("vague", spread=2.0)
+    steady = made.task("steady")
+    folder = made.built(tmp_path, [stray, vague, steady])
     models = made.section(folder).models
     assert [model.label for model in models if astray(model)] == ["stray"]
     assert [model.label for model in models if loose(model)] == ["vague"]
@@ -111,27 +110,20 @@ def test_curves_and_parameters_that_wander_are_told(tmp_path):
 
 def test_shuffled_folds_are_told(tmp_path):
     settings = {"every": 0.25, "folds": {"count": 4, "kind": "shuffled"}}
-    task = made.task("a", {"made": made.rows(0.3, 0.2)})
-    folder = made.built(made.write(tmp_path, [task], settings=settings))
+    task = made.task("a")
+    folder = made.built(tmp_path, [task], settings=settings)
     assert "Shuffled folds on made: held-out samples have neighbours" in made.words(folder)
 
 
 # --- Terminal and styles ------------------------------------------------------------------------
 
 
-def test_the_last_line_shown_is_the_path(typical, capsys, monkeypatch):
-    monkeypatch.chdir(typical.parent)
-    show(load_results(Path(typical.name)))
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == str(typical.resolve() / "index.html")
-    assert Path(lines[-1]).exists()
-
-
 def test_in_a_terminal_the_path_can_be_clicked(typical, capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    show(load_results(typical))
+    monkeypatch.chdir(typical.parent)
+    show(load_results(Path(typical.name)))
     last = capsys.readouterr().out.rstrip("\n").splitlines()[-1]
     path = typical.resolve() / "index.html"
     assert re.fullmatch(rf"\x1b]8;[^;]*;{re.escape(path.as_uri())}\x1b\\.*\x1b]8;;\x1b\\", last)
@@ -194,8 +186,8 @@ def test_given_models_are_shown_in_short(capsys):
 def test_colours_belong_to_identifiers(typical, tmp_path):
     of_all = styles(made.section(typical).models)
     assert set(of_all) == {"none", "stribeck", "paper", "truth"}
-    many = [made.task(f"m{i}", {"made": made.rows(0.1, 0.1)}) for i in range(12)]
-    own = styles(made.section(made.write(tmp_path, many)).models)
+    many = [made.task(f"m{i}", 0.1, 0.1) for i in range(12)]
+    own = styles(made.section(tmp_path, many).models)
     assert len({(style.colour, str(style.line)) for style in own.values()}) == 12
 
 
@@ -208,9 +200,9 @@ def test_tables_agree_in_every_form(typical):
 
 
 def test_notes_of_a_model_are_code_and_no_html(tmp_path):
-    task = made.task("sindy", {"made": made.rows(0.3, 0.2)}, motions=False)
+    task = made.task("sindy", motions=False)
     task["model"]["provenance"] = {"equation": ["<img src=x onerror=alert(1)> `code` | x"]}
-    folder = made.built(made.write(tmp_path, [task]))
+    folder = made.built(tmp_path, [task])
     html = (folder / "index.html").read_text()
     assert "<img src=x" not in html and "<code>&lt;img src=x onerror=alert(1)&gt;" in html
 

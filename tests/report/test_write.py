@@ -17,7 +17,7 @@ OTHERS = ("provenance.json", "datasets.json", "SHA256SUMS")  # that a report doe
 def folder(tmp_path, monkeypatch):
     """A small report; here all builds write blank pictures."""
     made.leave_blank(monkeypatch)
-    return made.built(made.write(tmp_path / "folder", [made.task("a", {"made": made.rows(1, 1)})]))
+    return made.built(tmp_path / "folder", [made.task("a", 1, 1)])
 
 
 def test_a_build_leaves_no_file_of_an_earlier_one(folder):
