@@ -1,11 +1,9 @@
-"""The house around the code: quick help, pinned versions, set-up, what git keeps, the README."""
+"""The house around the code: pinned versions, set-up, what git keeps, the README."""
 
-import doctest
 import os
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
 from importlib.metadata import version
 
@@ -14,44 +12,6 @@ from fixtures.paths import ROOT
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
-
-HEAVY = (
-    "numpy",
-    "scipy",
-    "torch",
-    "sympy",
-    "pandas",
-    "pyarrow",
-    "sklearn",
-    "pysindy",
-    "cv2",
-    "matplotlib",
-)
-
-HELP = f"""
-import contextlib, io, sys
-from frictionid.__main__ import main
-sys.argv = ["frictionid", *sys.argv[1:]]
-text = io.StringIO()
-status = 0
-try:
-    with contextlib.redirect_stdout(text):
-        status = main()
-except SystemExit as end:
-    status = end.code
-assert not status, status
-assert "compare" in text.getvalue(), text.getvalue()
-print("loaded:", *[name for name in {HEAVY!r} if name in sys.modules])
-"""
-
-
-def test_help_loads_nothing_heavy():
-    done = subprocess.run(
-        [sys.executable, "-c", HELP, "--help"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["loaded:"]
-
 
 # --- Versions ---------------------------------------------------------------------------------
 
@@ -328,16 +288,3 @@ def test_required_recordings_may_not_be_skipped(
         result.stdout.fnmatch_lines(
             ["*FRICTIONID_REQUIRE_REAL=1, yet *test_is_marked was skipped*"]
         )
-
-
-def test_the_examples_of_the_page_of_mechanisms_run(monkeypatch):
-    path = ROOT / "docs" / "mechanisms.md"
-    monkeypatch.chdir(ROOT)
-    # a fence ends what an example prints, as an empty line would
-    text = re.sub(r"^```.*$", "", path.read_text(), flags=re.MULTILINE)
-    example = doctest.DocTestParser().get_doctest(text, {}, path.name, str(path), 0)
-    said = []
-    outcome = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(
-        example, out=said.append
-    )
-    assert outcome.attempted > 5 and outcome.failed == 0, "".join(said)
