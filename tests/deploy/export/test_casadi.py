@@ -4,7 +4,7 @@ import casadi
 import numpy as np
 import pytest
 from targets import written
-from test_programs import LAWS, friction_by
+from test_programs import LAWS, exported_by
 
 from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.casadi import casadi_functions
@@ -14,7 +14,7 @@ from frictionid.friction.laws import CoulombViscous
 
 @pytest.mark.parametrize("name", ["stribeck", "quadratic", "spline", "mlp"])
 def test_derivatives_agree_with_differences(name):
-    own = exported(friction_by(LAWS[name], np.random.default_rng(6)), speeds=(2.0, 3.0))
+    own = exported_by(LAWS[name], 6)
     slope = casadi_functions(own).torque.jacobian()
     law, theta, step = own.friction.law, own.friction.theta, 1e-6
     for w in np.random.default_rng(7).uniform(-4.0, 4.0, (20, 2)):
@@ -45,9 +45,7 @@ def test_braking_by_friction_alone_is_found_by_optimal_control():
 
 
 def test_files_say_units_signs_and_range(tmp_path):
-    own = exported(
-        friction_by(LAWS["lugre"], np.random.default_rng(8)), ("hip", "knee"), (2.0, 3.0)
-    )
+    own = exported_by(LAWS["lugre"], 8, ("hip", "knee"))
     paths = written(own, "casadi", tmp_path)
     assert set(paths) == {".casadi", "_advance.casadi", "_start.casadi", ".txt"}
     text = paths[".txt"].read_text()

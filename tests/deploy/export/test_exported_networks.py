@@ -8,7 +8,7 @@ import onnxruntime
 import pytest
 import torch
 from targets import loaded, written
-from test_programs import LAWS, friction_by
+from test_programs import LAWS, exported_by, friction_by
 
 from frictionid.deploy.export.exported import exported
 from frictionid.friction import Inputs
@@ -50,9 +50,7 @@ def test_torchscript_is_read_without_this_package(tmp_path):
 
 
 def test_an_onnx_model_says_units_signs_and_range(tmp_path):
-    own = exported(
-        friction_by(LAWS["lugre"], np.random.default_rng(8)), ("hip", "knee"), (2.0, 3.0)
-    )
+    own = exported_by(LAWS["lugre"], 8, ("hip", "knee"))
     session = onnxruntime.InferenceSession(str(written(own, "onnx", tmp_path)[".onnx"]))
     said = session.get_modelmeta().custom_metadata_map
     assert said["joints"] == "hip, knee"

@@ -2,14 +2,13 @@
 
 import sys
 
-import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
-from test_programs import LAWS, friction_by
+from test_programs import LAWS, exported_by
 
 from frictionid.deploy.export import FORMATS
 from frictionid.deploy.export.export import writer_of
-from frictionid.deploy.export.exported import ExportSettings, exported
+from frictionid.deploy.export.exported import ExportSettings
 from frictionid.errors import InputError
 
 CODE = ("c", "st", "python", "casadi", "onnx", "torchscript", "yaml", "latex")
@@ -22,7 +21,7 @@ def test_every_law_is_written_or_refused_in_one_line(to):
     for name, law in LAWS.items():
         if law.is_network and name != "mlp":  # whose code is long
             continue
-        own = exported(friction_by(law, np.random.default_rng(16)), speeds=(2.0, 3.0))
+        own = exported_by(law, 16)
         try:
             made = writer_of(to)(own, ExportSettings())
         except InputError:

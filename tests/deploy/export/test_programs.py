@@ -49,6 +49,11 @@ def friction_by(law, rng):
     return Friction(law, theta)
 
 
+def exported_by(law, seed, joints=()):
+    """The export of a friction by a law, measured up to 2 and 3 rad/s."""
+    return exported(friction_by(law, np.random.default_rng(seed)), joints, (2.0, 3.0))
+
+
 def inputs_of(program, x, memory, dt=0.0):
     entries = {f"memory_{i + 1}_{j + 1}": e[j] for i, e in enumerate(memory) for j in range(N)}
     entries |= {f"{g}_{j + 1}": v[j] for g, v in zip(GROUPS, x[:4], strict=True) for j in range(N)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from targets import written
-from test_programs import LAWS, friction_by
+from test_programs import LAWS, exported_by, friction_by
 
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
@@ -24,7 +24,7 @@ def straight(joint, w):
 
 @pytest.mark.parametrize("name", ["stribeck_asymmetric", "quadratic", "lugre"])
 def test_a_table_holds_steady_sliding_as_near_as_it_says(name):
-    own = exported(friction_by(LAWS[name], np.random.default_rng(11)), ("hip", "knee"), (2.0, 3.0))
+    own = exported_by(LAWS[name], 11, ("hip", "knee"))
     made = writer_of("yaml")(own, ExportSettings())
     document = yaml.safe_load(made.files[".yaml"])
     said = float(re.search(r"at most ([\d.e-]+) off", made.lost[0])[1])
@@ -63,7 +63,7 @@ def test_an_equation_reads_as_the_law(tmp_path):
 
 @pytest.mark.parametrize("name", [n for n, law in LAWS.items() if not law.is_network])
 def test_every_equation_is_sound_latex(name, tmp_path):
-    own = exported(friction_by(LAWS[name], np.random.default_rng(13)), speeds=(2.0, 3.0))
+    own = exported_by(LAWS[name], 13)
     text = written(own, "latex", tmp_path)[".tex"].read_text()
     plain = text.replace(r"\{", "").replace(r"\}", "")
     assert plain.count("{") == plain.count("}")
