@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coverage_cases import case_of, parts_of, rig_of
+from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
@@ -57,12 +58,12 @@ def test_the_bias_widens_intervals_by_its_size_and_moves_no_parameter(fits, tmp_
 
 @pytest.mark.parametrize("law", ["none", "mlp"])
 def test_fits_without_intervals_have_no_bias_to_add(sets, law):
-    with pytest.raises(fid.InputError, match="bias: .* has none: give a law with parameters"):
+    with assert_refused("bias: .* has none: give a law with parameters"):
         fid.fit(sets[0], law, bias=True)
 
 
 def test_a_friction_that_replays_other_motion_says_nothing_of_the_bias(sets):
-    with pytest.raises(fid.InputError, match="unlike the recordings: fit by shooting"):
+    with assert_refused("unlike the recordings: fit by shooting"):
         fid.fit(with_torque(sets[0], 30.0), "coulomb_viscous", bias=True)
 
 

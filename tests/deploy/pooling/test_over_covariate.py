@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.refusals import assert_one_line, assert_refused
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS, friction_of
@@ -97,23 +98,22 @@ def test_levels_do_not_fall_below_zero():
     ],
 )
 def test_what_is_no_covariate_is_refused(levels, values, words):
-    with pytest.raises(fid.InputError, match=words):
+    with assert_refused(words):
         fid.over_covariate(models(levels), "temperature", values)
 
 
 def test_far_from_the_fits_nothing_is_said():
     over = fid.over_covariate(models([0.1, 0.2, 0.3]), "temperature", [20, 30, 40])
-    with pytest.raises(fid.InputError, match="temperature = 90 is far from the fits', 20 to 40"):
+    with assert_refused("temperature = 90 is far from the fits', 20 to 40"):
         over.at(90.0)
 
 
 def test_the_command_writes_the_friction_at_one_value(tmp_path, run):
     for k, model in enumerate(models([0.12, 0.11, 0.1, 0.09]).values()):
         save_model(model, tmp_path / f"{k}.json", LAWS)
-    command = [tmp_path, "pool", *(f"{k}.json" for k in range(4))]
-    own = ["--over", "temperature=20,30,40,50", "--at", "25", "--out", "at.json"]
-    code, text, _ = run(*command, *own)
+    pool = "pool 0.json 1.json 2.json 3.json --over"
+    code, text, _ = run(tmp_path, f"{pool} temperature=20,30,40,50 --at 25 --out at.json")
     assert code == 0 and "coulomb" in text and "friction at temperature = 25" in text
     assert friction_of(tmp_path / "at.json").theta[0, 0] == pytest.approx(0.115)
-    code, _, error = run(*command, "--over", "temperature=20,cold", "--out", "no.json")
-    assert code == 2 and "write it as temperature=20,30,40" in error
+    outcome = run(tmp_path, f"{pool} temperature=20,cold --out no.json")
+    assert_one_line(outcome, "write it as temperature=20,30,40")
