@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -39,12 +40,15 @@ def real_data():
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """A function of a folder and words: exit code, output, error output of `frictionid WORDS`."""
+    """Exit code, output and error output of a command in a folder.
+
+    The first words stand in one line, as in a shell; others, such as paths, one by one.
+    """
     from frictionid.__main__ import main
 
-    def called(folder, *words):
+    def called(folder, line="", *words):
         monkeypatch.chdir(folder)
-        monkeypatch.setattr("sys.argv", ["frictionid", *map(str, words)])
+        monkeypatch.setattr("sys.argv", ["frictionid", *shlex.split(str(line)), *map(str, words)])
         return main(), *capsys.readouterr()
 
     return called

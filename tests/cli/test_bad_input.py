@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from fixtures.mistakes import mistakes
 from fixtures.tiny_pendulums import write_dataset, write_suite
 from hypothesis import given
 from hypothesis import strategies as st
@@ -68,9 +69,9 @@ def complaint(place, monkeypatch, run):
     """The line that a call of the command line ends with, which writes nothing."""
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
 
-    def call(*arguments):
+    def call(line):
         before = {path: path.stat().st_mtime_ns for path in place.rglob("*")}
-        code, out, err = run(place, *arguments)
+        code, out, err = run(place, line)
         assert code == 2 and out == ""
         assert err.startswith("frictionid: ") and err.count("\n") == 1 and "Traceback" not in err
         assert {path: path.stat().st_mtime_ns for path in place.rglob("*")} == before
@@ -81,139 +82,122 @@ def complaint(place, monkeypatch, run):
 
 # --- Suites --------------------------------------------------------------------------------------
 
-SUITES = {
-    "a folder": (("tiny",), r"tiny is a folder without suite\.toml; name a suite"),
-    "a data set": (("tiny/dataset.toml",), "describes a data set; name a suite"),
-    "a model": (("good.json",), r"good\.json is no TOML"),
-    "unknown kind": (("unknown.toml",), r"unknown\.toml: identifier 'nonn': .*mean 'none'\?"),
-    "long horizons": (("long.toml",), r"no recording holds 9\.15 s .*: choose other horizons"),
-    "short blocks": (("blocks.toml",), r"no fold holds out 0\.3 s .*shorter horizons or fewer"),
-    "data of two": (("two.toml", "--data", "."), "--data names the folder of one.*FRICTIONID_DATA"),
-    "data away": (("away.toml",), "--data FOLDER, or set FRICTIONID_DATA"),
-    "no data": (("away.toml", "--data", "nowhere"), "nowhere, does not exist"),
-    "foreign out": (("suite.toml", "--out", "tiny"), "tiny: holds no comparison but '00.csv'"),
-    "out is a file": (("suite.toml", "--out", "good.json"), r"good\.json: cannot be written \("),
-    "out below a file": (("suite.toml", "--out", "good.json/x"), "cannot be written .*--out"),
-    "out nowhere": (("suite.toml", "--out", "/proc/x"), r"/proc/x: cannot be written \("),
-}
+SUITES = r"""
+tiny                        => tiny is a folder without suite\.toml; name a suite
+tiny/dataset.toml           => describes a data set; name a suite
+good.json                   => good\.json is no TOML
+unknown.toml                => unknown\.toml: identifier 'nonn': .*mean 'none'\?
+long.toml                   => no recording holds 9\.15 s .*: choose other horizons
+blocks.toml                 => no fold holds out 0\.3 s .*shorter horizons or fewer
+two.toml --data .           => --data names the folder of one.*FRICTIONID_DATA
+away.toml                   => --data FOLDER, or set FRICTIONID_DATA
+away.toml --data nowhere    => nowhere, does not exist
+suite.toml --out tiny       => tiny: holds no comparison but '00.csv'
+suite.toml --out good.json  => good\.json: cannot be written \(
+suite.toml --out good.json/x => cannot be written .*--out
+suite.toml --out /proc/x    => /proc/x: cannot be written \(
+"""
 
 
-@pytest.mark.parametrize(("arguments", "words"), SUITES.values(), ids=SUITES.keys())
-def test_compare(complaint, arguments, words):
-    assert re.search(words, complaint("compare", *arguments))
+@mistakes(SUITES)
+def test_compare(complaint, wrong, words):
+    assert re.search(words, complaint(f"compare {wrong}"))
 
 
 def test_a_suite_is_no_data_set_and_a_data_set_no_result(complaint):
-    assert "suite.toml is a suite; name a data set" in complaint("quick", "suite.toml")
-    assert "tiny holds no comparison" in complaint("report", "tiny")
+    assert "suite.toml is a suite; name a data set" in complaint("quick suite.toml")
+    assert "tiny holds no comparison" in complaint("report tiny")
 
 
 def test_compare_finds_nothing_where_the_collections_are(complaint, place, monkeypatch):
     monkeypatch.setenv("FRICTIONID_DATA", str(place / "nowhere"))
-    assert "nowhere/pendulums, does not exist" in complaint("compare", "away.toml")
+    assert "nowhere/pendulums, does not exist" in complaint("compare away.toml")
 
 
 # --- Models --------------------------------------------------------------------------------------
 
-MODELS = {
-    "no_format.json": 'is no model file, "format" must be "frictionid model 1"',
-    "law_shape.json": "law 'coulomb_viscous': .*'step'",
-    "other_law.json": r"theta must have shape \(\.\.\., joints, 4\).*got \(1, 2\)",
-    "endless.json": "theta must be finite",
-    "batch.json": r"data set 'tiny' has 1 joints, the model's theta has shape \(2, 1, 2\)",
-    "joints.json": r"data set 'tiny' has 1 joints, the model's theta has shape \(2, 2\)",
-    "parameter.json": r"pendulum has no parameter 'm4'",
-    "deep.json": "is no JSON",
-    "folder.json": "cannot be read",
-}
+MODELS = r"""
+no_format.json => is no model file, "format" must be "frictionid model 1"
+law_shape.json => law 'coulomb_viscous': .*'step'
+other_law.json => theta must have shape \(\.\.\., joints, 4\).*got \(1, 2\)
+endless.json   => theta must be finite
+batch.json     => data set 'tiny' has 1 joints, the model's theta has shape \(2, 1, 2\)
+joints.json    => data set 'tiny' has 1 joints, the model's theta has shape \(2, 2\)
+parameter.json => pendulum has no parameter 'm4'
+deep.json      => is no JSON
+folder.json    => cannot be read
+"""
 
 
-@pytest.mark.parametrize(("name", "words"), MODELS.items(), ids=MODELS.keys())
-def test_evaluate_names_the_model_that_is_wrong(complaint, name, words):
-    line = complaint("evaluate", "good.json", name, "tiny", "--horizons", 0.1, "--out", "x.csv")
-    assert line.startswith(f"{name}: ") and re.search(words, line.removeprefix(f"{name}: "))
+@mistakes(MODELS)
+def test_evaluate_names_the_model_that_is_wrong(complaint, wrong, words):
+    line = complaint(f"evaluate good.json {wrong} tiny --horizons 0.1 --out x.csv")
+    assert re.match(f"{wrong}: .*{words}", line)
 
 
-GOOD = ("evaluate", "good.json", "tiny")
-EVALUATE = {
-    "no model": (("evaluate", "tiny"), "needs at least one model file and, last, a data set"),
-    "no dataset": (
-        ("evaluate", "good.json", "good.json"),
-        r"TOML .* a model stands before the data",
-    ),
-    "no horizons": ((*GOOD, "--horizons", ""), "--horizons '' must be positive seconds"),
-    "words": ((*GOOD, "--horizons", "0.1,x"), "must be positive seconds with commas"),
-    "a comma": ((*GOOD, "--horizons", "0.1,"), "must be positive seconds with commas"),
-    "negative": ((*GOOD, "--horizons", "-0.1"), r"horizons: -0\.1 must be positive"),
-    "zero": ((*GOOD, "--horizons", "0"), r"horizons: 0\.0 must be positive"),
-    "nan": ((*GOOD, "--horizons", "nan"), "--horizons 'nan' must be positive seconds"),
-    "endless": ((*GOOD, "--horizons", "inf"), "--horizons 'inf' must be positive seconds"),
-    "too long": (GOOD, "no recording holds .* a rollout of 9 s"),
-    "too short": ((*GOOD, "--horizons", "0.001"), r"sampled finely enough .* 0\.001 s"),
-    "sample time": ((*GOOD, "--sample-time", "0"), r"sample_time: 0\.0 must be positive"),
-    "thin": ((*GOOD, "--sample-time", "99"), "lower sample_time"),
-}
+EVALUATE = r"""
+tiny --horizons 0.1                 => needs at least one model file and, last, a data set
+good.json good.json --horizons 0.1  => TOML .* a model stands before the data
+good.json tiny --horizons ''        => --horizons '' must be positive seconds
+good.json tiny --horizons 0.1,x     => must be positive seconds with commas
+good.json tiny --horizons 0.1,      => must be positive seconds with commas
+good.json tiny --horizons -0.1      => horizons: -0\.1 must be positive
+good.json tiny --horizons 0         => horizons: 0\.0 must be positive
+good.json tiny --horizons nan       => --horizons 'nan' must be positive seconds
+good.json tiny --horizons inf       => --horizons 'inf' must be positive seconds
+good.json tiny --horizons 0.1,9     => no recording holds .* a rollout of 9 s
+good.json tiny --horizons 0.001     => sampled finely enough .* 0\.001 s
+good.json tiny --horizons 0.1 --sample-time 0  => sample_time: 0\.0 must be positive
+good.json tiny --horizons 0.1 --sample-time 99 => lower sample_time
+"""
 
 
-@pytest.mark.parametrize(("arguments", "words"), EVALUATE.values(), ids=EVALUATE.keys())
-def test_evaluate(complaint, arguments, words):
-    if "--horizons" not in arguments:
-        arguments = (*arguments, "--horizons", "0.1,9" if "9 s" in words else "0.1")
-    assert re.search(words, complaint(*arguments, "--out", "x.csv"))
+@mistakes(EVALUATE)
+def test_evaluate(complaint, wrong, words):
+    assert re.search(words, complaint(f"evaluate {wrong} --out x.csv"))
 
 
 @pytest.mark.parametrize("out", ["good.json/x.csv", "tiny", "/proc/x.csv"])
-@pytest.mark.parametrize("command", ["evaluate", "fit"])
+@pytest.mark.parametrize("command", ["evaluate good.json", "fit --identifier none"])
 def test_where_nothing_can_be_written(complaint, command, out):
-    arguments = ("good.json", "tiny", "--horizons", "0.1")
-    if command == "fit":
-        arguments = ("tiny", "--identifier", "none")
-    line = complaint(command, *arguments, "--out", out)
+    line = complaint(f"{command} tiny --out {out}")
     words = "tiny is a folder: name a file in it" if out == "tiny" else f"{out}: cannot be written"
     assert line.startswith(words)
 
 
 # --- Fits ----------------------------------------------------------------------------------------
 
-FIT = {
-    "unknown": (("tiny", "--identifier", "stribek"), "kind = 'stribek' is unknown; did you mean"),
-    "empty": (("tiny", "--identifier", ""), "kind = '' is unknown; known: 'none'"),
-    "own": (
-        ("tiny", "--identifier", "nowhere:Mine"),
-        "'nowhere:Mine' is neither in a module beside",
-    ),
-    "no value": (("--set", "symmetric"), "--set 'symmetric' must be key=value, e.g. --set"),
-    "no key": (("--set", "=false"), "--set '=false' must be key=value"),
-    "unknown setting": (("--set", "symetric=false"), "unknown setting 'symetric'; did you mean"),
-    "a word": (("--set", "symmetric=no"), "symmetric: it should be a valid boolean, not 'no'"),
-    "a number": (("--set", "symmetric=0"), "symmetric: it should be a valid boolean, not 0"),
-    "no width": (("--set", "width=0"), "width = 0.0 rad/s must be positive"),
-    "no number": (("--set", "width=nan"), "width: it should be a finite number, not nan"),
-    "a huge number": (("--set", "width=" + "9" * 5000), "width: it should be a valid number"),
-    "two lines": (("--set", "width=1\ny=2"), "width: it should be a valid number"),
-    "deep": (("--set", "width=" + "[" * 3000), "width: it should be a valid number"),
-    "kind": (("--set", "kind=none"), "--set kind: is no setting"),
-    "recipe": (("--recipe", "integrl"), "recipe 'integrl' is unknown; did you mean 'integral'"),
-    "no recipe": (("--recipe", ""), "recipe '' is unknown; known: 'study', 'integral'"),
-    "sample time": (("--sample-time", "-1"), r"sample_time: -1\.0 must be positive"),
-    "thin": (("--sample-time", "99"), "lower sample_time"),
-    "no file": (("tiny", "--identifier", "published"), "the key 'file' is missing"),
-    "missing file": (
-        ("tiny", "--identifier", "published", "--set", "file=missing.json"),
-        r"missing\.json: no such file",
-    ),
-    "two joints": (
-        ("tiny", "--identifier", "published", "--set", "file=joints.json"),
-        r"theta of shape \(2, 2\)",
-    ),
-}
+FIT = r"""
+--identifier stribek      => kind = 'stribek' is unknown; did you mean
+--identifier ''           => kind = '' is unknown; known: 'none'
+--identifier nowhere:Mine => 'nowhere:Mine' is neither in a module beside
+--identifier published    => the key 'file' is missing
+--identifier published --set file=missing.json => missing\.json: no such file
+--identifier published --set file=joints.json  => theta of shape \(2, 2\)
+--identifier stribeck --set symmetric       => --set 'symmetric' must be key=value, e.g. --set
+--identifier stribeck --set =false          => --set '=false' must be key=value
+--identifier stribeck --set symetric=false  => unknown setting 'symetric'; did you mean
+--identifier stribeck --set symmetric=no => symmetric: it should be a valid boolean, not 'no'
+--identifier stribeck --set symmetric=0     => symmetric: it should be a valid boolean, not 0
+--identifier stribeck --set width=0         => width = 0.0 rad/s must be positive
+--identifier stribeck --set width=nan       => width: it should be a finite number, not nan
+--identifier stribeck --set kind=none       => --set kind: is no setting
+--identifier stribeck --recipe integrl      => recipe 'integrl' is unknown; did you mean 'integral'
+--identifier stribeck --recipe ''           => recipe '' is unknown; known: 'study', 'integral'
+--identifier stribeck --sample-time -1      => sample_time: -1\.0 must be positive
+--identifier stribeck --sample-time 99      => lower sample_time
+"""
 
 
-@pytest.mark.parametrize(("arguments", "words"), FIT.values(), ids=FIT.keys())
-def test_fit(complaint, arguments, words):
-    if "--identifier" not in arguments:
-        arguments = ("tiny", "--identifier", "stribeck", *arguments)
-    assert re.search(words, complaint("fit", *arguments, "--out", "x.json"))
+@mistakes(FIT)
+def test_fit(complaint, wrong, words):
+    assert re.search(words, complaint(f"fit tiny {wrong} --out x.json"))
+
+
+@pytest.mark.parametrize("width", ["9" * 5000, "1\ny=2", "[" * 3000])
+def test_what_is_no_number(complaint, width):
+    line = f"fit tiny --identifier stribeck --out x.json --set 'width={width}'"
+    assert "width: it should be a valid number" in complaint(line)
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------

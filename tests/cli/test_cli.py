@@ -1,6 +1,7 @@
 """The command line: light to start, honest in its exit codes, and each command end to end."""
 
 import json
+import re
 import subprocess
 import sys
 from functools import partial
@@ -9,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.mistakes import mistakes
 from fixtures.paths import ROOT
+from fixtures.refusals import assert_one_line
 from fixtures.result_folders import leave_blank
-from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, dataset, write_dataset, write_suite
+from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, write_dataset, write_suite
 
 from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
@@ -52,6 +55,7 @@ for command in ([], ["compare"], ["fit"], ["evaluate"], ["report"], ["simulate"]
 sys.argv = ["frictionid", "--version"]
 assert main() == 0
 heavy = {"numpy", "scipy", "sympy", "pandas", "torch", "joblib", "matplotlib", "sklearn"}
+heavy |= {"pyarrow", "pysindy", "cv2"}
 print("heavy:", sorted(heavy & set(sys.modules)))
 import frictionid.report
 assert "matplotlib" not in sys.modules
@@ -85,8 +89,7 @@ def test_the_version_is_that_of_the_package(call):
 
 
 def test_what_fit_writes_is_what_evaluate_reads(place, call):
-    model = ("--by", "one_step", "--out", "models/fitted.json")
-    code, out, err = call("fit", "tiny", "--identifier", "stribeck", *model)
+    code, out, err = call("fit tiny --identifier stribeck --by one_step --out models/fitted.json")
     assert (code, err) == (0, "")
     assert "stribeck, one-step fit" in out and "N m s/rad" in out
     assert out.endswith("written to models/fitted.json\n")
@@ -101,9 +104,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert source["dataset"] == "tiny" and source["data"] == dict(data.hashes)
     assert source["seed"] == 0 and "integral" in source["recipe"]
 
-    code, out, err = call(
-        "evaluate", "models/fitted.json", "tiny", "--horizons", "0.3,0.1", "--out", "scores.csv"
-    )
+    code, out, err = call("evaluate models/fitted.json tiny --horizons 0.3,0.1 --out scores.csv")
     assert (code, err) == (0, "") and out.endswith("written to scores.csv\n")
     table = pd.read_csv(place / "scores.csv", dtype={"fold": str, "joint": str})
     assert tuple(table.columns) == COLUMNS
@@ -117,10 +118,11 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert f"fitted was fitted to {tables} of the {tables} files of 'tiny'" in " ".join(out.split())
     assert "states of a kinematic filter" in out
 
-    own = ("--initial-states", "model", "--out", "own_states.csv")
-    code, out, _ = call("evaluate", "models/fitted.json", "tiny", "--horizons", "0.3,0.1", *own)
+    code, out, _ = call(
+        "evaluate models/fitted.json tiny --horizons 0.3,0.1 --initial-states model --out model.csv"
+    )
     assert code == 0 and "states that each model estimates" in out
-    table = pd.read_csv(place / "own_states.csv", dtype={"fold": str, "joint": str})
+    table = pd.read_csv(place / "model.csv", dtype={"fold": str, "joint": str})
     protocol = Protocol(horizons=(0.1, 0.3), initial_states="model")
     scores, *_ = score_model(found, prepare(data, protocol))
     table = table[table["score"] != "torque_left_nominal"]
@@ -129,9 +131,9 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
 
 def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
     code, out, _ = call(
-        *("fit", "tiny", "--identifier", "stribeck", "--out", "other.json"),
+        "fit tiny --identifier stribeck --out other.json --recipe study --seed 3",
         *("--set", "symmetric=false", "--set", "width = 0.05", "--set", "shape=arctan"),
-        *("--recipe", "study", "--sample-time", 2 / RATE, "--seed", 3),
+        *("--sample-time", 2 / RATE),
     )
     assert code == 0 and "stribeck, one-step fit to 'tiny'" in out
     model = json.loads((place / "other.json").read_text())
@@ -145,16 +147,14 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
 def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call):
     text = (ROOT / "comparisons" / "own_friction.py").read_text(encoding="utf-8")
     (place / "my_friction.py").write_text(text, encoding="utf-8")
-    call("fit", "tiny", "--identifier", "my_friction:quadratic", "--out", "own.json")
-    call("fit", "tiny", "--identifier", "quadratic", "--out", "built_in.json")
+    call("fit tiny --identifier my_friction:quadratic --out own.json")
+    call("fit tiny --identifier quadratic --out built_in.json")
     assert read_json(place / "own.json")["law"] == {"kind": "Quadratic", "width": 0.02}
-    evaluate = ("evaluate", "own.json", "built_in.json", "tiny", "--horizons", 0.3)
-    evaluate = (*evaluate, "--replace")
-    code, _, err = call(*evaluate, "--out", "scores.csv")
-    assert code == 2 and "law 'Quadratic' is unknown" in err and "--law module:Class" in err
-    code, _, err = call(*evaluate, "--out", "scores.csv", "--law", "my_friction:quadratic")
-    assert code == 2 and "'my_friction:quadratic' does not subclass frictionid.friction.Law" in err
-    code, _, err = call(*evaluate, "--out", "scores.csv", "--law", "my_friction:Quadratic")
+    evaluate = "evaluate own.json built_in.json tiny --horizons 0.3 --replace --out scores.csv"
+    assert_one_line(call(evaluate), "law 'Quadratic' is unknown", "--law module:Class")
+    said = "'my_friction:quadratic' does not subclass frictionid.friction.Law"
+    assert_one_line(call(f"{evaluate} --law my_friction:quadratic"), said)
+    code, _, err = call(f"{evaluate} --law my_friction:Quadratic")
     assert (code, err) == (0, "")
     table = pd.read_csv(place / "scores.csv")
     own, built_in = (table[table["identifier"] == name].value for name in ("own", "built_in"))
@@ -164,7 +164,7 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
 def test_models_of_a_comparison_are_evaluated_too(place, call, monkeypatch):
     leave_blank(monkeypatch)
     write_suite(place, [("recipes", [{"name": "integral"}]), ("horizons", [0.3])])
-    assert call("compare", "suite.toml", "--out", "result", "--jobs", 1)[0] == 0
+    assert call("compare suite.toml --out result --jobs 1")[0] == 0
     models = sorted((place / "result" / "models").glob("*.json"))
     assert len(models) == 3
     code, out, err = call("evaluate", *models, "tiny", "--horizons", 0.3, "--out", "all.csv")
@@ -186,8 +186,7 @@ def test_evaluate_counts_the_parameters_that_compare_counts(place, call):
     changes.append(("identifiers", [{"kind": "coulomb_viscous"}]))
     compare_into(write_suite(place, changes, name="counted.toml"), place / "counted")
     model = "counted/models/tiny--coulomb_viscous--shooting--seed0.json"
-    words = ("evaluate", model, "tiny", "--horizons", 0.3, "--out", "counted.csv")
-    assert call(*words)[0] == 0
+    assert call(f"evaluate {model} tiny --horizons 0.3 --out counted.csv")[0] == 0
     compared = pd.read_csv(place / "counted" / "scores.csv")
     compared = compared[compared["identifier"] == "coulomb_viscous"]
     counts = [
@@ -207,30 +206,23 @@ def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
     compare_into(write_suite(place, [("identifiers", [{"kind": "none"}])]), place / "made")
     words = {"nowhere": "/provenance.json: no such file"}
     for folder in ("nowhere", "tiny", "empty"):
-        code, _, err = call("report", folder)
         expected = words.get(folder, " holds no comparison; name a folder that compare wrote")
-        assert code == 2 and err.startswith(f"frictionid: {folder}{expected}")
+        assert_one_line(call("report", folder), f"frictionid: {folder}{expected}")
     assert not made and not (place / "nowhere").exists() and not list((place / "empty").iterdir())
     with lock(place / "made"):
-        code, _, err = call("report", "made")
-        assert code == 2 and "another comparison is writing there" in err
-    assert call("report", "made")[0] == 0
+        assert_one_line(call("report made"), "another comparison is writing there")
+    assert call("report made")[0] == 0
     assert [results.folder for results in made] == [Path("made")] * 2
 
 
 def test_models_of_one_name_are_distinguished_by_their_folders(place, call):
     for folder in ("a", "b"):
-        call("fit", "tiny", "--identifier", "none", "--out", f"{folder}/model.json")
-    code, _, _ = call(
-        *("evaluate", "a/model.json", "b/model.json", "tiny", "--horizons", 0.1),
-        *("--out", "both.csv"),
-    )
-    assert code == 0
+        call("fit tiny --identifier none --out", f"{folder}/model.json")
+    assert call("evaluate a/model.json b/model.json tiny --horizons 0.1 --out both.csv")[0] == 0
     assert set(pd.read_csv(place / "both.csv")["identifier"]) == {"a/model.json", "b/model.json"}
-    code, _, err = call(
-        *("evaluate", "a/model.json", "a/model.json", "tiny", "--out", "twice.csv"),
-    )
-    assert code == 2 and "named twice" in err and not (place / "twice.csv").exists()
+    twice = call("evaluate a/model.json a/model.json tiny --out twice.csv")
+    assert_one_line(twice, "named twice")
+    assert not (place / "twice.csv").exists()
 
 
 def test_a_model_with_its_own_mechanism_is_evaluated_with_it(place, call):
@@ -243,7 +235,7 @@ def test_a_model_with_its_own_mechanism_is_evaluated_with_it(place, call):
     for name, own in (("right", {}), ("heavy", {"mass": 0.4})):
         text = json.dumps({**document, "parameters": own})
         (place / f"{name}.json").write_text(text)
-    call("evaluate", "right.json", "heavy.json", "tiny", "--horizons", 0.3, "--out", "own.csv")
+    call("evaluate right.json heavy.json tiny --horizons 0.3 --out own.csv")
     table = pd.read_csv(place / "own.csv")
     table = table[(table["statistic"] == "median") & (table["joint"] == "all")]
     value = table.set_index(["identifier", "score"])["value"]
@@ -257,35 +249,31 @@ def test_tables_elsewhere_are_named_by_data(place, call, tmp_path):
     for table in apart.glob("*.csv"):
         table.unlink()
     for command in (
-        ("fit", "apart", "--identifier", "none", "--out", "apart.json", "--data", tables),
-        ("evaluate", "apart.json", "apart", "--out", "apart.csv", "--data", tables)
-        + ("--horizons", "0.1"),
+        "fit apart --identifier none --out apart.json --data",
+        "evaluate apart.json apart --out apart.csv --horizons 0.1 --data",
     ):
-        assert call(*command)[0] == 0
+        assert call(command, tables)[0] == 0
 
 
 # --- Exit codes ----------------------------------------------------------------------------------
 
-MISUSED = {
-    "no such command": (("compair",), "No such command 'compair'"),
-    "no such option": (("compare", "suite.toml", "--job", "2"), "No such option: --job"),
-    "no suite": (("compare",), "Missing argument 'suite'"),
-    "negative jobs": (("compare", "suite.toml", "--jobs", "-1"), "'--jobs'.*greater than or equal"),
-    "half a job": (("compare", "suite.toml", "--jobs", "1.5"), "'--jobs'.*integer"),
-    "negative seed": (("fit", "tiny", "--seed", "-1", "--identifier", "none"), "'--seed'"),
-    "no out": (("fit", "tiny", "--identifier", "none"), "Missing option '--out'"),
-}
+MISUSED = """
+compair                        => No such command 'compair'
+compare suite.toml --job 2     => No such option: --job
+compare                        => Missing argument 'suite'
+compare suite.toml --jobs -1   => '--jobs'.*greater than or equal
+compare suite.toml --jobs 1.5  => '--jobs'.*integer
+fit tiny --seed -1 --identifier none => '--seed'
+fit tiny --identifier none     => Missing option '--out'
+"""
 
 
-@pytest.mark.parametrize(("arguments", "words"), MISUSED.values(), ids=MISUSED.keys())
-def test_misuse_is_one_line_and_exit_code_2(call, arguments, words):
-    import re
-
-    code, out, err = call(*arguments)
-    assert code == 2 and out == ""
-    assert err.startswith("frictionid: ") and err.count("\n") == 1
-    command = "" if "compair" in arguments else f" {arguments[0]}"
-    assert re.search(words, err) and f"(see frictionid{command} --help)" in err
+@mistakes(MISUSED)
+def test_misuse_is_one_line_and_exit_code_2(call, wrong, words):
+    command = "" if "compair" in wrong else f" {wrong.split()[0]}"
+    outcome = call(wrong)
+    assert_one_line(outcome, f"(see frictionid{command} --help)")
+    assert re.match(f"frictionid: .*{words}", outcome[2])
 
 
 def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
@@ -296,7 +284,7 @@ def test_ctrl_c_while_reading_is_130(place, call, monkeypatch):
 
     monkeypatch.setattr(suite_tasks, "load_dataset", stop)
     write_suite(place)
-    code, out, err = call("compare", "suite.toml", "--out", "none")
+    code, out, err = call("compare suite.toml --out none")
     assert (code, out) == (130, "")
     assert err == "frictionid: interrupted; what is done stays in none: finish it with --resume\n"
     assert not (place / "none").exists()
@@ -310,30 +298,23 @@ def test_a_defect_of_the_program_is_not_hidden(call, monkeypatch):
 
     monkeypatch.setattr(suite, "load_suite", fail)
     with pytest.raises(RuntimeError, match="a defect"):
-        call("compare", "suite.toml")
-
-
-def test_the_tiny_data_are_read_as_they_are_made(place):
-    made, read = dataset(), load_dataset(place / "tiny")
-    for a, b in zip(made.recordings, read.recordings, strict=True):
-        np.testing.assert_array_equal(a.angle.value, b.angle.value)
-        np.testing.assert_array_equal(a.truth.velocity.value, b.truth.velocity.value)
+        call("compare suite.toml")
 
 
 @pytest.mark.parametrize("out", ["tiny/dataset.toml", "tiny/00.csv"])
 def test_fit_never_writes_over_its_data(place, call, out):
     before = (place / out).read_bytes()
     for words in ((), ("--replace",)):
-        code, _, err = call("fit", "tiny", "--identifier", "none", "--out", out, *words)
-        assert code == 2 and "belongs to what is read and is not overwritten" in err
+        outcome = call("fit tiny --identifier none --out", out, *words)
+        assert_one_line(outcome, "belongs to what is read and is not overwritten")
     assert (place / out).read_bytes() == before
 
 
 def test_a_numerical_width_is_said_to_change_nothing(place, call):
-    words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--replace", "--out", "w.json")
     texts, thetas = [], []
-    for width in (("--set", "width=0.3"), (), ("--set", "width=0.01")):
-        texts.append(call(*words, *width)[1])
+    for width in ("--set width=0.3", "", "--set width=0.01"):
+        line = f"fit tiny --identifier coulomb_viscous --replace --out w.json {width}"
+        texts.append(call(line)[1])
         thetas.append(read_json(place / "w.json")["theta"])
     assert ["changes nothing" in text for text in texts] == [False, False, True]
     assert "width = 0.01 rad/s changes nothing" in texts[2] and thetas[1] == thetas[2]
@@ -341,10 +322,10 @@ def test_a_numerical_width_is_said_to_change_nothing(place, call):
 
 def test_a_model_is_written_over_with_replace_only(place, call):
     (place / "mine.json").write_text("mine")
-    for kind in ("fit", "tiny", "--identifier", "none"), ("evaluate", "mine.json", "tiny"):
-        code, _, err = call(*kind, "--out", "mine.json")
-        assert code == 2 and "mine.json" in err and (place / "mine.json").read_text() == "mine"
-    call("fit", "tiny", "--identifier", "none", "--out", "mine.json", "--replace")
+    for command in ("fit tiny --identifier none", "evaluate mine.json tiny"):
+        assert_one_line(call(f"{command} --out mine.json"), "mine.json")
+        assert (place / "mine.json").read_text() == "mine"
+    call("fit tiny --identifier none --out mine.json --replace")
     assert read_json(place / "mine.json")["law"]["kind"] == "none"
-    code, _, err = call("fit", "tiny", "--identifier", "none", "--out", "mine.safetensors")
-    assert code == 2 and "a model file is JSON, .safetensors are weights" in err
+    outcome = call("fit tiny --identifier none --out mine.safetensors")
+    assert_one_line(outcome, "a model file is JSON, .safetensors are weights")

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixtures.refusals import assert_one_line
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -42,8 +43,8 @@ def test_joints_are_named_and_losses_are_said(call, model, tmp_path):
 
 
 def test_models_without_a_covariance_are_not_randomised(call, model, tmp_path):
-    code, _, err = call(model, "--to", "isaac", "--out", "a.py", "--randomise", 5)
-    assert code == 2 and "no covariance" in err and err.count("\n") == 1
+    outcome = call(model, "--to", "isaac", "--out", "a.py", "--randomise", 5)
+    assert_one_line(outcome, "no covariance")
     assert not (tmp_path / "a.py").exists()
 
 

@@ -38,7 +38,7 @@ def say_into(path):
     sys.stdout = sys.stderr = open(1, "w", closefd=False)
 
 
-def on_a_full_disk(folder, words, said):
+def on_a_full_disk(folder, line, said):
     """Exit status and output of a command that can write no file of more than `ROOM` bytes."""
     child = os.fork()
     if not child:
@@ -47,7 +47,7 @@ def on_a_full_disk(folder, words, said):
             say_into(said)
             resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
             os.chdir(folder)
-            sys.argv = ["frictionid", *words]
+            sys.argv = ["frictionid", *line.split()]
             status = main()
         except BaseException:
             traceback.print_exc()
@@ -58,26 +58,25 @@ def on_a_full_disk(folder, words, said):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said.read_text()
 
 
-FILM = ("--overlay", "out/over.mp4")
 CASES = {
-    "render": ("film", ("render", "set", "--camera", "camera.toml", "--out", "out")),
-    "overlay": ("track", ("track", "run.mov", "--out", "out/a.csv", *FILM)),
-    "align": ("align", ("align", "angles.csv", "log.csv", "--out", "out")),
-    "check": ("film", ("check", "set", "--out", "out")),
-    "report": ("result", ("report", ".", "--replace")),
-    "compare": ("compared", ("compare", "suite.toml", "--out", "out", "--jobs", "1")),
-    "tune": ("compared", ("tune", "suite.toml", "--out", "tuned", "--jobs", "1")),
+    "render": ("film", "render set --camera camera.toml --out out"),
+    "overlay": ("track", "track run.mov --out out/a.csv --overlay out/over.mp4"),
+    "align": ("align", "align angles.csv log.csv --out out"),
+    "check": ("film", "check set --out out"),
+    "report": ("result", "report . --replace"),
+    "compare": ("compared", "compare suite.toml --out out --jobs 1"),
+    "tune": ("compared", "tune suite.toml --out tuned --jobs 1"),
 }
 
 
-@pytest.mark.parametrize(("name", "words"), CASES.values(), ids=CASES)
+@pytest.mark.parametrize(("name", "line"), CASES.values(), ids=CASES)
 def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
-    places, tmp_path, monkeypatch, name, words
+    places, tmp_path, monkeypatch, name, line
 ):
     leave_blank(monkeypatch)
     folder = places.get(name, places["result"].parent / name)
     before = contents(folder)
-    status, said = on_a_full_disk(folder, words, tmp_path / "said")
+    status, said = on_a_full_disk(folder, line, tmp_path / "said")
     lines = [line for line in said.splitlines() if line.startswith("frictionid: ")]
     assert status == 2 and len(lines) == 1 and "Traceback" not in said, said
     assert "File too large" in lines[0] or "cannot be written as a whole" in lines[0]
@@ -98,8 +97,8 @@ def test_a_comparison_goes_on_once_there_is_space(places, tmp_path, monkeypatch,
         say_into(said)
         monkeypatch.chdir(folder)
         out = disk / "out"
-        words = ["compare", "suite.toml", "--jobs", "1", "--out", str(out)]
-        monkeypatch.setattr(sys, "argv", ["frictionid", *words])
+        words = "frictionid compare suite.toml --jobs 1 --out".split()
+        monkeypatch.setattr(sys, "argv", [*words, str(out)])
         status = main()
         sys.stdout.flush()
         print(f"{len(list(out.glob('**/tasks/[!.]*.json')))} tasks", flush=True)

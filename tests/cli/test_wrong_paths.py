@@ -108,7 +108,7 @@ def pipes(tmp_path):
 def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, run):
     signal.alarm(30)
     try:
-        code, out, err = run(pipes, *arguments.split())
+        code, out, err = run(pipes, arguments)
     finally:
         signal.alarm(0)
     assert (code, out) == (2, "") and "is no JSON" not in err

@@ -7,7 +7,7 @@ import time
 import pytest
 from distributed import Client
 from fixtures.cluster import Cluster
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import compare_into, stamps, write_suite
 
 from frictionid.comparison import cluster as clusters
@@ -74,11 +74,10 @@ def place(tmp_path_factory):
 
 @pytest.fixture
 def complaint(place, run):
-    """Exit status of a comparison with these options, and the one line that it says."""
+    """What a comparison with these options comes to."""
 
     def call(*options):
-        code, _, err = run(place, "compare", "suite.toml", "--trust", "--out", "no", *options)
-        return code, err.strip()
+        return run(place, "compare suite.toml --trust --out no", *options)
 
     return call
 
@@ -104,29 +103,25 @@ def assert_same_scores(folder, other):
 )
 def test_a_wrong_address_is_one_line(monkeypatch, complaint, address, line):
     monkeypatch.setattr(clusters, "ANSWER", 0.5)
-    status, text = complaint("--dask", address)
-    assert status == 2 and text.startswith(f"frictionid: {line}") and "\n" not in text
+    assert_one_line(complaint("--dask", address), f"frictionid: {line}")
 
 
 def test_dask_that_is_not_installed_is_one_line(monkeypatch, complaint):
     monkeypatch.delitem(sys.modules, "frictionid.comparison.cluster")
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert complaint("--dask", "127.0.0.1:1") == (
-        2,
-        "frictionid: a cluster needs the package distributed: pip install 'frictionid[dask]'",
-    )
+    said = "frictionid: a cluster needs the package distributed: pip install 'frictionid[dask]'\n"
+    assert_one_line(complaint("--dask", "127.0.0.1:1"), said)
 
 
 def test_jobs_are_for_one_computer(complaint):
-    status, text = complaint("--dask", "127.0.0.1:1", "--jobs", "2")
-    assert status == 2 and text.endswith("--dask for a cluster: give one of them")
+    outcome = complaint("--dask", "127.0.0.1:1", "--jobs", "2")
+    assert_one_line(outcome, "--dask for a cluster: give one of them\n")
 
 
 def test_a_scheduler_without_workers_is_one_line(cluster, monkeypatch, complaint):
     monkeypatch.setattr(clusters, "FIRST_WORKER", 0.5)
-    status, text = complaint("--dask", cluster.address)
-    assert status == 2 and "\n" not in text
-    assert f"the scheduler has no workers: start some with `dask worker {cluster.address}" in text
+    said = f"the scheduler has no workers: start some with `dask worker {cluster.address}"
+    assert_one_line(complaint("--dask", cluster.address), said)
 
 
 def test_workers_that_would_find_other_numbers_are_refused():

@@ -3,7 +3,7 @@
 import sys
 
 import pytest
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import tasks_in, write_suite
 
 from frictionid.errors import InputError
@@ -112,9 +112,8 @@ def test_code_beside_a_suite_runs_only_where_it_is_trusted(change, tmp_path, mon
     monkeypatch.delitem(sys.modules, "harmful", raising=False)
     file = write_suite(tmp_path, [change])
     for command in ("compare", "sensitivity"):
-        code, out, err = run(tmp_path, command, file, "--out", "out")
-        assert (code, out) == (2, "") and err.count("\n") == 1
-        assert "is code, which runs with your rights: read it, and give --trust" in err
+        outcome = run(tmp_path, command, file, "--out", "out")
+        assert_one_line(outcome, "is code, which runs with your rights: read it, and give --trust")
     assert not (tmp_path / "harm").exists() and sys.path is before and str(tmp_path) not in before
     assert "harmful" not in sys.modules
     with assert_refused("harmful|SVR"):
@@ -126,6 +125,5 @@ def test_settings_of_code_beside_a_suite_are_not_tuned_without_trust(tmp_path, r
     (tmp_path / "harmful.py").write_text(HARM)
     entry = {"kind": "harmful:make", "search": {"width": {"low": 0.1, "high": 0.2}}}
     file = write_suite(tmp_path, [("identifiers", [entry])])
-    code, out, err = run(tmp_path, "tune", file, "--out", "out")
-    assert (code, out) == (2, "") and "give --trust" in err
+    assert_one_line(run(tmp_path, "tune", file, "--out", "out"), "give --trust")
     assert not (tmp_path / "harm").exists()

@@ -227,10 +227,8 @@ def test_derivatives_by_common_parameters_are_sums_of_each_joints(equal_data, se
 
 def test_the_command_names_joints_that_are_not_equal(tmp_path, run):
     write_dataset(simulate(rig((0.08, 0.04))), tmp_path / "data")
-    code, out, err = run(
-        *(tmp_path, "fit", "data", "--identifier", "coulomb_viscous"),
-        *("--by", "shooting", "--free", "friction", "--equal", "joint 1, 2", "--out", "m.json"),
-    )
+    line = "fit data --identifier coulomb_viscous --by shooting --free friction --out m.json"
+    code, out, err = run(tmp_path, line, "--equal", "joint 1, 2")
     assert code == 0, err
     assert "joints 1 and 2 are not equal: fitted apart, coulomb is 0.0" in out
     assert fid.load_model(tmp_path / "m.json").friction.provenance.equality

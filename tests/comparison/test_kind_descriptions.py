@@ -5,6 +5,7 @@ import json
 
 import pytest
 import sympy as sp
+from fixtures.refusals import assert_one_line
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.kind_descriptions import identifiers, laws, mechanisms
@@ -86,8 +87,8 @@ def test_the_commands_list_all_and_show_one(run, tmp_path, command):
     assert code == 0 and out.startswith(f"{names[-2]}\n")
     code, out, _ = run(tmp_path, command, "--json")
     assert [kind["name"] for kind in json.loads(out)] == names
-    code, out, err = run(tmp_path, command, f"{names[-2]}x")
-    assert (code, out) == (2, "") and f"x' is unknown; did you mean {names[-2]!r}" in err
+    outcome = run(tmp_path, command, f"{names[-2]}x")
+    assert_one_line(outcome, f"x' is unknown; did you mean {names[-2]!r}")
 
 
 def test_options_of_a_mechanism_are_its_arguments():

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import PENDULUM, compare_into, dataset, write_suite
 
 import frictionid as fid
@@ -182,7 +182,5 @@ def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(studied, sui
 
 def test_unknown_names_end_in_one_line(suite, run):
     for option in ("--identifier", "--recipe"):
-        code, _, err = run(suite.parent, "sensitivity", suite.name, option, "nobody")
-        assert code == 2
-        assert "'nobody' is unknown" in err
-        assert err.count("\n") == 1
+        outcome = run(suite.parent, f"sensitivity {suite.name} {option} nobody")
+        assert_one_line(outcome, "'nobody' is unknown")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import tomli_w
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
-from fixtures.suite_mistakes import MISTAKES
 from fixtures.tiny_pendulums import (
     SUITE,
     TRUTH,
@@ -179,13 +179,84 @@ def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch
 # --- Mistakes ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("changes", "words"), MISTAKES.values(), ids=MISTAKES)
-def test_a_mistake_is_one_line_that_names_file_and_key(place, changes, words):
+OWN_RECIPE = {"name": "mine", "scheme": "integral", "states": {"kind": "rts"}}
+MISTAKES = r"""
+horizon = [0.1] => unknown key 'horizon'; did you mean 'horizons'
+recipe = {state = {kind = "rts"}} => recipes\[0\]: unknown key 'state'; did you mean 'states'
+recipe = {states = {kind = "savgol", windo = 5}}
+    => recipe 'mine', states: unknown setting 'windo'; did you mean 'window'
+recipe = {states = {kind = "rts", support = 5}}
+    => recipe 'mine', states: unknown setting 'support'; it has none
+identifier = {kind = "stribeck", symetric = true}
+    => 'stribeck': unknown setting 'symetric'; did you mean 'symmetric'
+identifier = {kind = "none", width = 1.0} => 'width'; it has none
+every = "0.25" => every: it should be a valid number, not '0\.25'
+folds = 3 => folds: it should be one table of keys .*, not 3
+recipe = {states = "rts"} => recipes\[0\]\.states: .*dict.*, not 'rts'
+identifier = {kind = "stribeck", symmetric = 1} => symmetric: it should be a valid boolean, not 1
+name = => the key 'name' is missing
+identifier = {width = 0.1} => the key 'identifiers\[1\]\.kind' is missing
+recipes.0 = {name = "mine"} => 'mine' is unknown; .*needs states
+identifier = {kind = "published"} => 'published': the key 'file' is missing
+recipe = {states = {}} => recipe 'mine', states: the key 'kind' is missing
+horizons = [] => horizons must name at least one
+horizons = [nan] => horizons\[0\]: .*finite.*, not nan
+every = 0.0 => every: 0\.0 must be positive
+history = -1 => history: -1.0 must be 0 s or more
+folds.count = 1 => folds: count = 1 must be at least 2
+identifier = {kind = "stribeck_asymmetric"}
+    => kind = 'stribeck_asymmetric' is unknown; known: .*'stribeck'
+recipe = {states = {kind = "savgol", order = -1, window = 1}}
+    => order = -1, which must be at least 1
+recipe = {velocity_threshold = -0.1} => 'mine': velocity_threshold = -0\.1 must not be negative
+name = ".." => name: .*pattern
+identifier = {kind = "none", name = "../x"} => \[1\]\.name: .*pattern
+identifier = {kind = "none"} => two identifiers are called 'none'
+identifier = {kind = "none", name = "truth"} => identifiers are called 'truth'
+identifier = {kind = "none", name = "None"}
+    => two results are called 'tiny--none--study--seed0.json'
+seeds = [1, 1] => two seeds are called '1'
+datasets = [{path = "tiny"}, {path = "tiny"}] => two data sets are called 'tiny'
+datasets = [{path = "tiny"}, {path = "other", tests = ["tiny"]}] => two data sets are called 'tiny'
+identifier = {kind = "stribek"} => kind = 'stribek' is unknown; did you mean 'stri
+recipe = {states = {kind = "kalman"}} => 'kalman' is unknown; known: 'backw
+recipe = {scheme = "rk4"} => 'mine': scheme = 'rk4' is unknown; known are euler
+recipes.0.name = "studi" => 'studi' is unknown; did you mean 'study'
+identifier = {kind = "none", name = "x", recipes = ["studi"]}
+    => 'x': the suite has no recipe 'studi'; did you mean 'study'
+identifier = {kind = "none", name = "x", recipes = []} => \[1\]\.recipes: .*at least
+recipe = {name = "study"} => recipe 'study' has its own states: give yours anoth
+recipe = {states = {kind = "backward"}}
+    => 'mine': backward differences lag half a sample.*choose the states "rts" or "savgol"
+datasets.0.path = "nowhere" => nowhere does not exist; name a folder
+datasets.0.path = "a\u0000b" => does not exist
+identifier = {kind = "published", file = "x.json"} => x\.json: no such file
+identifier = {kind = "published", file = "tiny"} => tiny: cannot be read
+identifier = {kind = "published", file = "two.json"}
+    => 'published': its theta has shape \(2, 2\), data set 'tiny' has 1 joints
+identifier = {kind = "published", file = "strange.json"}
+    => 'published' on 'tiny': .*pendulum has no parameter 'm4'
+identifier = {kind = "nowhere:Mine"} => 'nowhere:Mine' is neither in a module beside
+identifier = {kind = "own_parts:Min"} => cannot be imported.*no attribute 'Min'
+identifier = {kind = "own_parts:number"} => 'number': 'int' object is not callable
+identifier = {kind = "own_parts:"} => 'own_parts:' cannot be imported
+identifier = {kind = ".own_parts:Mine"} => is neither in a module beside the
+identifier = {kind = "own_broken:Mine"} => cannot be imported.*division by zero
+identifier = {kind = "own_parts:Idle"} => is no identifier: derive it from
+identifier = {kind = "own_parts:Mine", levl = 1.0} => 'Mine': .*'levl'
+identifier = {kind = "own_parts:Mine", level = -1.0} => level = -1.0 must not be neg
+"""
+
+
+@mistakes(MISTAKES)
+def test_a_mistake_is_one_line_that_names_file_and_key(place, wrong, words):
+    ((key, value),) = changes(wrong)
+    if key == "recipe":
+        key, value = "recipes.0", OWN_RECIPE | value
     before = written(place)
     with assert_refused(words) as caught:
-        tasks(place, changes)
-    message = str(caught.value)
-    assert message.startswith(str(place / "suite.toml")) and "\n" not in message
+        tasks(place, [("identifiers.1" if key == "identifier" else key, value)])
+    assert str(caught.value).startswith(str(place / "suite.toml"))
     assert written(place) == before
 
 

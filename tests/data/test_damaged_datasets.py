@@ -20,7 +20,9 @@ from fixtures.dataset_files import (
     parquet_bytes,
     write,
 )
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,70 +32,46 @@ from frictionid.errors import InputError
 # --- Mistakes in dataset.toml --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"colums": {}}, "unknown key 'colums'; did you mean 'columns'"),
-        ({"columns__angel": ["q1"]}, "columns: unknown key 'angel'; .*'angle'"),
-        (
-            {"recordings": None, "name": None, "columns": None},
-            "the keys 'name', 'columns' and 'recordings' are missing; add them",
-        ),
-        (
-            {"columns__time": None, "columns__torque": None},
-            r"'columns\.time' and 'columns\.torque' are missing",
-        ),
-        ({"columns__angle": "q1"}, "torque names 2 columns and angle names 1"),
-        ({"units__torque": "A"}, r"needs the table \[motor\]: add it with kt .* gear"),
-        ({"motor__kt": 0.1}, r'\[motor\] needs currents, but units.torque = "N m"'),
-        (
-            {"units__torque": "A", "motor__gear": 2.0},
-            "the key 'motor.kt' is missing; add it",
-        ),
-        ({"units__torque": "A", "motor__kt": [0.1, 0.0]}, r"motor\.kt: .* a zero"),
-        ({"motor__gear": 3.0}, "changes nothing"),
-        (
-            {
-                "motor__gear": 3.0,
-                "motor__coupling": [[1.0, 0.0], [1.0, 1.0]],
-                "motor__angle": "motor",
-            },
-            "exclude each other",
-        ),
-        (
-            {"motor__coupling": [[2.0]], "motor__torque": "motor"},
-            "coupling is of 1 motors, and there are 2",
-        ),
-        (
-            {"motor__coupling": [[1.0, 1.0], [2.0, 2.0]], "motor__torque": "motor"},
-            "square matrix with an inverse",
-        ),
-        ({"signs__angle": 2}, r"signs\.angle.* 1 or -1, not 2"),
-        ({"signs__torque": [1, 1, -1]}, r"signs\.torque has 3 numbers for 2"),
-        (
-            {"units__torque": "A", "motor__kt": [0.1, 0.1, 0.1]},
-            r"motor\.kt has 3 numbers for 2 joints",
-        ),
-        ({"mechanism__parameters": {"m4": True}}, r"m4: .*number, not True"),
-        ({"units__angle": "grad"}, "unknown unit 'grad'; known: 'rad', 'mrad', 'deg'"),
-        ({"columns__angle": ["q1", ""]}, "only torque may have"),
-        ({"columns__angle": ["q1", "q1"]}, "column 'q1' is named twice"),
-        ({"sigma__angle": [0.1, 0.1, 0.1]}, "sigma.angle has 3 numbers for 2"),
-        ({"recordings__start": 2.0, "recordings__stop": 1.0}, "before stop"),
-        ({"recordings__start": 99.0}, "'a'.*no sample lies between"),
-        ({"recordings__stop": 0.001}, "'a': angle needs at least 2 samples"),
-        ({"recordings__patterns": ["*.csv", "b*"]}, r"patterns: 'b\*' matches no file"),
-        ({"recordings__patterns": [""]}, "'' is no relative pattern"),
-        ({"recordings__patterns": ["/*"]}, r"'/\*' is no relative pattern"),
-        ({"recordings__patterns": ["../*"]}, "leaves the folder"),
-        ({"recordings__patterns": ["*"]}, r"dataset\.toml: tables end with \.csv"),
-        ({"recordings__parameters": {"c.csv": {}}}, "'c.csv' is no file.*'a.csv'"),
-        ({"sha256": {"A.csv": "0" * 64}}, "sha256: 'A.csv' is no file.*'a.csv'"),
-    ],
-)
-def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, changes, words):
+MISTAKES = r"""
+colums = {} => unknown key 'colums'; did you mean 'columns'
+columns.angel = ["q1"] => columns: unknown key 'angel'; .*'angle'
+recordings =; name =; columns = => the keys 'name', 'columns' and 'recordings' are missing; add them
+columns.time =; columns.torque = => 'columns\.time' and 'columns\.torque' are missing
+columns.angle = "q1" => torque names 2 columns and angle names 1
+units.torque = "A" => needs the table \[motor\]: add it with kt .* gear
+motor.kt = 0.1 => \[motor\] needs currents, but units.torque = "N m"
+units.torque = "A"; motor.gear = 2.0 => the key 'motor.kt' is missing; add it
+units.torque = "A"; motor.kt = [0.1, 0.0] => motor\.kt: .* a zero
+motor.gear = 3.0 => changes nothing
+motor = {gear = 3.0, coupling = [[1.0, 0.0], [1.0, 1.0]], angle = "motor"} => exclude each other
+motor = {coupling = [[2.0]], torque = "motor"} => coupling is of 1 motors, and there are 2
+motor = {coupling = [[1.0, 1.0], [2.0, 2.0]], torque = "motor"} => square matrix with an inverse
+signs.angle = 2 => signs\.angle.* 1 or -1, not 2
+signs.torque = [1, 1, -1] => signs\.torque has 3 numbers for 2
+units.torque = "A"; motor.kt = [0.1, 0.1, 0.1] => motor\.kt has 3 numbers for 2 joints
+mechanism.parameters = {m4 = true} => m4: .*number, not True
+units.angle = "grad" => unknown unit 'grad'; known: 'rad', 'mrad', 'deg'
+columns.angle = ["q1", ""] => only torque may have
+columns.angle = ["q1", "q1"] => column 'q1' is named twice
+sigma.angle = [0.1, 0.1, 0.1] => sigma.angle has 3 numbers for 2
+recordings.start = 2.0; recordings.stop = 1.0 => before stop
+recordings.start = 99.0 => 'a'.*no sample lies between
+recordings.stop = 0.001 => 'a': angle needs at least 2 samples
+recordings.patterns = ["*.csv", "b*"] => patterns: 'b\*' matches no file
+recordings.patterns = [""] => '' is no relative pattern
+recordings.patterns = ["/*"] => '/\*' is no relative pattern
+recordings.patterns = ["../*"] => leaves the folder
+recordings.patterns = ["*"] => dataset\.toml: tables end with \.csv
+recordings.parameters = {"c.csv" = {}} => 'c.csv' is no file.*'a.csv'
+sha256 = {"A.csv" = "0000000000000000000000000000000000000000000000000000000000000000"}
+    => sha256: 'A.csv' is no file.*'a.csv'
+"""
+
+
+@mistakes(MISTAKES)
+def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, wrong, words):
     with assert_refused(words):
-        load(tmp_path, described(**changes))
+        load(tmp_path, changed(described(), changes(wrong)))
 
 
 @pytest.mark.parametrize(

@@ -108,8 +108,7 @@ def test_fit_evaluation_and_comparison_say_the_same(data):
 def test_the_commands_print_it_without_a_file_to_write(tmp_path, run):
     fit = fid.fit("acrobot_clean", "coulomb_viscous", method="one_step")
     fit.save(tmp_path / "model.json")
-    arguments = "evaluate", "model.json", "acrobot_clean", "--horizons", "0.1"
-    code, out, _ = run(tmp_path, *arguments)
+    code, out, _ = run(tmp_path, "evaluate model.json acrobot_clean --horizons 0.1")
     assert code == 0 and "Torque left" in out and "no friction, nominal" in out
     assert not list(tmp_path.glob("*.csv"))
 

@@ -1,5 +1,6 @@
 """frictionid init: tables as labs write them become a data set with the numbers that were meant."""
 
+import re
 import shutil
 import tomllib
 from functools import partial
@@ -8,7 +9,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
-from fixtures.refusals import assert_refused
+from fixtures.mistakes import mistakes
+from fixtures.refusals import assert_one_line, assert_refused
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -66,7 +68,7 @@ def same_motion(folder):
 
 
 def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
-    code, out, err = call("init", "arm", *INIT, *MOTOR)
+    code, out, err = call(f"init arm {INIT} {MOTOR}")
     assert (code, err) == (0, "") and out.endswith("next: frictionid quick arm\n")
     document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
     assert document["units"] == {"time": "ms", "angle": "deg", "torque": "A"}
@@ -77,7 +79,7 @@ def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
 
 
 def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):
-    assert call("init", "turned", *INIT, *MOTOR)[0] == 0
+    assert call(f"init turned {INIT} {MOTOR}")[0] == 0
     text = (tmp_path / "turned" / "dataset.toml").read_text()
     assert "corrected: " in text and "has the wrong sign" in text
     assert list(tomllib.loads(text)["signs"].values()) == [-1]
@@ -86,7 +88,7 @@ def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):
 
 def test_the_first_suite_can_be_compared(call, tmp_path):
     for folder, count in (("arm", 5), ("single", 10)):
-        call("init", folder, *INIT, *MOTOR)
+        call(f"init {folder} {INIT} {MOTOR}")
         suite = tmp_path / folder / "suite.toml"
         tasks = tasks_of(load_suite(suite), suite)
         assert {task.benchmark.folds.count for task in tasks} == {count}
@@ -97,47 +99,39 @@ def test_the_first_suite_can_be_compared(call, tmp_path):
 def test_what_is_there_is_never_overwritten(call, tmp_path):
     for name in ("dataset.toml", "suite.toml"):
         (tmp_path / "arm" / name).write_text("mine")
-        code, out, err = call("init", "arm", *INIT, *MOTOR)
-        assert (code, out) == (2, "") and f"arm/{name} is there already" in err
+        assert_one_line(call(f"init arm {INIT} {MOTOR}"), f"arm/{name} is there already")
         assert (tmp_path / "arm" / name).read_text() == "mine"
         (tmp_path / "arm" / name).unlink()
 
 
-MISSING = {
-    "no mechanism": (("arm",), "needs the mechanism: --mechanism acrobot or .* or pendulum"),
-    "unknown mechanism": (("arm", "--mechanism", "pendulm"), "did you mean 'pendulum'"),
-    "no mass": (
-        ("arm", "--mechanism", "pendulum"),
-        r"needs mass \[kg\] .*, length \[m\] .*: add --set mass=\.\.\. --set length=\.\.\.",
-    ),
-    "no constant": (("arm", *INIT), r"I_motor holds currents \[A\]: .*--kt .*--gear"),
-    "unknown column": (("arm", *INIT, "--angle", "pos"), "no column of numbers 'pos'; did you"),
-    "a column of words": (("arm", *INIT, "--angle", "state"), "no column of numbers 'state'"),
-    "time to and fro": (("arm", *INIT, "--time", "pos_deg"), "row 3: 'pos_deg' goes back"),
-    "two angles": (("arm", *INIT, "--angle", "t_ms,pos_deg"), "--angle names 2 columns"),
-    "a word": (("words", *INIT), "run1.csv, row 3: column 'pos_deg' holds 'lost', which is no"),
-    "repeated rows": (("repeated", *INIT, "--torque", "u"), "run1.csv, row 3: .* .66 such rows: 3"),
-    "no names": (("nameless", *INIT), "run1.csv: the first line holds numbers; write a line above"),
-    "no robot": (("arm", "--mechanism", "no.xml"), "--mechanism no.xml: no such file"),
-    "no parameter": (("arm", *INIT, "--set", "mas=1"), "--set mas: pendulum .* mean 'mass'"),
-    "no table": (("arm/run9.csv", *INIT), "arm/run9.csv: no such file"),
-    "no tables": ((".", *INIT), r"\. has no table that ends with \.csv"),
-    "two folders": (("arm/run1.csv", "single/run1.csv", *INIT), "lie in 2 folders"),
-    "two motors": (
-        ("arm", "--mechanism", "double_pendulum", "--set", "m1=1"),
-        "double_pendulum needs m2",
-    ),
-}
+MISSING = r"""
+arm                          => needs the mechanism: --mechanism acrobot or .* or pendulum
+arm --mechanism pendulm      => did you mean 'pendulum'
+arm --mechanism pendulum
+    => needs mass \[kg\] .*, length \[m\] .*: add --set mass=\.\.\. --set length=\.\.\.
+arm --mechanism no.xml       => --mechanism no.xml: no such file
+arm --mechanism double_pendulum --set m1=1 => double_pendulum needs m2
+arm INIT                     => I_motor holds currents \[A\]: .*--kt .*--gear
+arm INIT --angle pos         => no column of numbers 'pos'; did you
+arm INIT --angle state       => no column of numbers 'state'
+arm INIT --time pos_deg      => row 3: 'pos_deg' goes back
+arm INIT --angle t_ms,pos_deg => --angle names 2 columns
+arm INIT --set mas=1         => --set mas: pendulum .* mean 'mass'
+arm/run9.csv INIT            => arm/run9.csv: no such file
+arm/run1.csv single/run1.csv INIT => lie in 2 folders
+. INIT                       => \. has no table that ends with \.csv
+words INIT                   => run1.csv, row 3: column 'pos_deg' holds 'lost', which is no
+repeated INIT --torque u     => run1.csv, row 3: .* .66 such rows: 3
+nameless INIT                => run1.csv: the first line holds numbers; write a line above
+"""
 
 
-@pytest.mark.parametrize(("arguments", "words"), MISSING.values(), ids=MISSING)
-def test_what_is_missing_is_one_line_with_the_option(call, tmp_path, arguments, words):
-    import re
-
+@mistakes(MISSING)
+def test_what_is_missing_is_one_line_with_the_option(call, tmp_path, wrong, words):
     before = sorted(tmp_path.rglob("*"))
-    code, out, err = call("init", *arguments)
-    assert (code, out) == (2, "") and err.count("\n") == 1
-    assert re.search(words, err), err
+    outcome = call(f"init {wrong}".replace("INIT", INIT))
+    assert_one_line(outcome)
+    assert re.search(words, outcome[2]), outcome
     assert sorted(tmp_path.rglob("*")) == before
 
 
@@ -152,7 +146,7 @@ def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
     command = import_module("frictionid.cli.init")
     monkeypatch.setattr(command, "_is_asked", lambda: True)
     monkeypatch.setattr(command.typer, "prompt", prompt)
-    assert call("init", "arm")[0] == 0
+    assert call("init arm")[0] == 0
     assert len(asked) == len(answers)
     same_motion(tmp_path / "arm")
 
@@ -244,13 +238,13 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     (tmp_path / "servo").mkdir()
     rows = (f"{t},{q},{0.9 * q}" for t, q in zip(TIME, Q, strict=True))
     (tmp_path / "servo" / "run.csv").write_text("\n".join(["t,goal,pos", *rows]))
-    code, out, _ = call("init", "servo", *INIT, "--gains", "4,0.05")
+    code, out, _ = call(f"init servo {INIT} --gains 4,0.05")
     document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
     assert document["actuator"] == {"target": "goal", "output": "torque", "P": 4.0, "D": 0.05}
     (tmp_path / "servo" / "dataset.toml").unlink()
     (tmp_path / "servo" / "suite.toml").unlink()
-    out = call("init", "servo", *INIT)[1]
+    out = call(f"init servo {INIT}")[1]
     assert "missing: gains of the controller" in out
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
 
@@ -259,7 +253,7 @@ def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
     (tmp_path / "drop").mkdir()
     rows = (f"{t},{q},{w}" for t, q, w in zip(TIME, Q, W, strict=True))
     (tmp_path / "drop" / "run.csv").write_text("\n".join(["t,q,w", *rows]))
-    code, out, _ = call("init", "drop", *INIT)
+    code, out, _ = call(f"init drop {INIT}")
     assert code == 0 and "passive motion" in out
     data = load_dataset(tmp_path / "drop")
     assert data.mechanism.driven == (False,) and not data.recordings[0].torque.value.any()
@@ -299,9 +293,8 @@ def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_p
     (tmp_path / "episodes" / "data" / "chunk-000" / "file-000.parquet").write_bytes(b"PAR1")
     (tmp_path / "episodes" / "meta").mkdir()
     (tmp_path / "episodes" / "meta" / "info.json").write_text('{"fps": 30}')
-    code, _, err = call("init", "episodes", *INIT)
-    assert code == 2 and len(err.splitlines()) == 1
-    assert "is a LeRobot data set" in err and 'kind = "lerobot"' in err
+    outcome = call(f"init episodes {INIT}")
+    assert_one_line(outcome, "is a LeRobot data set", 'kind = "lerobot"')
 
 
 def test_given_columns_count(lab):
@@ -313,11 +306,9 @@ def test_given_columns_count(lab):
 
 
 def test_an_interrupted_call_can_be_made_again(call, tmp_path):
-    command = ("init", "arm", *INIT, *MOTOR)
-    code, _, err = call(*command)
-    assert code == 0, err
-    (tmp_path / "arm" / "dataset.toml").unlink()  # written last
-    assert call(*command)[0] == 0
+    for _ in range(2):
+        assert call(f"init arm {INIT} {MOTOR}")[0] == 0
+        (tmp_path / "arm" / "dataset.toml").unlink()  # written last
 
 
 # --- Several runs in one table --------------------------------------------------------------------

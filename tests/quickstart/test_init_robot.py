@@ -248,12 +248,11 @@ def test_what_was_written_can_be_checked_and_fitted(call, exact, run):
     _, q, u = exact
     call({**named("q_{}", q), **named("tau_{}", u)})
     for command in (
-        ("check", "log"),
-        ("fit", "log", "--identifier", "coulomb_viscous", "--by", "inverse_dynamics")
-        + ("--out", "model.json"),
-        ("evaluate", "model.json", "log", "--horizons", "0.1"),
+        "check log",
+        "fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json",
+        "evaluate model.json log --horizons 0.1",
     ):
-        code, out, _ = run(call.folder.parent, *command)
+        code, out, _ = run(call.folder.parent, command)
         assert code == 0, out
 
 

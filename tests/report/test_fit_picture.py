@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures.refusals import assert_one_line
 from fixtures.tiny_pendulums import dataset, write_dataset
 
 from frictionid.friction import Friction
@@ -9,25 +10,23 @@ from frictionid.friction.laws import CoulombViscous
 from frictionid.report.figures import fits
 from frictionid.report.figures.style import png
 
-FIT = ("fit", "tiny", "--identifier", "coulomb_viscous", "--out", "model.json")
+FIT = "fit tiny --identifier coulomb_viscous --out model.json --figure friction.png"
 
 
 def test_the_picture_is_written_beside_the_model(tmp_path, run):
     write_dataset(tmp_path / "tiny")
-    words = (*FIT, "--figure", "friction.png")
-    code, out, err = run(tmp_path, *words)
+    code, out, err = run(tmp_path, FIT)
     assert (code, err) == (0, "") and out.endswith("written to friction.png\n")
     assert (tmp_path / "friction.png").read_bytes().startswith(b"\x89PNG")
     (tmp_path / "model.json").unlink()
-    code, _, err = run(tmp_path, *words)
-    assert code == 2 and "friction.png exists" in err and not (tmp_path / "model.json").exists()
+    assert_one_line(run(tmp_path, FIT), "friction.png exists")
+    assert not (tmp_path / "model.json").exists()
 
 
 def test_a_model_without_friction_is_refused_before_the_fit(tmp_path, run):
     write_dataset(tmp_path / "tiny")
-    words = ("fit", "tiny", "--identifier", "sindy_dynamics", "--out", "m.json")
-    code, out, err = run(tmp_path, *words, "--figure", "f.png")
-    assert (code, out) == (2, "") and "no friction torque to draw" in err
+    outcome = run(tmp_path, "fit tiny --identifier sindy_dynamics --out m.json --figure f.png")
+    assert_one_line(outcome, "no friction torque to draw")
     assert not list(tmp_path.glob("m.*"))
 
 

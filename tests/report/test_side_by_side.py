@@ -94,10 +94,10 @@ def test_the_command_says_it_and_writes_nothing(tmp_path, run):
     written(tmp_path / "a")
     written(tmp_path / "b", 0.4)
     before = sorted(path for path in tmp_path.rglob("*") if path.suffix != ".lock")
-    code, out, _ = run(tmp_path, "report", "a", "b")
+    code, out, _ = run(tmp_path, "report a b")
     assert code == 0 and "made: same data and same folds" in out and "+100.0 %" in out
-    code, out, _ = run(tmp_path, "report", "a", "b", "--json")
+    code, out, _ = run(tmp_path, "report a b --json")
     assert code == 0 and json.loads(out)["comparable"] is True
     assert sorted(path for path in tmp_path.rglob("*") if path.suffix != ".lock") == before
     for more in (("b", "--replace"), ("nowhere",)):
-        assert_one_line(run(tmp_path, "report", "a", *more))
+        assert_one_line(run(tmp_path, "report a", *more))

@@ -148,7 +148,7 @@ def test_the_document_says_every_question_with_its_answer(typical):
 def test_scripts_require_a_verdict(tmp_path, monkeypatch, requirement, status, words, run):
     monkeypatch.setattr(write, "_contents", lambda *_: {})  # tables and figures are not the matter
     made.typical(tmp_path / "made")
-    code, _, err = run(tmp_path, "report", "made", "--require", requirement)
+    code, _, err = run(tmp_path, "report made --require", requirement)
     assert code == status and words in err and err.count("\n") == bool(words)
 
 
@@ -181,7 +181,7 @@ def test_the_verdict_is_that_of_the_page_and_of_the_summary(typical):
 def test_scripts_get_the_summary_as_json(tmp_path, monkeypatch, run):
     monkeypatch.setattr(write, "_contents", lambda *_: {})
     folder = made.typical(tmp_path / "made")
-    code, out, err = run(tmp_path, "report", "made", "--json")
+    code, out, err = run(tmp_path, "report made --json")
     assert (code, err) == (0, "")
     document = json.loads(out)
     assert document == json.loads(results_json(load_results(folder))) | {"folder": "made"}

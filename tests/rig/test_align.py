@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.driven_pendulum import TABLE, logged_pendulum, write_log
+from fixtures.mistakes import rows
 from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
 from hypothesis import strategies as st
@@ -172,8 +173,8 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     write_angles(tmp_path / "day.csv", cut(angle, 0.0, 15.0), lost=slice(7, 9))
     log = logged(cut(torque, 0.0, 15.0))
     write_log(tmp_path / "log.csv", log, command=log.value[:, 0] / 0.97)
-    words = ("align", "day.csv", "log.csv", "--out", "data", "--hold", "previous")
-    code, out, err = call(*words)
+    words = "align day.csv log.csv --out data --hold previous"
+    code, out, err = call(words)
     assert (code, err) == (0, "")
     for said in ("offset   0.1", "drift", "viscous  of joint 1: 1 ms", "measured = 0.9700"):
         assert said in out
@@ -204,7 +205,7 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     )
     assert other.document["clock"] == document["clock"]
     # a second recording joins; the same name only when it may replace
-    assert_one_line(call(*words), "has a recording 'day'")
+    assert_one_line(call(words), "has a recording 'day'")
     head = load_rig(tmp_path / "rig.toml").head("previous")
     check_place(tmp_path / "data", "night", head, False)
     add_recording(tmp_path / "data", "night", head, recording.angle, recording.torque)
@@ -212,6 +213,25 @@ def test_two_files_become_a_recording_of_a_data_set(call, motion, tmp_path):
     assert (first.name, second.name) == ("day", "night")
     assert_allclose(second.angle.value, first.angle.value, atol=1e-8)
     assert_allclose(second.torque.time, first.torque.time, atol=1e-8)
+
+
+BAD = """
+a.csv gone.csv                      => gone.csv: no such file
+gone.csv log.csv                    => gone.csv: no such file
+log.csv log.csv                     => has no column 'q1'
+a.csv a.csv                         => has no column 'torque'
+lost.csv log.csv                    => has 0 rows with all of time, q1
+epoch.csv log.csv                   => share no moment
+a.csv log.csv --rig bare.toml       => [motor] is missing
+a.csv log.csv --rig none.toml       => [mechanism] is missing
+a.csv log.csv --rig two.toml        => has 2 motors
+a.csv log.csv --hold next           => known: linear, previous
+a.csv log.csv --name ../x           => letters, digits
+a.csv log.csv --marker led          => no column 'led'
+a.csv log.csv --out taken           => holds another data set
+a.csv log.csv --out rig.toml        => is a file; name a folder
+a.csv log.csv --out new --offset nan => must be a finite number
+"""
 
 
 def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motion, tmp_path):
@@ -228,26 +248,9 @@ def test_bad_input_to_the_command_is_one_line_and_nothing_is_written(call, motio
     )
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "dataset.toml").write_text('name = "precious"\n')
-    cases = (
-        (("a.csv", "gone.csv"), "gone.csv: no such file"),
-        (("gone.csv", "log.csv"), "gone.csv: no such file"),
-        (("log.csv", "log.csv"), "has no column 'q1'"),
-        (("a.csv", "a.csv"), "has no column 'torque'"),
-        (("lost.csv", "log.csv"), "has 0 rows with all of time, q1"),
-        (("epoch.csv", "log.csv"), "share no moment"),
-        (("a.csv", "log.csv", "--rig", "bare.toml"), "[motor] is missing"),
-        (("a.csv", "log.csv", "--rig", "none.toml"), "[mechanism] is missing"),
-        (("a.csv", "log.csv", "--rig", "two.toml"), "has 2 motors"),
-        (("a.csv", "log.csv", "--hold", "next"), "known: linear, previous"),
-        (("a.csv", "log.csv", "--name", "../x"), "letters, digits"),
-        (("a.csv", "log.csv", "--marker", "led"), "no column 'led'"),
-        (("a.csv", "log.csv", "--out", "taken"), "holds another data set"),
-        (("a.csv", "log.csv", "--out", "rig.toml"), "is a file; name a folder"),
-        (("a.csv", "log.csv", "--out", "new", "--offset", "nan"), "must be a finite number"),
-    )
-    for arguments, said in cases:
-        extra = () if "--out" in arguments else ("--out", "data")
-        assert_one_line(call("align", *arguments, *extra), said)
+    for wrong, words in rows(BAD):
+        extra = "" if "--out" in wrong else "--out data"
+        assert_one_line(call(f"align {wrong} {extra}"), words)
     assert not (tmp_path / "data").exists()
     assert (tmp_path / "taken" / "dataset.toml").read_text() == 'name = "precious"\n'
 
@@ -276,7 +279,7 @@ def test_a_sync_led_and_the_motion_tell_a_delay_of_the_drive(call, motion, tmp_p
     (tmp_path / "rig.toml").write_text(
         RIG + '[protocol]\ncolumns = ["time", "command", "current", "led"]\n'
     )
-    code, out, err = call("align", "a.csv", "log.csv", "--out", "data", "--marker", "led")
+    code, out, err = call("align a.csv log.csv --out data --marker led")
     assert (code, err) == (0, "")
     assert "marker   4 edges: offset 0." in out
     assert "by the motion the torque acts" in out

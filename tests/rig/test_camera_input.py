@@ -72,7 +72,7 @@ def test_a_folder_of_pictures_is_a_video(place, tmp_path):
 
 def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, run):
     words = ("--out", tmp_path / "a.csv", "--sheet", tmp_path / "s.png")
-    status, out, err = run(place, "track", "even.mov", *words)
+    status, out, err = run(place, "track even.mov", *words)
     assert status == 0 and not err and "60 frames" in out
     (tmp_path / "dataset.toml").write_text(
         'name = "seen"\n[mechanism]\nkind = "acrobot"\n[columns]\ntime = "time"\n'
@@ -90,18 +90,18 @@ def test_the_command_writes_angles_that_a_data_set_reads(place, tmp_path, run):
 
 def test_setup_proposes_a_rig_that_tracks(tmp_path, run):
     write_film(FILM, motion(150), tmp_path / "film")
-    status, out, _ = run(tmp_path, "track", "film.mov", "--setup")
+    status, out, _ = run(tmp_path, "track film.mov --setup")
     assert status == 0 and "elbow" in out
-    again = run(tmp_path, "track", "film.mov", "--setup")
+    again = run(tmp_path, "track film.mov --setup")
     assert_one_line(again, "rig.toml exists: choose another name")
-    status, *_ = run(tmp_path, "track", "film.mov", "--out", "a.csv")
+    status, *_ = run(tmp_path, "track film.mov --out a.csv")
     assert status == 0
 
 
 def test_an_overlay_has_every_frame(place, tmp_path, run):
     out = tmp_path / "new" / "over.mp4"
-    words = ("track", "uneven.mov", "--out", str(tmp_path / "a.csv"), "--overlay", str(out))
-    assert run(place, *words)[0] == 0
+    words = (tmp_path / "a.csv", "--overlay", out)
+    assert run(place, "track uneven.mov --out", *words)[0] == 0
     assert open_source(str(out)).count == open_source(str(place / "uneven.mov")).count
 
 
@@ -167,7 +167,7 @@ def test_a_video_that_ends_early_is_refused(place, tmp_path, run):
     (tmp_path / "holes.mov").write_bytes(
         whole[:1000] + b"\0" * (len(whole) // 2) + whole[len(whole) // 2 + 1000 :]
     )
-    status, _, err = run(tmp_path, "track", "holes.mov", "--out", "a.csv")
+    status, _, err = run(tmp_path, "track holes.mov --out a.csv")
     assert status == 2 and err.count("frictionid: ") == 1
     assert "damaged" in err or "no video that can be read" in err
     assert not (tmp_path / "a.csv").exists()
@@ -177,8 +177,8 @@ def test_a_camera_toml_is_checked(tmp_path, run):
     (tmp_path / "camera.toml").write_text("lengths = [0.1]\nnoize = 3.0\n")
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "dataset.toml").touch()
-    words = ("render", "data", "--camera", "camera.toml", "--out", "v")
-    assert_one_line(run(tmp_path, *words), "did you mean 'noise'")
+    words = "render data --camera camera.toml --out v"
+    assert_one_line(run(tmp_path, words), "did you mean 'noise'")
 
 
 class Live(Source):
@@ -208,7 +208,7 @@ def test_nothing_that_exists_is_lost_to_an_output(place, run):
         (["--out", "lost.csv", "--sheet", "lost.csv"], "is written by two options"),
         (["--out", "lost.csv", "--sheet", "."], "is a folder"),
     ]:
-        assert_one_line(run(place, "track", "even.mov", *words), said)
+        assert_one_line(run(place, "track even.mov", *words), said)
     assert not (place / "lost.csv").exists()
     assert (place / "even.mov").read_bytes() == film
     assert (place / "rig.toml").read_bytes() == rig

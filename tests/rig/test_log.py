@@ -272,10 +272,10 @@ def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol,
         (("--port", port, "--patience", "0.01"), "no line came in"),
     )
     for arguments, said in cases:
-        assert_one_line(call("log", "--out", out, *arguments), said)
+        assert_one_line(call("log --out", out, *arguments), said)
         assert not out.exists()
     out.write_text("precious")
-    assert_one_line(call("log", "--out", out, "--port", port), "exists and is not overwritten")
+    assert_one_line(call("log --out", out, "--port", port), "exists and is not overwritten")
     assert out.read_text() == "precious"
 
 

@@ -4,7 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -134,38 +136,31 @@ def test_a_foreign_protocol_is_reported_in_one_line(line, form, said):
     assert "\n" not in text
 
 
-MOTOR = {"kt": 0.01, "gear": 20.0}
+MISTAKES = """
+motor =                                     => [motor] is missing
+motor = {gear = 3.0}                        => the key 'kt' is missing
+motor.kt = 0.0                              => must not be zero
+motor.kt = "1"                              => kt: it should be a valid number
+motor.geer = 1.0                            => unknown key 'geer'; did you mean 'gear'?
+motor.current = "amps"                      => names the column 'amps'
+protocl = {}                                => unknown table [protocl]; did you mean 'protocol'?
+protocol.send = "u"                         => must hold {value} once
+protocol.columns = ["current"]              => have no 'time'
+protocol.columns = ["time", "a", "a"]       => 'a' is named twice
+protocol.columns = ["time", "host"]         => 'host' is no name
+protocol.unit = "min"                       => unit: it should be 's', 'ms' or 'us'
+protocol.checksum = "md5"                   => checksum: it should be 'none', 'xor' or 'crc16'
+protocol.mark = "*"                         => mark = '*' must be one character
+protocol.separator = ""                     => separator = '' must be one character
+protocol.mark = ";"; protocol.separator = ";" => both ';'
+protocol.wrap = 0.0                         => wrap: it should be greater than 0
+"""
 
 
-@pytest.mark.parametrize(
-    ("document", "said"),
-    [
-        ({}, "[motor] is missing"),
-        ({"motor": {"gear": 3.0}}, "the key 'kt' is missing"),
-        ({"motor": {"kt": 0.0}}, "must not be zero"),
-        ({"motor": {"kt": "1"}}, "kt: it should be a valid number"),
-        ({"motor": {**MOTOR, "geer": 1.0}}, "unknown key 'geer'; did you mean 'gear'?"),
-        ({"motor": {**MOTOR, "current": "amps"}}, "names the column 'amps'"),
-        ({"motor": MOTOR, "protocl": {}}, "unknown table [protocl]; did you mean 'protocol'?"),
-        ({"motor": MOTOR, "protocol": {"send": "u"}}, "must hold {value} once"),
-        *(
-            ({"motor": MOTOR, "protocol": table}, said)
-            for table, said in (
-                ({"columns": ["current"]}, "have no 'time'"),
-                ({"columns": ["time", "a", "a"]}, "'a' is named twice"),
-                ({"columns": ["time", "host"]}, "'host' is no name"),
-                ({"unit": "min"}, "unit: it should be 's', 'ms' or 'us'"),
-                ({"checksum": "md5"}, "checksum: it should be 'none', 'xor' or 'crc16'"),
-                ({"mark": "*"}, "mark = '*' must be one character"),
-                ({"separator": ""}, "separator = '' must be one character"),
-                ({"mark": ";", "separator": ";"}, "both ';'"),
-                ({"wrap": 0.0}, "wrap: it should be greater than 0"),
-            )
-        ),
-    ],
-)
-def test_a_rig_that_cannot_be_is_reported_in_one_line(document, said):
-    with assert_refused("^rig.toml.*" + re.escape(said)):
+@mistakes(MISTAKES)
+def test_a_rig_that_cannot_be_is_reported_in_one_line(wrong, words):
+    document = changed({"motor": {"kt": 0.01, "gear": 20.0}}, changes(wrong))
+    with assert_refused("^rig.toml.*" + re.escape(words)):
         rig_settings_of(document, "rig.toml")
 
 

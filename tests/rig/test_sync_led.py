@@ -91,10 +91,10 @@ def place(tmp_path_factory):
 
 
 def test_a_sync_led_on_film_ties_the_clocks(place, run):
-    status, out, err = run(place, "track", "film.mov", "--out", "a.csv")
+    status, out, err = run(place, "track film.mov --out a.csv")
     assert (status, err) == (0, "")
-    words = ("align", "a.csv", "log.csv", "--out", "data", "--hold", "previous", "--marker", "led")
-    status, out, err = run(place, *words)
+    words = "align a.csv log.csv --out data --hold previous --marker led"
+    status, out, err = run(place, words)
     assert (status, err) == (0, "")
     assert "marker   10 edges" in out
     document = tomllib.loads((place / "data" / "a.align.toml").read_text())
@@ -110,9 +110,9 @@ def test_where_nothing_moves_the_led_alone_ties_the_clocks(place, tmp_path, run)
     still = np.random.default_rng(0).normal(0.0, 1e-3, len(time))
     pd.DataFrame({"time": time, "q1": still, "led": on}).to_csv(tmp_path / "a.csv", index=False)
     (tmp_path / "rig.toml").write_text(RIG)
-    words = ("align", "a.csv", str(place / "log.csv"), "--out", "data")
-    assert_one_line(run(tmp_path, *words))
-    status, out, err = run(tmp_path, *words, "--marker", "led")
+    log = place / "log.csv"
+    assert_one_line(run(tmp_path, "align --out data a.csv", log))
+    status, out, err = run(tmp_path, "align --out data --marker led a.csv", log)
     assert (status, err) == (0, "")
     assert "aligned by the marker alone" in out and "viscous" not in out
     document = tomllib.loads((tmp_path / "data" / "a.align.toml").read_text())
@@ -230,10 +230,9 @@ def test_an_led_that_blinks_evenly_needs_a_rough_offset():
 def test_a_led_that_never_switches_is_one_line(place, tmp_path, run):
     # a place where no LED is: noise has no two levels
     (tmp_path / "rig.toml").write_text(RIG.replace("290.0, 20.0", "290.0, 220.0"))
-    words = ("track", str(place / "film.mov"), "--out", "a.csv")
-    assert run(tmp_path, *words)[0] == 0
-    words = ("align", "a.csv", str(place / "log.csv"), "--out", "data", "--marker", "led")
-    assert_one_line(run(tmp_path, *words), "a.csv: the marker never changes")
+    assert run(tmp_path, "track --out a.csv", place / "film.mov")[0] == 0
+    outcome = run(tmp_path, "align --out data --marker led a.csv", place / "log.csv")
+    assert_one_line(outcome, "a.csv: the marker never changes")
     assert not (tmp_path / "data").exists()
 
 

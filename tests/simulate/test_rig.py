@@ -2,6 +2,7 @@
 
 import copy
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, holds
-from frictionid.errors import InputError
 from frictionid.simulate import (
     Camera,
     Chirp,
@@ -265,58 +267,41 @@ def test_a_rig_toml_gives_the_rig_of_the_same_names(tmp_path):
     )
 
 
-def edit(*path):
-    """Set the value at the end of a path of keys, or delete it (value: None)."""
-    *keys, last, value = path
-
-    def apply(document):
-        for key in keys:
-            document = document[key]
-        if value is None:
-            del document[last]
-        elif last == "append":
-            document.append(value)
-        else:
-            document[last] = value
-
-    return apply
-
-
-TORQUE = ("recordings", 0, "torques", 0)
-MISTAKES = [
-    (("nane", 1), "unknown key 'nane'; did you mean 'name'?"),
-    (("camera", "angle_noise", -1.0), "camera.angle_noise: it should be greater than or equal"),
-    (("camera", "samples", 1), "camera.samples: it should be greater than or equal to 2, not 1"),
-    (("camera", "rate", float("inf")), "rate: it should be less than"),
-    (("mechanism", "kind", "acrobat"), "did you mean 'acrobot'?"),
-    (("true_parameters", {"rotr": 1e-6}), "has no parameter 'rotr'; did you mean 'rotor'?"),
-    (("friction", "kind", "strib"), "friction: unknown kind 'strib'; did you mean 'stribeck'?"),
-    (("friction", "kind", None), 'friction: the key "kind" is missing; add it'),
-    (("friction", "kind", "film_lag"), "the key 'friction.lag' is missing"),
-    (("friction", "curve", "viscous", [0]), "viscous = [0.0] needs one number for each of 2"),
-    (("mechanism", "kind", "pendulum"), "friction has numbers for 2 joints, the pendulum has 1"),
-    (("recordings", []), "a rig needs at least one recording"),
-    (("recordings", "append", DOCUMENT["recordings"][0]), "two recordings are called 'a'"),
-    (("recordings", 0, "name", "../a"), "a name has letters, digits, - and _ only"),
-    (("recordings", 0, "start_angle", [1.0]), "start_angle = [1.0] needs one number for each"),
-    (("recordings", 0, "start_angle", ["up"]), "start_angle[0]: it should be a valid number"),
-    (
-        ("recordings", 0, "torques", [DOCUMENT["recordings"][0]["torques"][0]] * 2),
-        "2 torques for 1",
-    ),
-    ((*TORQUE, "kind", "sinus"), "torques[0]: unknown kind 'sinus'; did you mean 'sine'?"),
-    ((*TORQUE, "amplitude", None), "the key 'recordings[0].torques[0].amplitude' is missing"),
-]
+MISTAKES = """
+nane = 1                              => unknown key 'nane'; did you mean 'name'?
+camera.angle_noise = -1.0             => camera.angle_noise: it should be greater than or equal
+camera.samples = 1                    => samples: it should be greater than or equal to 2, not 1
+camera.rate = inf                     => rate: it should be less than
+mechanism.kind = "acrobt"             => did you mean 'acrobot'?
+true_parameters = {rotr = 1e-6}       => has no parameter 'rotr'; did you mean 'rotor'?
+friction.kind = "strib"               => unknown kind 'strib'; did you mean 'stribeck'?
+friction.kind =                       => friction: the key "kind" is missing; add it
+friction.kind = "film_lag"            => the key 'friction.lag' is missing
+friction.curve.viscous = [0]          => viscous = [0.0] needs one number for each of 2
+mechanism.kind = "pendulum"           => friction has numbers for 2 joints, the pendulum has 1
+recordings = []                       => a rig needs at least one recording
+recordings = [{name = "a", start_angle = [0, 0]}, {name = "a", start_angle = [0, 0]}]
+    => two recordings are called 'a'
+recordings.0.name = "../a"            => a name has letters, digits, - and _ only
+recordings.0.start_angle = [1.0]      => start_angle = [1.0] needs one number for each
+recordings.0.start_angle = ["up"]     => start_angle[0]: it should be a valid number
+recordings.0.torques.0.kind = "sinus" => torques[0]: unknown kind 'sinus'; did you mean 'sine'?
+recordings.0.torques.0.amplitude =    => the key 'recordings[0].torques[0].amplitude' is missing
+"""
 
 
-@pytest.mark.parametrize(("change", "message"), MISTAKES, ids=[m for _, m in MISTAKES])
-def test_mistakes_are_named_with_place_and_way_out(change, message):
-    document = copy.deepcopy(DOCUMENT)
-    edit(*change)(document)
-    with pytest.raises(InputError) as error:
+@mistakes(MISTAKES)
+def test_mistakes_are_named_with_place_and_way_out(wrong, words):
+    document = changed(copy.deepcopy(DOCUMENT), changes(wrong))
+    with assert_refused("^rig.toml: .*" + re.escape(words)):
         rig_of(document, "rig.toml")
-    assert str(error.value).startswith("rig.toml: ")
-    assert message in str(error.value)
+
+
+def test_two_torques_for_one_motor_are_refused():
+    document = copy.deepcopy(DOCUMENT)
+    document["recordings"][0]["torques"] *= 2
+    with assert_refused("2 torques for 1"):
+        rig_of(document, "rig.toml")
 
 
 def test_the_command_writes_a_set_and_its_noise_free_twin(tmp_path, run):

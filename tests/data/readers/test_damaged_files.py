@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import described, load, load_single
+from fixtures.mistakes import changes, mistakes
 from fixtures.own_reader import read_by
 from fixtures.reader_files import (
     MARKERS,
@@ -17,6 +18,7 @@ from fixtures.reader_files import (
     mat_bytes,
 )
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,24 +39,24 @@ def assert_file_refused(read, path, content, given_settings, words):
 # --- Settings and [reader] -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("reader", "words"),
-    [
-        ({"kind": "bamm"}, "kind = 'bamm' is unknown; did you mean 'bam'"),
-        ({"kind": "bam", "Kt": 1.0}, r"\[reader\]: unknown key 'Kt'.*'kt'"),
-        ({"kind": "bam", "kt": 1.0}, r"\[reader\]: the key 'R' is missing"),
-        ({"kind": "bam", "kt": -1.0, "R": 1.0}, "kt: .*greater than 0, not -1.0"),
-        ({"kind": "no_such_module:read"}, "cannot be imported"),
-        ({"kind": "my_readers:reed"}, "cannot be imported"),
-        ({"kind": "my_readers:OWN_NUMBER"}, "cannot be imported|is no function"),
-        ({"kind": "my_readers:broken"}, r"a\.log: the reader .* failed \(KeyError"),
-        ({"kind": "my_readers:wrong"}, "must return a Recording, not int"),
-        ({"rate": 3.0}, "'reader.kind' is missing"),
-    ],
-)
-def test_a_mistake_in_reader_is_one_clear_line(tmp_path, reader, words):
+READERS = r"""
+kind = "bamm" => kind = 'bamm' is unknown; did you mean 'bam'
+kind = "bam"; Kt = 1.0 => \[reader\]: unknown key 'Kt'.*'kt'
+kind = "bam"; kt = 1.0 => \[reader\]: the key 'R' is missing
+kind = "bam"; kt = -1.0; R = 1.0 => kt: .*greater than 0, not -1.0
+kind = "no_such_module:read" => cannot be imported
+kind = "my_readers:reed" => cannot be imported
+kind = "my_readers:OWN_NUMBER" => cannot be imported|is no function
+kind = "my_readers:broken" => a\.log: the reader .* failed \(KeyError
+kind = "my_readers:wrong" => must return a Recording, not int
+rate = 3.0 => 'reader.kind' is missing
+"""
+
+
+@mistakes(READERS)
+def test_a_mistake_in_reader_is_one_clear_line(tmp_path, wrong, words):
     with assert_refused(words):
-        read_by(tmp_path, reader)
+        read_by(tmp_path, dict(changes(wrong)))
 
 
 def test_reader_and_columns_exclude_each_other(tmp_path):
@@ -70,21 +72,21 @@ def test_the_noise_must_fit_the_joints_of_the_reader(tmp_path):
         read_by(tmp_path, reader, {"sigma": {"angle": [0.1, 0.1]}})
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"time": None}, "give either time .* or rate"),
-        ({"rate": 3.0}, "give either time .* or rate"),
-        ({"y": ["y0", "y1"]}, "x names 3 columns and y 2"),
-        ({"x": ["x0", "x1", "y0"]}, "name a column twice"),
-        ({"x": ["x0"], "y": ["y0"]}, r"\[reader\]: x: .*at least 2"),
-        ({"x": ["x0", "x1", "x9"]}, "has no column 'x9'"),
-        ({"header": False}, "has no column 'x0'; it has 1 to 7"),
-        ({"pivot": "flying"}, "'moving' or 'fixed', not 'flying'"),
-    ],
-)
-def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, changes, words):
-    merged = {k: v for k, v in {**MARKERS, **changes}.items() if v is not None}
+SETTINGS = """
+time = => give either time .* or rate
+rate = 3.0 => give either time .* or rate
+y = ["y0", "y1"] => x names 3 columns and y 2
+x = ["x0", "x1", "y0"] => name a column twice
+x = ["x0"]; y = ["y0"] => \\[reader\\]: x: .*at least 2
+x = ["x0", "x1", "x9"] => has no column 'x9'
+header = false => has no column 'x0'; it has 1 to 7
+pivot = "flying" => 'moving' or 'fixed', not 'flying'
+"""
+
+
+@mistakes(SETTINGS)
+def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, wrong, words):
+    merged = changed({**MARKERS}, changes(wrong))
     assert_file_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
 
 

@@ -125,7 +125,7 @@ def test_without_a_network_the_way_out_is_printed(monkeypatch, tmp_path, run):
         raise OSError("Network is unreachable\nand more")
 
     monkeypatch.setattr(pooch, "retrieve", unreachable)
-    status, out, err = run(tmp_path, "data", "get", "toy")
+    status, out, err = run(tmp_path, "data get toy")
     assert status == 2
     assert "licence MIT; redistribution allowed" in out
     assert "https://example.org/commit/raw/one.csv cannot be downloaded" in err
@@ -156,13 +156,13 @@ def test_a_collection_without_an_address_says_so(monkeypatch, tmp_path):
 
 
 def test_unknown_collections_are_named_with_the_nearest(tmp_path, run):
-    outcome = run(tmp_path, "data", "get", "emsp")
+    outcome = run(tmp_path, "data get emsp")
     assert_one_line(outcome, "collection 'emsp' is unknown; did you mean 'emps'?")
 
 
 def test_the_list_shows_licences_and_what_is_here(toy, run):
     copy_collection("toy", write(toy / "source", {"one.csv": TOY["one.csv"]}))
-    status, out, _ = run(toy, "data", "list")
+    status, out, _ = run(toy, "data list")
     assert status == 0
     for words in ("toy", "MIT", "allowed", "2, here 1", "of all originals known"):
         assert words in out
@@ -171,11 +171,11 @@ def test_the_list_shows_licences_and_what_is_here(toy, run):
 def test_what_the_commands_print_is_honest_about_unknown_hashes(tmp_path, monkeypatch, run):
     monkeypatch.setenv("FRICTIONID_DATA", str(tmp_path / "data"))
     source = write(tmp_path / "source", {"DATA_EMPS.mat": b"mine"})
-    status, out, _ = run(tmp_path, "data", "get", "emps", "--from", source)
+    status, out, _ = run(tmp_path, "data get emps --from", source)
     assert status == 0
     assert "redistribution not stated" in out
     assert "it was not verified" in out
-    assert "of 0 of 1 originals known" in run(tmp_path, "data", "list")[1]
+    assert "of 0 of 1 originals known" in run(tmp_path, "data list")[1]
 
 
 # --- Data sets of a collection -------------------------------------------------------------------

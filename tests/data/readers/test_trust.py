@@ -40,7 +40,7 @@ def test_a_data_set_runs_no_code(tmp_path, kind, words, run):
 
 def test_a_reader_that_is_trusted_runs(tmp_path, run):
     read_by(tmp_path, {"kind": "my_readers:read", "scale": 0.01, "rate": 10.0})
-    code, _, err = run(tmp_path, "check", ".", "--trust")
+    code, _, err = run(tmp_path, "check . --trust")
     assert "is code" not in err and code in (0, 1, 2)
 
 

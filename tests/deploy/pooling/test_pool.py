@@ -179,8 +179,7 @@ def servos(tmp_path_factory):
 
 def test_the_command_writes_a_model_whose_export_draws_further_specimens(servos, run):
     files = [f"rig{i}.json" for i in range(5)]
-    out = ("--out", "pooled.json", "--ranges", "ranges.json")
-    code, text, err = run(servos, "pool", *files, *out)
+    code, text, err = run(servos, "pool --out pooled.json --ranges ranges.json", *files)
     assert code == 0, err
     assert "coulomb of joint 1" in text and "written to ranges.json" in text
     ranges = json.loads((servos / "ranges.json").read_text())["ranges"]["coulomb of joint 1"]
@@ -193,8 +192,8 @@ def test_the_command_writes_a_model_whose_export_draws_further_specimens(servos,
     made = fid.Pooled(loaded.friction)
     assert made.ranges()["coulomb of joint 1"] == ranges and "coulomb" in repr(made)
 
-    export = ("export", "pooled.json", "--to", "isaac", "--randomise", 50, "--out", "servo.py")
-    assert run(servos, *export)[0] == 0
+    export = "export pooled.json --to isaac --randomise 50 --out servo.py"
+    assert run(servos, export)[0] == 0
     samples = json.loads((servos / "servo_samples.json").read_text())
     drawn = np.array(samples["samples"])[:, 0]
     assert ranges["low"] <= drawn.min() < drawn.max() <= ranges["high"]

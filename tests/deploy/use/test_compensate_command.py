@@ -3,10 +3,10 @@
 import csv
 import re
 import runpy
-from functools import partial
 
 import numpy as np
 import pytest
+from fixtures.refusals import assert_one_line
 
 from frictionid.comparison.registry import LAWS
 from frictionid.deploy.compensation import Compensation, compensating
@@ -15,19 +15,18 @@ from frictionid.friction.laws import LuGre, Stribeck
 from frictionid.friction.model_files import save_model
 
 FRICTION = Friction(Stribeck(), np.array([[0.10, 0.04, 0.3, 0.02], [0.08, 0.03, 0.2, 0.01]]))
-SETTINGS = ("--gain", 0.8, "--limit", 0.12, "--smooth", 0.1)
+SETTINGS = "--speed 5 --gain 0.8 --limit 0.12 --smooth 0.1"
 CURVE = compensating(FRICTION, Compensation(gain=0.8, smooth=0.1, torque_limit=0.12)).curve
 
 
 @pytest.fixture
 def call(run, tmp_path):
     save_model(FRICTION, tmp_path / "model.json", LAWS)
-    return partial(run, tmp_path, "compensate", "model.json")
+    return lambda options: run(tmp_path, f"compensate model.json {options}")
 
 
 def test_a_table(call, tmp_path):
-    given = ("--out", "table.csv", "--speed", 5.0, *SETTINGS)
-    code, out, _ = call(*given)
+    code, out, _ = call(f"--out table.csv {SETTINGS}")
     assert code == 0 and "table.csv" in out and "add it to the motor torque" in out
     said = float(re.search(r"at most ([\d.e-]+) off", out)[1])
     assert said < 0.005
@@ -40,12 +39,10 @@ def test_a_table(call, tmp_path):
 
 def test_code(call, tmp_path):
     for to in ("c", "st"):
-        given = ("--out", f"own.{to}", "--to", to, "--speed", 5.0, *SETTINGS)
-        code, out, _ = call(*given)
+        code, out, _ = call(f"--out own.{to} --to {to} {SETTINGS}")
         assert code == 0 and ("compensation_torque(" in out or "compensation(w := w)" in out)
         assert "compensation" in (tmp_path / f"own.{to}").read_text()
-    given = ("--out", "own.py", "--to", "python", "--speed", 5.0, *SETTINGS)
-    assert call(*given)[0] == 0
+    assert call(f"--out own.py --to python {SETTINGS}")[0] == 0
     module = runpy.run_path(str(tmp_path / "own.py"))
     for w in (-2.0, -0.01, 0.0, 0.3, 4.0):
         found = module["torque"]([w, w])
@@ -55,10 +52,9 @@ def test_code(call, tmp_path):
 def test_a_table_of_bristles_says_that_it_has_no_memory(call, tmp_path):
     bristles = Friction(LuGre(), np.array([[0.12, 0.05, 0.3, 0.01, 0.002, 0.0, 0.1]]))
     save_model(bristles, tmp_path / "model.json", LAWS)
-    code, out, _ = call("--out", "table.csv", "--speed", 5.0)
+    code, out, _ = call("--out table.csv --speed 5")
     assert code == 0 and "a table has no memory" in out
 
 
 def test_a_model_without_speeds_asks_for_them(call):
-    code, _, err = call("--out", "table.csv")
-    assert code == 2 and "give --speed" in err and len(err.strip().splitlines()) == 1
+    assert_one_line(call("--out table.csv"), "give --speed")
