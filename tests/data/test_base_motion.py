@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import floating_legs as legs
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from scipy.spatial.transform import Rotation
 
@@ -83,23 +84,24 @@ def document(**base):
     return {**table, "columns": columns, "recordings": {"patterns": ["*.csv"]}}
 
 
+MISTAKES = """
+specific_force = ["a", "b", "c"] => nothing says how the base turns
+angular_velocity = ["a", "b", "c"] => first moments of links
+orientation = ["d", "e", "f", "g"] => nothing says how the base accelerates
+orientation = ["a", "b", "c"]; position = "fixed" => base.orientation
+angular_velocity = ["a", "b", "c"]; specific_force = ["a", "b", "c"]; unit = "g"
+    => unknown key 'unit'
+orientation = ["d", "e", "f", "g"]; position = "still" => base.position
+"""
+
+
+@mistakes(MISTAKES)
+def test_what_the_base_lacks_is_said(wrong, words):
+    with assert_refused(words):
+        check_dataset_toml(document(**dict(changes(wrong))), "dataset.toml")
+
+
 THREE, FOUR = ["a", "b", "c"], ["d", "e", "f", "g"]
-
-
-@pytest.mark.parametrize(
-    ("base", "message"),
-    [
-        ({"specific_force": THREE}, "nothing says how the base turns"),
-        ({"angular_velocity": THREE}, "first moments of links"),
-        ({"orientation": FOUR}, "nothing says how the base accelerates"),
-        ({"orientation": THREE, "position": "fixed"}, "base.orientation"),
-        ({"angular_velocity": THREE, "specific_force": THREE, "unit": "g"}, "unknown key 'unit'"),
-        ({"orientation": FOUR, "position": "still"}, "base.position"),
-    ],
-)
-def test_what_the_base_lacks_is_said(base, message):
-    with assert_refused(message):
-        check_dataset_toml(document(**base), "dataset.toml")
 
 
 def test_units_clocks_and_a_fixed_place_are_read():

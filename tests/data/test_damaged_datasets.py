@@ -105,40 +105,41 @@ def table(*rows):
     return "\n".join(["time,q1,q2,u2", *rows]).encode()
 
 
+ROWS = r"""
+0,1,2,3 / 1,1,2 => row 3: 3 cells under 4 column names
+0,1,"2,3 / 1,1,2,3" / 2,1,2,3 => row 2: a quote is left open
+0,1,2,3 / 1,1,2,"3 => no CSV text.*unexpected end
+0,1,2,3 / 1,1,abc,3 => row 3: column 'q2' holds 'abc', which is no number
+0,0,1,1,2,5,3,0 => row 2: 8 cells .* need semicolons
+0,1,2,3 / 1,1,,3 => row 3: 'q2' is empty or nan
+0,1,2,3 / ,1,2,3 => row 3: 'time' is empty or nan
+0,1,2,3 /  / 1,nan,2,3 => row 4: 'q1' is empty or nan
+0,1,2,3 / 1,1,2,-inf => row 3: 'u2' is -inf
+0,1,2,3 / 2,1,2,3 / 1,1,2,3 => row 4: time must increase: .*1 after 2
+0,1,2,3 / 0,1,2,3 => row 3: time must increase: 'time' is 0 after 0
+0,1,2,3 => angle needs at least 2 samples
+"""
 DAMAGES = {
-    "empty file": (b"", r"a\.csv is empty"),
-    "empty table": (table(), "has no rows"),
-    "binary": (bytes(range(256)), "no CSV text in UTF-8"),
-    "no header": (b"0,1,2,3\n1,1,2,3\n", "no column 'time'; it has '0', '1'"),
-    "other separator": (
-        b"time|q1|q2|u2\n0|1|2|3\n",
-        r"no column 'time'; it has 'time\|q1\|q2\|u2'",
-    ),
-    "same name twice": (b"time,q1,q1,q2,u2\n0,1,2,3,4\n", "2 columns called 'q1'"),
-    "short row": (table("0,1,2,3", "1,1,2"), "row 3: 3 cells under 4 column names"),
-    "stray quotes": (table('0,1,"2,3', '1,1,2,3"', "2,1,2,3"), "row 2: a quote is left open"),
-    "open quote": (table("0,1,2,3", '1,1,2,"3'), "no CSV text.*unexpected end"),
-    "text": (table("0,1,2,3", "1,1,abc,3"), "row 3: column 'q2' holds 'abc', which is no number"),
-    "decimal commas between commas": (
-        table("0,0,1,1,2,5,3,0"),
-        "row 2: 8 cells .* need semicolons",
-    ),
-    "thousands": (b"time;q1;q2;u2\n1.000,5;1;2;3\n", "row 2: column 'time' holds '1.000,5'"),
-    "empty cell": (table("0,1,2,3", "1,1,,3"), "row 3: 'q2' is empty or nan"),
-    "empty time": (table("0,1,2,3", ",1,2,3"), "row 3: 'time' is empty or nan"),
-    "nan": (table("0,1,2,3", "", "1,nan,2,3"), "row 4: 'q1' is empty or nan"),
-    "infinite": (table("0,1,2,3", "1,1,2,-inf"), "row 3: 'u2' is -inf"),
-    "time back": (table("0,1,2,3", "2,1,2,3", "1,1,2,3"), "row 4: time must increase: .*1 after 2"),
-    "time twice": (table("0,1,2,3", "0,1,2,3"), "row 3: time must increase: 'time' is 0 after 0"),
-    "one row": (table("0,1,2,3"), "angle needs at least 2 samples"),
+    b"": r"a\.csv is empty",
+    table(): "has no rows",
+    bytes(range(256)): "no CSV text in UTF-8",
+    b"0,1,2,3\n1,1,2,3\n": "no column 'time'; it has '0', '1'",
+    b"time|q1|q2|u2\n0|1|2|3\n": r"no column 'time'; it has 'time\|q1\|q2\|u2'",
+    b"time,q1,q1,q2,u2\n0,1,2,3,4\n": "2 columns called 'q1'",
+    b"time;q1;q2;u2\n1.000,5;1;2;3\n": "row 2: column 'time' holds '1.000,5'",
 }
 
 
-@pytest.mark.parametrize(("content", "words"), DAMAGES.values(), ids=DAMAGES.keys())
+@pytest.mark.parametrize(("content", "words"), DAMAGES.items())
 def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
     with assert_refused(words) as caught:
         load(tmp_path, a_csv=content)
     assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
+
+
+@mistakes(ROWS)
+def test_a_damaged_row_is_one_clear_line(tmp_path, wrong, words):
+    test_a_damaged_table_is_one_clear_line(tmp_path, table(*wrong.split(" / ")), words)
 
 
 def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_go(tmp_path):

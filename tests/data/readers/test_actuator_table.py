@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.reader_files import MOTOR, bam_log, column
 from fixtures.refusals import assert_refused
@@ -166,25 +167,25 @@ def test_the_reader_of_bam_is_the_same_servo(tmp_path):
     assert_allclose(own.servo.torque(time, q, w), bam.servo.torque(time, q, w))
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"target": "goal"}, "has no column 'goal'"),
-        ({"P": -1.0}, r"actuator\.P.*greater than or equal to 0, not -1"),
-        ({"P": 0.0}, "P = 0 without D and feedforward never moves a motor"),
-        ({"kt": 0.4}, 'kt says nothing where output = "torque"; delete it'),
-        ({"output": "duty", "kt": 0.4, "R": 2.0}, "needs the key 'supply'; add it"),
-        ({"kind": "velocity", "D": 0.1}, 'kind = "velocity" has P only'),
-        ({"target": ["aim", "rate"]}, "names 2 columns for 1 joint"),
-        ({"P": [1.0, 2.0]}, "has 2 numbers for 1 joint"),
-        ({"recordings": {"run": {"P": 2.0}}}, "'run' matches no recording"),
-        ({"recordings": {"recording": {"target": "q"}}}, "none of the keys that may differ"),
-        ({"recordings": {"recording": {"P": -2.0}}}, "recordings.recording: P:"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(change, words):
+MISTAKES = r"""
+target = "goal" => has no column 'goal'
+P = -1.0 => actuator\.P.*greater than or equal to 0, not -1
+P = 0.0 => P = 0 without D and feedforward never moves a motor
+kt = 0.4 => kt says nothing where output = "torque"; delete it
+output = "duty"; kt = 0.4; R = 2.0 => needs the key 'supply'; add it
+kind = "velocity"; D = 0.1 => kind = "velocity" has P only
+target = ["aim", "rate"] => names 2 columns for 1 joint
+P = [1.0, 2.0] => has 2 numbers for 1 joint
+recordings = {run = {P = 2.0}} => 'run' matches no recording
+recordings = {recording = {target = "q"}} => none of the keys that may differ
+recordings = {recording = {P = -2.0}} => recordings.recording: P:
+"""
+
+
+@mistakes(MISTAKES)
+def test_what_cannot_be_is_refused_in_one_line(wrong, words):
     with assert_refused(words):
-        read({**PD, **change})
+        read({**PD, **dict(changes(wrong))})
 
 
 def test_a_measured_torque_beside_an_actuator_is_refused():

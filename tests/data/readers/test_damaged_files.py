@@ -181,19 +181,23 @@ def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, name, words):
 
 
 BARE = {"x": ["2", "4", "6"], "y": ["1", "3", "5"], "header": False, "rate": 400.0}
-TABLES = {
-    "empty": (b"", "has no rows"),
-    "no text": (b"\xff\xfe", "is no text in UTF-8"),
-    "ragged": (b"1,2,3,4,5,6\n1,2\n", "row 2: 2 cells where the first row has 6"),
-    "header": (b"a,b,c,d,e,f\n", "row 1: .*header = true"),
-    "a hole": (b"1,2,3,4,5,6\n2,3,4,,6,7\n", "row 2: '4' is empty or nan"),
-    "same place": (b"1,2,3,4,5,6\n1,2,1,2,5,6\n", "row 2: two neighbouring markers coincide"),
-    "infinite": (b"1,2,3,4,5,6\n1,inf,1,2,5,6\n", "row 2: '2' is inf"),
-}
+TABLES = """
+1,2,3,4,5,6 / 1,2 => row 2: 2 cells where the first row has 6
+a,b,c,d,e,f => row 1: .*header = true
+1,2,3,4,5,6 / 2,3,4,,6,7 => row 2: '4' is empty or nan
+1,2,3,4,5,6 / 1,2,1,2,5,6 => row 2: two neighbouring markers coincide
+1,2,3,4,5,6 / 1,inf,1,2,5,6 => row 2: '2' is inf
+"""
 
 
-@pytest.mark.parametrize(("content", "words"), TABLES.values(), ids=TABLES)
-def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, content, words):
+@mistakes(TABLES)
+def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, wrong, words):
+    content = (wrong.replace(" / ", "\n") + "\n").encode()
+    assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
+
+
+@pytest.mark.parametrize(("content", "words"), [(b"", "has no rows"), (b"\xff\xfe", "is no text")])
+def test_what_is_no_table_of_markers_is_refused(tmp_path, content, words):
     assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
 

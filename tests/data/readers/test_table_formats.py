@@ -1,5 +1,6 @@
 """Logs of drives, LeRobot and UR: the motion that was written comes back, mistakes are one line."""
 
+import copy
 import tomllib
 
 import numpy as np
@@ -22,8 +23,10 @@ from fixtures.log_formats import (
     recorder,
     rtde,
 )
+from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -116,29 +119,23 @@ def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"units": {}, "motor": {}}, r"units.angle of 0x6064 must be stated: \"counts\""),
-        (
-            {"units": {"angle": "deg", "velocity": "rpm"}, "motor": {}},
-            r"units.torque of 0x6077 must be stated: by CiA 402 \"permille\"",
-        ),
-        ({"motor": {"counts_per_turn": 9}}, '"permille" and the table .motor. with rated'),
-        ({"motor": {"rated_torque": 2.0}}, "counts_per_turn in the table .motor. need"),
-        (
-            {"motor": {"rated_torque": 2.0, "rated_current": 2.0, "counts_per_turn": 9}},
-            "rated_current needs kt beside it",
-        ),
-        (
-            {"columns": {**DRIVE["columns"], "angle": "0x6063"}},
-            r"row 4 has no column '0x6063'; it has 'Time', 'Position actual value",
-        ),
-    ],
-)
-def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, changes, words):
+RECORDERS = r"""
+units = {}; motor = {} => units.angle of 0x6064 must be stated: "counts"
+units = {angle = "deg", velocity = "rpm"}; motor = {}
+    => units.torque of 0x6077 must be stated: by CiA 402 "permille"
+motor = {counts_per_turn = 9} => "permille" and the table .motor. with rated
+motor = {rated_torque = 2.0} => counts_per_turn in the table .motor. need
+motor = {rated_torque = 2.0, rated_current = 2.0, counts_per_turn = 9}
+    => rated_current needs kt beside it
+columns.angle = "0x6063" => row 4 has no column '0x6063'; it has 'Time', 'Position actual value
+"""
+
+
+@mistakes(RECORDERS)
+def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, wrong, words):
     (tmp_path / "a.csv").write_bytes(recorder())
-    assert_not_loaded(words, tmp_path, "drive_recorder", **{**DRIVE, **changes})
+    own = changed(copy.deepcopy(DRIVE), changes(wrong))
+    assert_not_loaded(words, tmp_path, "drive_recorder", **own)
 
 
 DRIVE_FILES = {
@@ -179,17 +176,17 @@ def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
     assert currents.torque_at == "motor"
 
 
-@pytest.mark.parametrize(
-    ("tables", "words"),
-    [
-        ({"reader": {"joints": [7]}}, "has no column 'actual_q_7'"),
-        ({"reader": {"joints": [1]}, "units": {"torque": "A"}}, "needs the table .motor."),
-        ({"columns": 3}, "columns"),
-    ],
-)
-def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, tables, words):
+MISTAKES = """
+reader = {joints = [7]} => has no column 'actual_q_7'
+reader = {joints = [1]}; units = {torque = "A"} => needs the table .motor.
+columns = 3 => columns
+"""
+
+
+@mistakes(MISTAKES)
+def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, wrong, words):
     (tmp_path / "a.csv").write_bytes(rtde())
-    assert_not_loaded(words, tmp_path, "rtde", **tables)
+    assert_not_loaded(words, tmp_path, "rtde", **dict(changes(wrong)))
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
@@ -222,30 +219,24 @@ def test_normalised_angles_of_lerobot_are_angles_by_their_range(tmp_path):
         assert_allclose(recording.angle.value[:, 0], ANGLE[part], atol=1e-6)
 
 
-def state(name):
-    return {"columns": {**LEROBOT["columns"], "angle": name}}
+EPISODES = r"""
+units = {} => units.angle of observation.* must be stated: .*-100 to 100
+columns.angle = "observation.state[shoulder_lift]" => has no 'shoulder_lift'; did you mean
+columns.angle = "observation.stat[shoulder_lift.pos]" => has no feature 'observation.stat'
+columns.angle = "observation.state[7]" => 'observation.state\[7\]' holds no numbers
+columns.angle = "observation.state" => 'observation.state' holds no numbers
+columns.angle = "episode_index[0]" => 'episode_index\[0\]' holds no numbers
+reader = {range = {elbow = [0, 1]}} => range: .*elbow
+reader = {range = {"shoulder_lift.pos" = [1.0, 1.0]}} => 'shoulder_lift.pos' goes from 1 to 1
+reader = {episodes = [9]} => needs at least one recording
+"""
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"units": {}}, r"units.angle of observation.* must be stated: .*-100 to 100"),
-        (state("observation.state[shoulder_lift]"), "has no 'shoulder_lift'; did you mean"),
-        (state("observation.stat[shoulder_lift.pos]"), "has no feature 'observation.stat'"),
-        (state("observation.state[7]"), r"'observation.state\[7\]' holds no numbers"),
-        (state("observation.state"), "'observation.state' holds no numbers"),
-        (state("episode_index[0]"), r"'episode_index\[0\]' holds no numbers"),
-        ({"reader": {"range": {"elbow": [0, 1]}}}, r"range: .*elbow"),
-        (
-            {"reader": {"range": {"shoulder_lift.pos": [1.0, 1.0]}}},
-            "'shoulder_lift.pos' goes from 1 to 1",
-        ),
-        ({"reader": {"episodes": [9]}}, "needs at least one recording"),
-    ],
-)
-def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, changes, words):
+@mistakes(EPISODES)
+def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, wrong, words):
     lerobot(tmp_path)
-    assert_not_loaded(words, tmp_path, "lerobot", "data/*/*.parquet", **{**LEROBOT, **changes})
+    own = changed(copy.deepcopy(LEROBOT), changes(wrong))
+    assert_not_loaded(words, tmp_path, "lerobot", "data/*/*.parquet", **own)
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"features": 3}', b'{"features": {"a": 1}}'])
