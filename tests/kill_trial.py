@@ -8,15 +8,11 @@ tests/cli/test_full_disk.py.
 
 import argparse
 import importlib
-import os
 import pkgutil
 import re
 import shutil
-import signal
 import sys
 import tempfile
-import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -55,73 +51,36 @@ def main():
     return int(bool(faults))
 
 
-def _ended(folder, words, after=None):
-    """Seconds and exit status of a command, killed after some time; its modules are loaded."""
-    begin = time.monotonic()
-    child = os.fork()
-    if not child:
-        _become(folder, words)
-    status = None
-    while status is None:
-        ended, code, _ = os.wait4(child, os.WNOHANG)
-        status = code if ended else None
-        if status is None and after is not None and time.monotonic() - begin > after:
-            with suppress(ProcessLookupError):  # its group is not made yet
-                os.killpg(child, signal.SIGKILL)
-            os.kill(child, signal.SIGKILL)
-            status = os.waitpid(child, 0)[1]
-        time.sleep(0.001)
-    return time.monotonic() - begin, os.waitstatus_to_exitcode(status)
-
-
-def _become(folder, words):
-    from frictionid.__main__ import main
-
-    status = 70
-    try:
-        os.setsid()
-        for stream in (1, 2):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
-        os.chdir(folder)
-        sys.argv = ["frictionid", *words]
-        status = main()
-    finally:
-        os._exit(status)
-
-
-def _contents(folder):
-    files = (p for p in folder.rglob("*") if p.is_file() and p.name != ".lock")
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
-
-
 def _faults(folder, options, rng):
     """Kill each command: what is there is whole, and it can be run again."""
+    from fixtures.forked import contents, run_forked
+
     count, faults = options.count, []
     for name, words in _prepared(folder).items():
         if options.only and name not in options.only:
             continue
         case, start = folder / f"{name}-case", folder / "start"
         shutil.copytree(start, case)
-        whole, status = _ended(case, words)
+        status, whole, _ = run_forked(case, words)
         assert status in (0, 1), (name, status)
-        old, new = _contents(start), _contents(case)
+        old, new = contents(start, ".lock"), contents(case, ".lock")
         for kill in range(count):
             shutil.rmtree(case)
             shutil.copytree(start, case)
-            _ended(case, words, float(rng.uniform(0.05, 1.02)) * whole)
-            found, where = _contents(case), f"{name}, kill {kill}"
+            run_forked(case, words, patience=float(rng.uniform(0.05, 1.02)) * whole)
+            found, where = contents(case, ".lock"), f"{name}, kill {kill}"
             faults += [f"{where}: {n} is lost" for n in _lost(found, old, new)]
             faults += [f"{where}: {n} is half a file" for n in _half(found, old, new)]
-            if name in USES and _ended(case, USES[name])[1]:
+            if name in USES and run_forked(case, USES[name])[0]:
                 faults.append(f"{where}: what it leaves cannot be used")
-            _, status = _ended(
-                case, [w for w in words if w != "--replace"] + AGAIN.get(name, ["--replace"])
-            )
-            again = _contents(case)
+            again = [w for w in words if w != "--replace"] + AGAIN.get(name, ["--replace"])
+            status = run_forked(case, again)[0]
             # init refuses to run again where it has come to its end
             right = (2,) if name == "init" and "arm/dataset.toml" in found else (0, 1)
             faults += [f"{where}: run again, status {status}"] if status not in right else []
-            faults += [f"{where}: run again, {n} is missing" for n in new.keys() - again.keys()]
+            faults += [
+                f"{where}: run again, {n} is missing" for n in new.keys() - contents(case).keys()
+            ]
         shutil.rmtree(case)
         print(f"{count} kills of {name} ({whole:.2f} s): {len(faults)} faults so far", flush=True)
     return faults
@@ -142,6 +101,7 @@ def _half(found, old, new):
 def _prepared(folder):
     """Inputs of all commands in folder/start, and the commands."""
     from fixtures.damage_targets import TUTORIAL, small
+    from fixtures.forked import run_forked
 
     start = folder / "start"
     start.mkdir(parents=True)
@@ -158,7 +118,7 @@ def _prepared(folder):
         ["track", "films/run.mov", "--out", "angles.csv"],
         ["compare", "suite.toml", "--out", "result", "--jobs", "1"],
     ):
-        assert _ended(start, words)[1] == 0, words
+        assert run_forked(start, words)[0] == 0, words
     for path in start.glob("result/*"):  # what a report makes
         if path.name in ("figures", "models", "tables"):
             shutil.rmtree(path)

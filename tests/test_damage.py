@@ -19,13 +19,13 @@ def test_damaged_inputs_end_in_one_line_and_lose_nothing(tmp_path):
 
 
 def test_every_reader_takes_damaged_files_without_a_traceback(tmp_path):
-    """Ten of each here; `make damage ARGS="--readers --count 1000"` takes a thousand of each."""
+    """Forty of each here; `make damage ARGS="--readers --count 1000"` takes a thousand of each."""
     named = set()
     for target in recordings(tmp_path / "whole"):
         document = tomllib.loads((target.folder / "dataset.toml").read_text())
         named.add(document.get("reader", {}).get("kind"))
     assert named == {None, *READERS}
-    command = [*DAMAGE, "--readers", "--count", "10"]
+    command = [*DAMAGE, "--readers", "--count", "40"]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert "160 damaged inputs" in ran.stdout and "0 inputs with faults" in ran.stdout
+    assert "680 damaged inputs" in ran.stdout and "0 inputs with faults" in ran.stdout

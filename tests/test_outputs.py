@@ -7,20 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from fixtures.forked import contents
 from fixtures.refusals import assert_refused
 
 from frictionid.files import read_json, remove_unfinished, write_bytes, write_text, written_beside
 from frictionid.outputs import SUMS, check_outputs, check_writable, replace_files
-
-
-def contents(folder):
-    """Content of all files of a folder, by their path."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
-
 
 # --- Files ----------------------------------------------------------------------------------------
 

@@ -1,20 +1,18 @@
 """A disk that is full in the middle: one line, exit status 2, and nothing half written."""
 
-import os
 import resource
 import sys
-import traceback
-from contextlib import suppress
 
 import pytest
 from fixtures.damage_targets import TUTORIAL, Target, _acquisition, _results, _simulation
+from fixtures.forked import contents, run_forked, say_into
 from fixtures.result_folders import leave_blank
 from fixtures.small_disk import NO_MOUNT, enlarge, on_small_disk
 from fixtures.tiny_pendulums import compare_into
 
 from frictionid.__main__ import main
 
-ROOM = 3000  # [bytes] of a file
+ROOM = 3000  # [bytes] of a file, the most there is
 
 
 @pytest.fixture(scope="module")
@@ -24,38 +22,6 @@ def places(tmp_path_factory):
     made = [*_simulation(root), *_acquisition(root), next(_results(root))]
     assert TUTORIAL.exists() and all(isinstance(target, Target) for target in made)
     return {target.folder.name: target.folder for target in made}
-
-
-def contents(folder):
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-def say_into(path):
-    """Let this process write what it says to a file."""
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT)
-    os.dup2(handle, 1)
-    os.dup2(handle, 2)
-    sys.stdout = sys.stderr = open(1, "w", closefd=False)
-
-
-def on_a_full_disk(folder, line, said):
-    """Exit status and output of a command that can write no file of more than `ROOM` bytes."""
-    child = os.fork()
-    if not child:
-        status = 70
-        try:
-            say_into(said)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, ROOM))
-            os.chdir(folder)
-            sys.argv = ["frictionid", *line.split()]
-            status = main()
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            with suppress(OSError):  # what was said may not fit either
-                sys.stdout.flush()
-            os._exit(status)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said.read_text()
 
 
 CASES = {
@@ -75,8 +41,9 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
 ):
     leave_blank(monkeypatch)
     folder = places.get(name, places["result"].parent / name)
-    before = contents(folder)
-    status, said = on_a_full_disk(folder, line, tmp_path / "said")
+    before, limits = contents(folder), [(resource.RLIMIT_FSIZE, ROOM)]
+    status, *_ = run_forked(folder, line.split(), tmp_path / "said", limits)
+    said = (tmp_path / "said").read_text()
     lines = [line for line in said.splitlines() if line.startswith("frictionid: ")]
     assert status == 2 and len(lines) == 1 and "Traceback" not in said, said
     assert "File too large" in lines[0] or "cannot be written as a whole" in lines[0]

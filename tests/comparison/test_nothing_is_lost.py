@@ -5,6 +5,7 @@ import os
 import shutil
 
 import pytest
+from fixtures.forked import contents
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import compare_into, timeless, write_suite
 
@@ -13,10 +14,6 @@ from frictionid.comparison.results import load_results
 from frictionid.data.readers.dataset import load_dataset
 
 QUICK = [("recipes", [{"name": "integral"}]), ("horizons", [0.1])]
-
-
-def contents(folder):
-    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.name != ".lock"}
 
 
 @pytest.fixture(scope="module")
@@ -50,23 +47,23 @@ def test_what_check_says_of_the_data_stays_with_the_results(whole):
 def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
     file, out = finished
     (out / "tasks" / "mine.json").write_text("mine")
-    before = contents(out)
+    before = contents(out, ".lock")
     own = [{"kind": "coulomb_viscous", "name": "new"}]
     write_suite(file.parent, [*QUICK, ("identifiers", own)], file.name)
     with pytest.MonkeyPatch.context() as patch, pytest.raises(RuntimeError):
         patch.setattr("frictionid.comparison.tasks.run", fail)
         compare_into(file, out, resume)
-    assert before.items() <= contents(out).items()
+    assert before.items() <= contents(out, ".lock").items()
 
 
 def test_results_of_another_suite_need_replace(finished):
     file, out = finished
-    before = contents(out)
+    before = contents(out, ".lock")
     other = write_suite(file.parent, [("name", "other"), *QUICK], "other.toml")
     for resume in (False, True):
         with assert_refused("holds the results of suite 'small': choose another"):
             compare_into(other, out, resume)
-        assert contents(out) == before
+        assert contents(out, ".lock") == before
     compare_into(other, out, replace=True)
     assert load_results(out).provenance["suite"] == "other"
 
@@ -78,14 +75,13 @@ def test_finished_tasks_of_an_interrupted_comparison_need_resume_or_replace(fini
     for name in ("provenance.json", "datasets.json"):
         shutil.move(out / name, new / name)
     assert set(load_results(out).scores["identifier"]) == {"none", "truth"}
-    before = contents(out)
+    before, kept = contents(out, ".lock"), contents(new / "tasks")
     with assert_refused(r"holds 2 finished tasks .* with --resume, or begin anew"):
         compare_into(file, out)
-    assert contents(out) == before
+    assert contents(out, ".lock") == before
     compare_into(file, out, resume=True)
     assert not new.exists()
-    kept = {path.name: content for path, content in before.items() if path.parent.name == "tasks"}
-    assert {path.name: path.read_bytes() for path in (out / "tasks").iterdir()} == kept
+    assert contents(out / "tasks") == kept
 
 
 def test_a_task_that_was_changed_is_noticed(finished):
@@ -136,8 +132,7 @@ def test_a_kill_while_results_are_moved_into_place_loses_nothing(finished, monke
         patch.setattr(os, "replace", killed)
         compare_into(file, out)
     assert set(load_results(out).scores["identifier"]) == {"none", "truth"}
-    places = (out / "tasks", out / "unfinished" / "tasks")
-    done = {p.name: p.read_bytes() for folder in places for p in folder.glob("*.json")}
+    done = contents(out / "tasks") | contents(out / "unfinished" / "tasks")
     compare_into(file, out, resume=True)
     assert not (out / "unfinished").exists()
-    assert {path.name: path.read_bytes() for path in (out / "tasks").iterdir()} == done
+    assert contents(out / "tasks") == done
