@@ -16,21 +16,47 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 import frictionid
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+COMMANDS = """
+simulate      => simulate sim.toml --out out
+simulate over => simulate sim.toml --seed 9 --out set --replace
+render        => render set --camera camera.toml --out out
+track         => track films/run.mov --out out/angles.csv --overlay out/over.mp4
+                 --sheet out/sheet.png
+fit           => fit tiny --identifier mlp --set iterations=3 --out out/m.json
+fit over      => fit tiny --identifier mlp --set iterations=3 --seed 3 --out net.json --replace
+evaluate      => evaluate model.json tiny --horizons 0.1 --out out/s.csv
+predict       => predict model.json tiny --horizon 0.1 --out out/p.csv
+check         => check tiny --out out
+quick         => quick tiny --figure out/q.png
+init          => init arm --mechanism pendulum --set mass=0.5 --set length=0.3
+                 --kt 0.025 --gear 20
+suggest       => suggest --mechanism rig.toml --limits torque=1,velocity=20 --effort 2 --length 1
+                 --out out/u.csv
+align         => align angles.csv log.csv --out out --name run
+report        => report result
+compare       => compare suite.toml --out out --jobs 1
+tune          => tune suite.toml --out out --jobs 1
+"""
+PREPARATION = """
+simulate sim.toml --out set
+render set --camera camera.toml --out films
+fit tiny --identifier none --out model.json
+fit tiny --identifier mlp --set iterations=3 --out net.json
+track films/run.mov --out seen.csv
+compare suite.toml --out result --jobs 1
+"""
 # What must still be possible with what a kill leaves.
 USES = {
-    "fit over": ["evaluate", "net.json", "tiny", "--horizons", "0.1", "--out", "used.csv"],
-    "simulate over": ["fit", "set", "--identifier", "none", "--out", "used.json"],
+    "fit over": "evaluate net.json tiny --horizons 0.1 --out used.csv",
+    "simulate over": "fit set --identifier none --out used.json",
 }
 # How a command is run again where that is not with --replace.
-QUICK = ["--set", "iterations=3"]
-MACHINE = ["--set", "mass=0.5", "--set", "length=0.3"]
 AGAIN = {"compare": ["--resume"], "tune": ["--resume"], "init": []}
 
 
@@ -71,7 +97,7 @@ def _faults(folder, options, rng):
             found, where = contents(case, ".lock"), f"{name}, kill {kill}"
             faults += [f"{where}: {n} is lost" for n in _lost(found, old, new)]
             faults += [f"{where}: {n} is half a file" for n in _half(found, old, new)]
-            if name in USES and run_forked(case, USES[name])[0]:
+            if name in USES and run_forked(case, USES[name].split())[0]:
                 faults.append(f"{where}: what it leaves cannot be used")
             again = [w for w in words if w != "--replace"] + AGAIN.get(name, ["--replace"])
             status = run_forked(case, again)[0]
@@ -100,8 +126,10 @@ def _half(found, old, new):
 
 def _prepared(folder):
     """Inputs of all commands in folder/start, and the commands."""
-    from fixtures.damage_targets import TUTORIAL, small
+    from fixtures.damage_own_data import swing
+    from fixtures.damage_targets import TUTORIAL, small, write_angles_and_log
     from fixtures.forked import run_forked
+    from fixtures.mistakes import rows
 
     start = folder / "start"
     start.mkdir(parents=True)
@@ -110,59 +138,19 @@ def _prepared(folder):
     (start / "sim.toml").write_text(text)
     shutil.copy(TUTORIAL / "camera.toml", start)
     shutil.copy(TUTORIAL / "rig.toml", start)
-    for words in (
-        ["simulate", "sim.toml", "--out", "set"],
-        ["render", "set", "--camera", "camera.toml", "--out", "films"],
-        ["fit", "tiny", "--identifier", "none", "--out", "model.json"],
-        ["fit", "tiny", "--identifier", "mlp", *QUICK, "--out", "net.json"],
-        ["track", "films/run.mov", "--out", "angles.csv"],
-        ["compare", "suite.toml", "--out", "result", "--jobs", "1"],
-    ):
-        assert run_forked(start, words)[0] == 0, words
-    for path in start.glob("result/*"):  # what a report makes
-        if path.name in ("figures", "models", "tables"):
-            shutil.rmtree(path)
-        elif path.name in ("summary.md", "scores.csv", "timings.csv", "SHA256SUMS"):
-            path.unlink()
-    _with_tables_and_log(start)
-    film = ["--overlay", "out/over.mp4", "--sheet", "out/sheet.png"]
-    fit = ["fit", "tiny", "--identifier", "mlp", *QUICK]
-    limits = ["--limits", "torque=1,velocity=20", "--effort", "2", "--length", "1"]
-    motor = ["--kt", "0.025", "--gear", "20"]
-    return {
-        "simulate": ["simulate", "sim.toml", "--out", "out"],
-        "simulate over": ["simulate", "sim.toml", "--seed", "9", "--out", "set", "--replace"],
-        "render": ["render", "set", "--camera", "camera.toml", "--out", "out"],
-        "track": ["track", "films/run.mov", "--out", "out/angles.csv", *film],
-        "fit": [*fit, "--out", "out/m.json"],
-        "fit over": [*fit, "--seed", "3", "--out", "net.json", "--replace"],
-        "evaluate": ["evaluate", "model.json", "tiny", "--horizons", "0.1", "--out", "out/s.csv"],
-        "predict": ["predict", "model.json", "tiny", "--horizon", "0.1", "--out", "out/p.csv"],
-        "check": ["check", "tiny", "--out", "out"],
-        "quick": ["quick", "tiny", "--figure", "out/q.png"],
-        "init": ["init", "arm", "--mechanism", "pendulum", *MACHINE, *motor],
-        "suggest": ["suggest", "--mechanism", "rig.toml", *limits, "--out", "out/u.csv"],
-        "align": ["align", "seen.csv", "log.csv", "--out", "out", "--name", "run"],
-        "report": ["report", "result"],
-        "compare": ["compare", "suite.toml", "--out", "out", "--jobs", "1"],
-        "tune": ["tune", "suite.toml", "--out", "out", "--jobs", "1"],
-    }
-
-
-def _with_tables_and_log(start):
-    """Tables for init, and angles and a log for align."""
-    from fixtures.damage_own_data import swing
-
+    for line in PREPARATION.strip().splitlines():
+        assert run_forked(start, line.split())[0] == 0, line
+    shutil.copytree(start / "result" / "tasks", start / "again" / "tasks")
+    for name in ("provenance.json", "datasets.json"):
+        shutil.copy(start / "result" / name, start / "again")
+    shutil.rmtree(start / "result")
+    (start / "again").rename(start / "result")  # without what a report makes
     (start / "arm").mkdir()
     for i in range(4):
         swing(i).to_csv(start / "arm" / f"run{i}.csv", index=False)
-    time = np.arange(300) / 60.0
-    q = np.sin(3.0 * time) + 0.3 * np.sin(7.0 * time)
-    u = 0.5 * 0.09 * np.gradient(np.gradient(q, time), time) + 0.5 * 9.81 * 0.3 * np.sin(q)
-    seen = {"time": time, "q1": q, "sigma1": np.full(300, 1e-3)}
-    log = {"host": time, "time": time, "command": u / 0.5, "current": u / 0.5, "torque": u}
-    for name, table in (("seen", seen), ("log", log)):
-        pd.DataFrame(table).to_csv(start / f"{name}.csv", index=False)
+    write_angles_and_log(start)
+    lines = rows(re.sub(r"\n {2,}(?=--)", " ", COMMANDS))
+    return {name: line.split() for name, line in lines}
 
 
 if __name__ == "__main__":

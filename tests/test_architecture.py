@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from fixtures.mistakes import mistakes
 from fixtures.paths import ROOT
 from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
@@ -202,48 +203,22 @@ SOUND = {
     "friction/spline.py": "from ..data import Signal\nimport pack.arrays\n",
     "cli/__init__.py": "def main():\n    from pack.friction import Stribeck\n",
 }
-PLANTED = {
-    "up": (
-        {"arrays.py": "from pack.data import Signal"},
-        "arrays:1: may not import pack.data",
-    ),
-    "up, plain": (
-        {"arrays.py": "import pack.friction.spline"},
-        "may not import pack.friction.spline",
-    ),
-    "up, late": ({"arrays.py": "def f():\n    from . import friction"}, "arrays:2: may not import"),
-    "up, relative": (
-        {"friction/spline.py": "from ..cli import main"},
-        "friction.spline:1: may not import",
-    ),
-    "from the top": (
-        {"friction/spline.py": "from pack import Law"},
-        "friction.spline:1: may not import pack",
-    ),
-    "inverse crime": (
-        {"simulate/rig.py": "import pack.friction"},
-        "simulate.rig:1: may not import",
-    ),
-    "foreign init": (
-        {"friction/__init__.py": "from pack.arrays import Array"},
-        "no leaf of its own",
-    ),
-    "circle of leaves": (
-        {"friction/spline.py": "from pack.friction import stribeck"},
-        "circle of imports",
-    ),
-    "leaf through init": (
-        {"friction/spline.py": "from pack.friction import Law"},
-        "friction.spline: in or above",
-    ),
-    "unlisted": ({"extra.py": ""}, "extra: not in the list"),
-    "nameless": ({"friction/utils.py": ""}, "friction.utils: say in the name"),
-    "kwargs": ({"errors.py": "def f(a, **rest):\n    pass"}, "errors:1: **rest"),
-    "kwargs of a lambda": ({"errors.py": "f = lambda **rest: rest"}, "errors:1: **rest"),
-    "global": ({"errors.py": "def f():\n    global a\n    a = 1"}, "errors:2: global a"),
-    "long file": ({"errors.py": "# line\n" * 400}, "errors.py: 400 lines"),
-    "long function": ({"errors.py": "def f():\n" + "    a = 1\n" * 60}, "errors.py:1: f has 61"),
-}
+PLANTED = r"""
+arrays.py: from pack.data import Signal             => arrays:1: may not import pack.data
+arrays.py: import pack.friction.spline              => may not import pack.friction.spline
+arrays.py: def f():\n    from . import friction      => arrays:2: may not import
+friction/spline.py: from ..cli import main          => friction.spline:1: may not import
+friction/spline.py: from pack import Law            => friction.spline:1: may not import pack
+simulate/rig.py: import pack.friction               => simulate.rig:1: may not import
+friction/__init__.py: from pack.arrays import Array => no leaf of its own
+friction/spline.py: from pack.friction import stribeck => circle of imports
+friction/spline.py: from pack.friction import Law   => friction.spline: in or above
+extra.py: # new                                     => extra: not in the list
+friction/utils.py: # new                            => friction.utils: say in the name
+errors.py: def f(a, **rest):\n    pass              => errors:1: **rest
+errors.py: f = lambda **rest: rest                  => errors:1: **rest
+errors.py: def f():\n    global a\n    a = 1        => errors:2: global a
+"""
 
 
 def _write(folder, files):
@@ -259,10 +234,23 @@ def test_the_checker_accepts_a_sound_package(tmp_path):
     assert violations(_write(tmp_path, {**SOUND, "config.py": full})) == []
 
 
-@pytest.mark.parametrize(("files", "expected"), PLANTED.values(), ids=PLANTED)
-def test_the_checker_finds_a_planted_violation(files, expected, tmp_path):
-    found = violations(_write(tmp_path, {**SOUND, **files}))
-    assert any(expected in line for line in found), found
+@mistakes(PLANTED)
+def test_the_checker_finds_a_planted_violation(wrong, words, tmp_path):
+    name, text = wrong.replace(r"\n", "\n").split(": ", 1)
+    found = violations(_write(tmp_path, {**SOUND, name: text}))
+    assert any(words in line for line in found), found
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("# line\n" * 400, "errors.py: 400 lines"),
+        ("def f():\n" + "    a = 1\n" * 60, "errors.py:1: f has 61"),
+    ],
+    ids=["file", "function"],
+)
+def test_the_checker_finds_what_is_long(text, words, tmp_path):
+    test_the_checker_finds_a_planted_violation(f"errors.py: {text}", words, tmp_path)
 
 
 def test_the_list_of_layers_names_each_once():

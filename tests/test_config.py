@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from pydantic import Field
 
@@ -30,20 +30,20 @@ def test_settings_of_the_declared_types_are_kept_and_lists_become_tuples():
     assert Settings(epochs=1) == Settings(epochs=1)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"sizes": ()}, "sizes: "),
-        ({"sizes": (0.1, -2.0)}, r"sizes\[1\]: it should be greater than 0, not -2.0"),
-        ({"sizes": 3.0}, "sizes: it should be a valid"),
-        ({"epochs": 0}, "epochs: it should be greater than or equal to 1, not 0"),
-        ({"epochs": 2.0}, "epochs: it should be a valid integer, not 2.0"),
-        ({"epochs": True}, "epochs: it should be a valid integer, not True"),
-        ({"ridge": float("inf")}, "ridge: it should be a finite number"),
-        ({"device": "gpu"}, "device: it should be 'cpu' or 'cuda', not 'gpu'"),
-        ({"robust": 0.0}, "robust: it should be greater than 0"),
-    ],
-)
-def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, message):
-    with assert_refused(message):
-        Settings(**wrong)
+MISTAKES = r"""
+sizes = []          => sizes:
+sizes = [0.1, -2.0] => sizes\[1\]: it should be greater than 0, not -2.0
+sizes = 3.0         => sizes: it should be a valid
+epochs = 0          => epochs: it should be greater than or equal to 1, not 0
+epochs = 2.0        => epochs: it should be a valid integer, not 2.0
+epochs = true       => epochs: it should be a valid integer, not True
+ridge = inf         => ridge: it should be a finite number
+device = "gpu"      => device: it should be 'cpu' or 'cuda', not 'gpu'
+robust = 0.0        => robust: it should be greater than 0
+"""
+
+
+@mistakes(MISTAKES)
+def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, words):
+    with assert_refused(words):
+        Settings(**dict(changes(wrong)))

@@ -1,10 +1,12 @@
 """Joints declared equal: truth in, truth out, narrower intervals, and a test whether they are."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fixtures.exact_problems import everything, half_widths
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
@@ -234,20 +236,20 @@ def test_the_command_names_joints_that_are_not_equal(tmp_path, run):
     assert fid.load_model(tmp_path / "m.json").friction.provenance.equality
 
 
-REFUSED = {
-    "unknown name": ([["joint 1", "joint 3"]], "there is no joint 'joint 3'; did you mean"),
-    "too large": ([[1, 3]], r"equal = \[\[1, 3\]\]: each group names two joints or more by their"),
-    "single": ([[1]], "each group names two joints or more"),
-    "twice": ([[1, 2, 2]], "names a joint twice"),
-    "in two groups": ([[1, 2], [2, 1]], "names a joint twice"),
-    "no groups": ([1, 2], "must be groups of joints, such as"),
-}
+REFUSED = r"""
+[["joint 1", "joint 3"]] => there is no joint 'joint 3'; did you mean
+[[1, 3]]                 => equal = \[\[1, 3\]\]: each group names two joints or more by their
+[[1]]                    => each group names two joints or more
+[[1, 2, 2]]              => names a joint twice
+[[1, 2], [2, 1]]         => names a joint twice
+[1, 2]                   => must be groups of joints, such as
+"""
 
 
-@pytest.mark.parametrize(("equal", "words"), REFUSED.values(), ids=REFUSED)
-def test_joints_that_cannot_be_equal_are_refused_in_one_line(equal_data, equal, words):
+@mistakes(REFUSED)
+def test_joints_that_cannot_be_equal_are_refused_in_one_line(equal_data, wrong, words):
     with assert_refused(words):
-        fid.fit(equal_data, "coulomb_viscous", equal=equal)
+        fid.fit(equal_data, "coulomb_viscous", equal=json.loads(wrong))
 
 
 def test_what_holds_no_joints_equal_refuses_in_one_line(equal_data):

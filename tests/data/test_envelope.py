@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
@@ -101,24 +102,23 @@ def test_a_table_names_it_by_speeds_or_by_the_motor():
     assert envelope(**current) == pytest.approx([0.8, 10.0, 20.0])
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"peak_torque": 0.8}, "an envelope is peak_torque, knee_speed and a higher no_load_speed"),
-        ({**SPEEDS, "knee_speed": 12.0}, "a higher no_load_speed"),
-        ({**SPEEDS, "kt": 1.0, "R": 1.0, "supply": 8.0}, "give one of these"),
-        ({"kt": 1.0, "R": 1.0, "supply": "q"}, "an envelope has one supply"),
-        ({"kt": 1.0, "R": 1.0}, 'says nothing where output = "torque"'),
-        ({**SPEEDS, "knee_speed": [1.0, 2.0]}, "give one, or one per joint"),
-        (
-            {**SPEEDS, "output": "voltage", "kt": 1.0, "R": 1.0},
-            'says nothing where output = "voltage"',
-        ),
-    ],
-)
-def test_half_an_envelope_is_one_clear_line(more, message):
-    with assert_refused(message):
-        envelope(**more)
+MISTAKES = """
+peak_torque = 0.8 => an envelope is peak_torque, knee_speed and a higher no_load_speed
+peak_torque = 0.8; knee_speed = 12.0; no_load_speed = 12.0 => a higher no_load_speed
+peak_torque = 0.8; knee_speed = 4.0; no_load_speed = 12.0; kt = 1.0; R = 1.0; supply = 8.0
+    => give one of these
+kt = 1.0; R = 1.0; supply = "q" => an envelope has one supply
+kt = 1.0; R = 1.0 => says nothing where output = "torque"
+peak_torque = 0.8; knee_speed = [1.0, 2.0]; no_load_speed = 12.0 => give one, or one per joint
+peak_torque = 0.8; knee_speed = 4.0; no_load_speed = 12.0; kt = 1.0; R = 1.0; output = "voltage"
+    => says nothing where output = "voltage"
+"""
+
+
+@mistakes(MISTAKES)
+def test_half_an_envelope_is_one_clear_line(wrong, words):
+    with assert_refused(words):
+        envelope(**dict(changes(wrong)))
 
 
 @pytest.mark.parametrize("no_load", [-3.8e16, 4.0])

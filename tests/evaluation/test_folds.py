@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import dataset, recordings, shortened
 from hypothesis import given
@@ -220,25 +221,22 @@ def test_both_recipes_have_the_same_rows_and_hold_out_the_same(sample_time, hist
 
 # --- Refusals ------------------------------------------------------------------------------------
 
-REFUSED = {
-    "more folds than recordings": (
-        {"count": 13},
-        '12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"',
-    ),
-    "more folds than samples": ({"count": 9999, "kind": "blocks"}, "1092 samples cannot make 9999"),
-    "one fold": ({"count": 1}, "count = 1 must be at least 2"),
-    "unknown kind": ({"kind": "block"}, "kind = 'block' is unknown; known are recordings, blocks"),
-    "negative gap": ({"kind": "blocks", "gap": -0.1}, "gap = -0.1 s must be finite and not neg"),
-    "endless gap": ({"kind": "blocks", "gap": float("inf")}, "gap = inf s must be finite"),
-    "no number": ({"gap": float("nan")}, "gap = nan s must be finite"),
-    "negative seed": ({"seed": -1}, "seed = -1 must not be negative"),
-}
+REFUSED = r"""
+count = 13 => 12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"
+count = 9999; kind = "blocks" => 1092 samples cannot make 9999
+count = 1 => count = 1 must be at least 2
+kind = "block" => kind = 'block' is unknown; known are recordings, blocks
+kind = "blocks"; gap = -0.1 => gap = -0.1 s must be finite and not neg
+kind = "blocks"; gap = inf => gap = inf s must be finite
+gap = nan => gap = nan s must be finite
+seed = -1 => seed = -1 must not be negative
+"""
 
 
-@pytest.mark.parametrize(("settings_", "words"), REFUSED.values(), ids=REFUSED.keys())
-def test_what_cannot_be_split_is_refused_with_the_way_out(settings_, words):
+@mistakes(REFUSED)
+def test_what_cannot_be_split_is_refused_with_the_way_out(wrong, words):
     with assert_refused(words):
-        make_folds(recordings(), Split(**settings_))
+        make_folds(recordings(), Split(**dict(changes(wrong))))
 
 
 # --- Without a count -----------------------------------------------------------------------------

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
+from fixtures.tiny_pendulums import changed
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
@@ -60,26 +62,19 @@ def test_they_end_on_the_true_curve(kind):
     np.testing.assert_allclose(curve, steady_state(truth.table()).curve(w), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("changes", "rule"),
-    [
-        ({"lag": None}, "lacks lag"),
-        ({"lag": [0.01]}, r"lag = \[0.01\] must be one number for each joint"),
-        ({"kind": "lugre"}, "lacks bristle_stiffness, bristle_damping, damping_velocity"),
-        (
-            {
-                "kind": "lugre",
-                **dict.fromkeys(("bristle_damping", "damping_velocity"), [1.0, 1.0]),
-                "bristle_stiffness": [0.0, 1.0],
-            },
-            "bristle_stiffness and damping_velocity must be positive",
-        ),
-    ],
-)
-def test_tables_that_tell_too_little_are_refused(changes, rule):
-    table = {**TRUTHS["film_lag"].table(), **changes}
-    with assert_refused(rule):
-        true_friction({k: v for k, v in table.items() if v is not None})
+TABLES = r"""
+lag = => lacks lag
+lag = [0.01] => lag = \[0.01\] must be one number for each joint
+kind = "lugre" => lacks bristle_stiffness, bristle_damping, damping_velocity
+kind = "lugre"; bristle_stiffness = [0, 1]; bristle_damping = [1, 1]; damping_velocity = [1, 1]
+    => bristle_stiffness and damping_velocity must be positive
+"""
+
+
+@mistakes(TABLES)
+def test_tables_that_tell_too_little_are_refused(wrong, words):
+    with assert_refused(words):
+        true_friction(changed(TRUTHS["film_lag"].table(), changes(wrong)))
 
 
 def errors(dataset, friction):

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.pendulum_experiment import on_pendulum
 from fixtures.refusals import assert_refused
 
@@ -10,24 +11,23 @@ from frictionid.__main__ import main
 from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
 from frictionid.mechanics import acrobot, mechanism_of, pendulum
 
+LIMITS = """
+torque=0.1                      => lacks velocity
+velocity=3                      => lacks torque
+torque=0.1,velocity=x           => cannot be read
+torque=0.1,velocity=-1          => must be positive
+torque=nan,velocity=1           => must be positive
+torque="a",velocity=1           => must be positive
+torque=0.1,velocity=[1,2,3]     => 3 numbers for 2 joints
+torque=[0.1,0.2],velocity=1     => 2 numbers for 1 motors
+torque=0.1,velocty=1            => did you mean 'velocity'
+"""
 
-@pytest.mark.parametrize(
-    ("text", "rule"),
-    [
-        ("torque=0.1", "lacks velocity"),
-        ("velocity=3", "lacks torque"),
-        ("torque=0.1,velocity=x", "cannot be read"),
-        ("torque=0.1,velocity=-1", "must be positive"),
-        ("torque=nan,velocity=1", "must be positive"),
-        ('torque="a",velocity=1', "must be positive"),
-        ("torque=0.1,velocity=[1,2,3]", "3 numbers for 2 joints"),
-        ("torque=[0.1,0.2],velocity=1", "2 numbers for 1 motors"),
-        ("torque=0.1,velocty=1", "did you mean 'velocity'"),
-    ],
-)
-def test_wrong_limits_are_one_clear_line(text, rule):
-    with assert_refused(rule):
-        limits_of(text, acrobot())
+
+@mistakes(LIMITS)
+def test_wrong_limits_are_one_clear_line(wrong, words):
+    with assert_refused(words):
+        limits_of(wrong, acrobot())
 
 
 def test_a_machine_without_a_motor_gets_no_signal():
@@ -35,21 +35,21 @@ def test_a_machine_without_a_motor_gets_no_signal():
         limits_of("torque=1,velocity=1", pendulum(driven=False))
 
 
-@pytest.mark.parametrize(
-    ("changes", "rule"),
-    [
-        ({"length": 0.1}, "at least 20"),
-        ({"recordings": 0}, "recordings: .* not 0"),
-        ({"band": (2.0, 1.0)}, "increasing"),
-        ({"band": (1.0, 20.0)}, "quarter of the drive rate"),
-        ({"start": (0.0, 0.0)}, "2 angles for 1 joints"),
-        ({"start": (3.5,)}, "not within its limit"),
-        ({"angle_noise": 0.0}, "angle_noise.*: .* not 0.0"),
-    ],
-)
-def test_wrong_experiments_are_one_clear_line(changes, rule):
-    with assert_refused(rule):
-        on_pendulum(**changes)
+EXPERIMENTS = """
+length = 0.1       => at least 20
+recordings = 0     => recordings: .* not 0
+band = [2.0, 1.0]  => increasing
+band = [1.0, 20.0] => quarter of the drive rate
+start = [0.0, 0.0] => 2 angles for 1 joints
+start = [3.5]      => not within its limit
+angle_noise = 0.0  => angle_noise.*: .* not 0.0
+"""
+
+
+@mistakes(EXPERIMENTS)
+def test_wrong_experiments_are_one_clear_line(wrong, words):
+    with assert_refused(words):
+        on_pendulum(**dict(changes(wrong)))
 
 
 def test_wrong_families_priors_and_searches_are_refused():

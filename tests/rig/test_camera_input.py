@@ -1,6 +1,7 @@
 """Films, pictures and rig.toml: what cannot be used is one line, the rest is read right."""
 
 import itertools
+import tomllib
 from dataclasses import replace
 from importlib import import_module
 
@@ -8,8 +9,10 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures.mistakes import changes, mistakes, rows
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
+from fixtures.tiny_pendulums import changed, write_toml
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -114,50 +117,54 @@ def test_a_contact_sheet_shows_frames_without_a_dot(place):
     assert sheet.shape[1] == 4 * 480 and sheet.std() > 5
 
 
-def damaged(folder, tmp_path):
-    data = (folder / "squeezed.mp4").read_bytes()
-    (tmp_path / "cut.mp4").write_bytes(data[: len(data) // 2])
-    (tmp_path / "text.mp4").write_text("no video")
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "even.mov").symlink_to(folder / "even.mov")
-
-
-FILES = [
-    ("nothing.mp4", "no such file"),
-    ("text.mp4", "no video that can be read"),
-    ("cut.mp4", "no video that can be read, or has lost its end"),
-    ("empty", "no pictures there"),
-]
 LED = '[sync_led]\nat = [290.0, 20.0]\nradius = 4.0\nname = "led"\n'
-RIGS = [
-    ("210.0", "120.0", "is in no frame"),
-    ("210.0", "20.0", "cannot be distinguished"),
-    ("320.0", "900.0", "lies outside the picture"),
-    ("0.175", "0.4", "have the ratio"),
-    ("hue = 210.0", "", "neither a colour nor a place"),
-    ("hue = 210.0", "hue = 210.0\nsaturation = 0.1", "grey"),
-    ("hue = 0.0", "heu = 0.0", "did you mean 'hue'"),
-    (RIG, '[[markers]]\nname = "p"\nat = [1.0, 2.0]\n', "at least 2"),
-    (RIG, "", "the key 'markers' is missing"),
-    (RIG, "[[", "no TOML"),
-    ("[0.153, 0.175]", "[0.153]", "give one for each pair"),
-    ("290.0, 20.0", "640.0, 20.0", "the sync LED at (640, 20) lies outside the picture"),
-    ('"led"', '"q1"', "'q1' is another column of the table"),
-    ('"led"', '"state"', "'state' is another column of the table"),
-    ('"led"', '"a,b"', "must have letters, digits, - and _ only"),
-    ("radius = 4.0", "radius = 0.0", "sync_led.radius"),
-    ("[sync_led]", "[sync_let]", "unknown table [sync_let]; did you mean 'sync_led'?"),
-    ("at = [290.0, 20.0]", "", "the key 'sync_led.at' is missing"),
-]
-WRONG = [*((file, "", "", said) for file, said in FILES), *(("even.mov", *rig) for rig in RIGS)]
+RIGS = r"""
+markers.2.hue = 120.0             => is in no frame
+markers.2.hue = 20.0              => cannot be distinguished
+markers.0.at = [900.0, 240.0]     => lies outside the picture
+links.lengths = [0.153, 0.4]      => have the ratio
+markers.2.hue =                   => neither a colour nor a place
+markers.2.saturation = 0.1        => grey
+markers.1.heu = 0.0               => did you mean 'hue'
+links =; markers = [{name = "p", at = [1.0, 2.0]}] => at least 2
+links =; markers =                => the key 'markers' is missing
+links.lengths = [0.153]           => give one for each pair
+sync_led.at = [640.0, 20.0]       => the sync LED at (640, 20) lies outside the picture
+sync_led.name = "q1"              => 'q1' is another column of the table
+sync_led.name = "state"           => 'state' is another column of the table
+sync_led.name = "a,b"             => must have letters, digits, - and _ only
+sync_led.radius = 0.0             => sync_led.radius
+sync_let = {}                     => unknown table [sync_let]; did you mean 'sync_led'?
+sync_led.at =                     => the key 'sync_led.at' is missing
+"""
 
 
-@pytest.mark.parametrize(("video", "old", "new", "said"), WRONG, ids=[row[-1] for row in WRONG])
-def test_a_mistake_is_one_line(place, tmp_path, run, video, old, new, said):
-    damaged(place, tmp_path)
-    (tmp_path / "rig.toml").write_text((RIG + LED).replace(old, new))
-    assert_one_line(run(tmp_path, "track", video, "--out", "a.csv"), "frictionid: ", said)
+@mistakes(RIGS)
+def test_a_mistake_in_the_rig_is_one_line(place, tmp_path, run, wrong, words):
+    document = changed(tomllib.loads(RIG + LED), changes(wrong))
+    file = write_toml(tmp_path / "rig.toml", document)
+    outcome = run(place, "track even.mov --rig", file, "--out", tmp_path / "a.csv")
+    assert_one_line(outcome, "frictionid: ", words)
     assert not (tmp_path / "a.csv").exists()
+
+
+VIDEOS = """
+nothing.mp4              => no such file
+text.mp4                 => no video that can be read
+cut.mp4                  => no video that can be read, or has lost its end
+empty                    => no pictures there
+even.mov --rig text.mp4  => no TOML
+"""
+
+
+def test_what_is_no_video_or_no_rig_is_one_line(place, run):
+    data = (place / "squeezed.mp4").read_bytes()
+    (place / "cut.mp4").write_bytes(data[: len(data) // 2])
+    (place / "text.mp4").write_text("no video")
+    (place / "empty").mkdir()
+    for wrong, words in rows(VIDEOS):
+        assert_one_line(run(place, f"track {wrong} --out lost.csv"), "frictionid: ", words)
+    assert not (place / "lost.csv").exists()
 
 
 def test_a_video_that_ends_early_is_refused(place, tmp_path, run):
@@ -199,16 +206,19 @@ def test_an_interrupt_ends_a_live_camera_and_loses_nothing(place):
         track(Live("film", "video", SMALL.size, 60.0, None, (film,)), setup)
 
 
+OUTPUTS = """
+even.mov                      => belongs to what is read
+lost.csv --overlay ./even.mov => belongs to what is read
+rig.toml --replace            => belongs to what is read
+lost.csv --sheet lost.csv     => is written by two options
+lost.csv --sheet .            => is a folder
+"""
+
+
 def test_nothing_that_exists_is_lost_to_an_output(place, run):
     film, rig = (place / "even.mov").read_bytes(), (place / "rig.toml").read_bytes()
-    for words, said in [
-        (["--out", "even.mov"], "belongs to what is read"),
-        (["--out", "lost.csv", "--overlay", "./even.mov"], "belongs to what is read"),
-        (["--out", "rig.toml", "--replace"], "belongs to what is read"),
-        (["--out", "lost.csv", "--sheet", "lost.csv"], "is written by two options"),
-        (["--out", "lost.csv", "--sheet", "."], "is a folder"),
-    ]:
-        assert_one_line(run(place, "track even.mov", *words), said)
+    for wrong, words in rows(OUTPUTS):
+        assert_one_line(run(place, f"track even.mov --out {wrong}"), words)
     assert not (place / "lost.csv").exists()
     assert (place / "even.mov").read_bytes() == film
     assert (place / "rig.toml").read_bytes() == rig

@@ -1,7 +1,6 @@
 """The simulated drive at its pseudo-terminal, and signals played to it."""
 
 import os
-import re
 import subprocess
 import sys
 import termios
@@ -12,6 +11,7 @@ from functools import partial
 import numpy as np
 import pytest
 from fixtures.drive_ports import logger, setup, until
+from fixtures.mistakes import changes, mistakes, rows
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
@@ -132,21 +132,25 @@ def test_torques_of_data_sets_are_those_of_the_driven_joints():
         torque_of(dataset, "05_sin")
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"rate": 0.0}, "rate: it should be greater than 0"),
-        ({"lag": -1.0}, "lag: it should be greater than or equal to 0"),
-        ({"rate": float("inf")}, "rate: it should be a finite number"),
-        ({"rate": 1e12}, "lower it"),
-        ({"offset": float("nan")}, "offset: it should be a finite number"),
-        ({"drift": 1.0}, "drift: it should be less than 0.5"),
-        ({"torque": Signal(np.arange(3.0), np.zeros((3, 2)))}, "drives 2 joints, [motor] has 1"),
-    ],
-)
-def test_a_drive_that_cannot_be_is_refused(given, said):
-    with assert_refused(re.escape(said)):
-        Drive(**{"rig": setup(), "torque": sine(), **given})
+DRIVES = """
+rate = 0.0   => rate: it should be greater than 0
+lag = -1.0   => lag: it should be greater than or equal to 0
+rate = inf   => rate: it should be a finite number
+rate = 1e12  => lower it
+offset = nan => offset: it should be a finite number
+drift = 1.0  => drift: it should be less than 0.5
+"""
+
+
+@mistakes(DRIVES)
+def test_a_drive_that_cannot_be_is_refused(wrong, words):
+    with assert_refused(words):
+        Drive(setup(), sine(), **dict(changes(wrong)))
+
+
+def test_torques_of_other_joints_and_faults_that_cannot_be_are_refused():
+    with assert_refused(r"drives 2 joints, \[motor\] has 1"):
+        Drive(setup(), Signal(np.arange(3.0), np.zeros((3, 2))))
     for faults in ({"damaged": 1.0}, {"unplugged": -1}):
         with assert_refused("should be"):
             Faults(**faults)
@@ -232,22 +236,25 @@ def test_a_drive_that_falls_silent_is_ramped_down(rig):
     assert played(log, show=show) == "the drive fell silent"
 
 
+SIGNALS = """
+time,u2 / 0,0.1 / 1,-0.6   => row 3: u2 = -0.6 N m exceeds the limit of 0.5
+time,u1,u2 / 0,0.1,1       => a signal for 1 motors has time and one torque
+u2 / 0                     => has the columns u2
+time,u2 / 1,0.1 / 1,0.2    => row 3: time must increase
+time,u2 / 0,0.1 / 1,       => row 3: 'u2' is empty
+time,u2 / 0,0.1            => has 1 rows
+"""
+
+
 def test_signals_beyond_limits_or_without_them_are_refused(tmp_path):
-    made, path = setup(), tmp_path / "signal.csv"
-    bare = rig_settings_of({"motor": {"kt": 0.01}}, "rig.toml")
-    cases = (
-        ("time,u2\n0,0.1\n1,-0.6\n", made, "row 3: u2 = -0.6 N m exceeds the limit of 0.5"),
-        ("time,u2\n0,0.1\n1,0.2\n", bare, "[motor] has no limit: add limit"),
-        ("time,u1,u2\n0,0.1,1\n", made, "a signal for 1 motors has time and one torque"),
-        ("u2\n0\n", made, "has the columns u2"),
-        ("time,u2\n1,0.1\n1,0.2\n", made, "row 3: time must increase"),
-        ("time,u2\n0,0.1\n1,\n", made, "row 3: 'u2' is empty"),
-        ("time,u2\n0,0.1\n", made, "has 1 rows"),
-    )
-    for text, given_rig, said in cases:
-        path.write_text(text)
-        with assert_refused(re.escape(said)):
-            load_signal(path, given_rig)
+    path = tmp_path / "signal.csv"
+    for text, words in rows(SIGNALS):
+        path.write_text(text.replace(" / ", "\n") + "\n")
+        with assert_refused(words):
+            load_signal(path, setup())
+    path.write_text("time,u2\n0,0.1\n1,0.2\n")
+    with assert_refused(r"\[motor\] has no limit: add limit"):
+        load_signal(path, rig_settings_of({"motor": {"kt": 0.01}}, "rig.toml"))
     with assert_refused("ramp: it should be greater than 0"):
         PlaySettings(ramp=0)
     with assert_refused("rate: it should be a finite number"):
@@ -290,22 +297,24 @@ def test_the_drive_as_a_process_is_logged_by_the_command(place, run):
     assert not (place / "drive").exists()
 
 
+COMMANDS = """
+simulate-drive . --port drive --recording rum => no recording 'rum'
+simulate-drive . --port drive --speed 0       => --speed 0 must be positive
+simulate-drive . --port drive --sent .        => . is a folder: name a file in it
+simulate-drive . --port drive --sent file/s   => file/s: cannot be written (Not a dir
+simulate-drive . --port drive --sent file     => file exists: choose another name, or
+simulate-drive . --port file                  => file exists and is no link to a port
+simulate-drive . --port drive --rig gone.toml => gone.toml does not exist
+excite --port /dev/ttyNO --signal signal.csv --out o.csv => exceeds the limit of 1.5
+excite --port /dev/ttyNO --signal gone.csv --out o.csv   => gone.csv cannot be read
+"""
+
+
 def test_bad_input_to_the_commands_is_one_line(place, run):
     (place / "signal.csv").write_text("time,u1\n0,0.1\n1,99\n")
     (place / "file").write_text("precious")
-    cases = (
-        ("simulate-drive . --port drive --recording rum", "no recording 'rum'"),
-        ("simulate-drive . --port drive --speed 0", "--speed 0 must be positive"),
-        ("simulate-drive . --port drive --sent .", ". is a folder: name a file in it"),
-        ("simulate-drive . --port drive --sent file/s", "file/s: cannot be written (Not a dir"),
-        ("simulate-drive . --port drive --sent file", "file exists: choose another name, or"),
-        ("simulate-drive . --port file", "file exists and is no link to a port"),
-        ("simulate-drive . --port drive --rig gone.toml", "gone.toml does not exist"),
-        ("excite --port /dev/ttyNO --signal signal.csv --out o.csv", "exceeds the limit of 1.5"),
-        ("excite --port /dev/ttyNO --signal gone.csv --out o.csv", "gone.csv cannot be read"),
-    )
-    for line, said in cases:
-        assert_one_line(run(place, *line.split()), said)
+    for line, words in rows(COMMANDS):
+        assert_one_line(run(place, line), words)
     assert (place / "file").read_text() == "precious"
     assert not (place / "o.csv").exists()
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fixtures.drive_ports import MOTOR, Rows, logger, setup, until
+from fixtures.mistakes import mistakes, rows
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line, assert_refused
 from hypothesis import given
@@ -160,18 +161,21 @@ def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
         Appender(Path("/dev/full"), "host,time", append=True)
 
 
-def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path):
+DAMAGES = """
+host,time / 1,2 / 3,x => row 3: column 'time' holds 'x'
+host,time / 1,2 / 3,  => row 3: 'time' is empty
+host,time / 1,2 / 3   => row 3: 1 cells under 2 column names
+host,time             => has no rows
+host,u2 / 0,1         => no column 'time'
+"""
+
+
+@mistakes(DAMAGES)
+def test_what_was_changed_by_hand_is_named_by_its_row(tmp_path, wrong, words):
     path = tmp_path / "log.csv"
-    for text, said in (
-        ("host,time\n1,2\n3,x\n", "row 3: column 'time' holds 'x'"),
-        ("host,time\n1,2\n3,\n", "row 3: 'time' is empty"),
-        ("host,time\n1,2\n3\n", "row 3: 1 cells under 2 column names"),
-        ("host,time\n", "has no rows"),
-        ("host,u2\n0,1\n", "no column 'time'"),
-    ):
-        path.write_text(text)
-        with assert_refused(said):
-            read_log(path)
+    path.write_text(wrong.replace(" / ", "\n") + "\n")
+    with assert_refused(words):
+        read_log(path)
 
 
 # --- The port -----------------------------------------------------------------------------------
@@ -260,19 +264,21 @@ def call(tmp_path, run):
     return partial(run, tmp_path)
 
 
+OPTIONS = """
+/dev/ttyNONE            => there is no port
+PORT --rig none.toml    => none.toml does not exist
+PORT --rig bare.toml    => [motor] is missing
+PORT --rig broken.toml  => is no TOML
+PORT --patience 0.01    => no line came in
+"""
+
+
 def test_bad_input_to_the_command_is_one_line_and_leaves_no_file(call, protocol, tmp_path):
-    out, port = tmp_path / "new.csv", protocol.link
+    out, port = tmp_path / "new.csv", str(protocol.link)
     (tmp_path / "bare.toml").write_text("name = 'x'\n")
     (tmp_path / "broken.toml").write_text("[motor\n")
-    cases = (
-        (("--port", "/dev/ttyNONE"), "there is no port"),
-        (("--port", port, "--rig", "none.toml"), "none.toml does not exist"),
-        (("--port", port, "--rig", "bare.toml"), "[motor] is missing"),
-        (("--port", port, "--rig", "broken.toml"), "is no TOML"),
-        (("--port", port, "--patience", "0.01"), "no line came in"),
-    )
-    for arguments, said in cases:
-        assert_one_line(call("log --out", out, *arguments), said)
+    for options, words in rows(OPTIONS):
+        assert_one_line(call(f"log --out new.csv --port {options.replace('PORT', port)}"), words)
         assert not out.exists()
     out.write_text("precious")
     assert_one_line(call("log --out", out, "--port", port), "exists and is not overwritten")

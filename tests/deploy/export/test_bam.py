@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.bam_formula import bam_friction
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
@@ -99,23 +100,23 @@ def test_a_law_that_follows_the_motor_is_held_by_one_that_does():
     assert json.loads(made.files["_2.json"])["model"] == "m5" and "M5" in made.lost[0]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"model": ["m1"]}, r"model \"\['m1'\]\" is unknown"),
-        ({"model": "m7"}, "model 'm7' is unknown; known are m1, m2"),
-        ({"friction_viscous": None}, "needs the number 'friction_viscous', it is None"),
-        ({"alpha": float("nan")}, "'alpha', it is nan"),
-        ({"friction_base": -0.1}, "friction_base = -0.1 must not be negative"),
-        ({"moment": None}, "'moment', it is None"),
-        ({"kt": "x"}, "'kt', it is 'x'"),
-        ({"moment": ...}, 'add "moment", mass times gravity times length'),
-        ({"dtheta_stribeck": ...}, "'dtheta_stribeck', it is missing"),
-    ],
-)
-def test_damaged_files_are_refused_in_one_line(change, words):
-    document = published("m6", np.random.default_rng(0)) | change
-    document = {name: value for name, value in document.items() if value is not ...}
+DAMAGES = r"""
+{"model": ["m1"]}          => model "\['m1'\]" is unknown
+{"model": "m7"}            => model 'm7' is unknown; known are m1, m2
+{"friction_viscous": null} => needs the number 'friction_viscous', it is None
+{"alpha": NaN}             => 'alpha', it is nan
+{"friction_base": -0.1}    => friction_base = -0.1 must not be negative
+{"moment": null}           => 'moment', it is None
+{"kt": "x"}                => 'kt', it is 'x'
+{"moment": "gone"}         => add "moment", mass times gravity times length
+{"dtheta_stribeck": "gone"} => 'dtheta_stribeck', it is missing
+"""
+
+
+@mistakes(DAMAGES)
+def test_damaged_files_are_refused_in_one_line(wrong, words):
+    document = published("m6", np.random.default_rng(0)) | json.loads(wrong)
+    document = {name: value for name, value in document.items() if value != "gone"}
     with assert_refused(words) as caught:
         read_bam(document, "it.json")
     assert str(caught.value).startswith("it.json: ")

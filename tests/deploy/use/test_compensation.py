@@ -5,6 +5,7 @@ from dataclasses import replace
 import compensation as study
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
@@ -185,20 +186,20 @@ def test_tracking_errors_are_halved_without_a_limit_cycle(monkeypatch):
         assert (found[name].swing < study.SWING).all(), name
 
 
-@pytest.mark.parametrize(
-    ("settings", "reason"),
-    [
-        ({"gain": 1.1}, "gain: .* less than or equal to 1"),
-        ({"gain": 0.0}, "gain: .* greater than 0"),
-        ({"smooth": 0.0}, "smooth"),
-        ({"torque_limit": -1.0}, "torque_limit"),
-        ({"ahead": -0.1}, "ahead"),
-        ({"smooth": (0.1, 0.1, 0.1)}, "smooth has 3 numbers, the friction 2 joints"),
-    ],
-)
-def test_settings_that_would_drive_a_joint_are_refused(settings, reason):
-    with assert_refused(reason):
-        compensating(STRIBECK, Compensation(**settings))
+SETTINGS = """
+gain = 1.1 => gain: .* less than or equal to 1
+gain = 0.0 => gain: .* greater than 0
+smooth = 0.0 => smooth
+torque_limit = -1.0 => torque_limit
+ahead = -0.1 => ahead
+smooth = [0.1, 0.1, 0.1] => smooth has 3 numbers, the friction 2 joints
+"""
+
+
+@mistakes(SETTINGS)
+def test_settings_that_would_drive_a_joint_are_refused(wrong, words):
+    with assert_refused(words):
+        compensating(STRIBECK, Compensation(**dict(changes(wrong))))
 
 
 def test_what_has_no_friction_torque_is_refused():
