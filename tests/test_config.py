@@ -46,4 +46,4 @@ robust = 0.0        => robust: it should be greater than 0
 @mistakes(MISTAKES)
 def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, words):
     with assert_refused(words):
-        Settings(**dict(changes(wrong)))
+        Settings(**changes(wrong))

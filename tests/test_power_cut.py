@@ -10,7 +10,7 @@ import pytest
 from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import compare_into, write_dataset, write_suite
+from fixtures.tiny_pendulums import QUICK, compare_into, write_dataset, write_suite
 
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
@@ -31,10 +31,7 @@ def scores(folder):
 def comparison(tmp_path_factory):
     """A comparison over the result of other data, what it does to the disk, and both results."""
     place = tmp_path_factory.mktemp("cut")
-    changes = [("datasets.0.path", "mine"), ("recipes", [{"name": "integral"}])]
-    changes += [("identifiers", [{"kind": "none"}, {"kind": "coulomb_viscous"}])]
-    changes += [("horizons", [0.1])]
-    file, out = write_suite(place, changes), place / "out"
+    file, out = write_suite(place, f'{QUICK}; datasets.0.path = "mine"'), place / "out"
     write_dataset(place / "mine")
     compare_into(file, out)
     old = scores(out)

@@ -48,13 +48,13 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
     write_dataset(folder / "tiny")
     write_dataset(folder / "other", name="other")
-    write_dataset(folder / "away", changes=[("collection", "pendulums")])
+    write_dataset(folder / "away", changes='collection = "pendulums"')
     write_suite(folder)
-    write_suite(folder, [("horizons", [9.0])], "long.toml")
-    write_suite(folder, [("datasets", [{"path": "tiny"}, {"path": "other"}])], "two.toml")
-    write_suite(folder, [("datasets.0.path", "away")], "away.toml")
-    write_suite(folder, [("identifiers.0.kind", "nonn")], "unknown.toml")
-    gap = [("folds", {"count": 80, "kind": "blocks"}), ("horizons", [0.3])]
+    write_suite(folder, "horizons = [9.0]", "long.toml")
+    write_suite(folder, 'datasets = [{path = "tiny"}, {path = "other"}]', "two.toml")
+    write_suite(folder, 'datasets.0.path = "away"', "away.toml")
+    write_suite(folder, 'identifiers.0.kind = "nonn"', "unknown.toml")
+    gap = 'folds = {count = 80, kind = "blocks"}; horizons = [0.3]'
     write_suite(folder, gap, "blocks.toml")
     for name, text in FILES.items():
         if text is None:

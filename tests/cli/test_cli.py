@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.mistakes import mistakes
+from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line
 from fixtures.result_folders import leave_blank
@@ -163,7 +163,7 @@ def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call)
 
 def test_models_of_a_comparison_are_evaluated_too(place, call, monkeypatch):
     leave_blank(monkeypatch)
-    write_suite(place, [("recipes", [{"name": "integral"}]), ("horizons", [0.3])])
+    write_suite(place, 'recipes = [{name = "integral"}]; horizons = [0.3]')
     assert call("compare suite.toml --out result --jobs 1")[0] == 0
     models = sorted((place / "result" / "models").glob("*.json"))
     assert len(models) == 3
@@ -182,9 +182,11 @@ def test_evaluate_counts_the_parameters_that_compare_counts(place, call):
     """Those that shooting freed beside friction, too."""
     shooting = {"name": "shooting", "by": "shooting", "free": ["friction", "inertia"]}
     shooting |= {"windows": [0.2], "iterations": 3}
-    changes = [("recipes", [shooting]), ("horizons", [0.3]), ("folds.count", 2)]
-    changes.append(("identifiers", [{"kind": "coulomb_viscous"}]))
-    compare_into(write_suite(place, changes, name="counted.toml"), place / "counted")
+    others = changes(
+        'horizons = [0.3]; folds.count = 2; identifiers = [{kind = "coulomb_viscous"}]'
+    )
+    file = write_suite(place, {"recipes": [shooting], **others}, "counted.toml")
+    compare_into(file, place / "counted")
     model = "counted/models/tiny--coulomb_viscous--shooting--seed0.json"
     assert call(f"evaluate {model} tiny --horizons 0.3 --out counted.csv")[0] == 0
     compared = pd.read_csv(place / "counted" / "scores.csv")
@@ -203,7 +205,7 @@ def test_report_makes_tables_anew_and_fits_nothing(place, call, monkeypatch):
     monkeypatch.setattr(report, "build", lambda results, **_: made.append(results))
     monkeypatch.setattr(report, "show", made.append)
     (place / "empty").mkdir()
-    compare_into(write_suite(place, [("identifiers", [{"kind": "none"}])]), place / "made")
+    compare_into(write_suite(place, 'identifiers = [{kind = "none"}]'), place / "made")
     words = {"nowhere": "/provenance.json: no such file"}
     for folder in ("nowhere", "tiny", "empty"):
         expected = words.get(folder, " holds no comparison; name a folder that compare wrote")
@@ -245,7 +247,7 @@ def test_a_model_with_its_own_mechanism_is_evaluated_with_it(place, call):
 
 def test_tables_elsewhere_are_named_by_data(place, call, tmp_path):
     tables = write_dataset(tmp_path / "tables")
-    apart = write_dataset(place / "apart", changes=[("collection", "pendulums")])
+    apart = write_dataset(place / "apart", changes='collection = "pendulums"')
     for table in apart.glob("*.csv"):
         table.unlink()
     for command in (

@@ -64,7 +64,7 @@ def test_estimators_are_classes_of_installed_packages(complaint, name, words):
 def test_a_module_beside_the_suite_is_its_own(tmp_path):
     text = "from frictionid.fitting.identifiers import Frictionless as beside\n"
     (tmp_path / "beside_the_suite.py").write_text(text)
-    file = write_suite(tmp_path, [("identifiers", [{"kind": "beside_the_suite:beside"}])])
+    file = write_suite(tmp_path, 'identifiers = [{kind = "beside_the_suite:beside"}]')
     assert {task.name for task in tasks_in(file)} == {
         "beside",
         "truth",
@@ -81,7 +81,7 @@ def arm():
 
 def test_a_suite_names_the_mechanism_of_its_data_sets(tmp_path):
     (tmp_path / "arm_beside.py").write_text(OWN_ARM)
-    file = write_suite(tmp_path, [("datasets.0.mechanism", "arm_beside:arm")])
+    file = write_suite(tmp_path, 'datasets.0.mechanism = "arm_beside:arm"')
     own = {task.benchmark.dataset.mechanism for task in tasks_in(file)}
     plain = write_suite(tmp_path, name="plain.toml")
     table = {task.benchmark.dataset.mechanism for task in tasks_in(plain)}

@@ -80,9 +80,8 @@ class Seeded(Identifier):
 def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", sys.path[:])
     (tmp_path / "own_seeded.py").write_text(OWN)
-    changes = [("identifiers.0", {"kind": "own_seeded:Seeded"}), ("seeds", [0, 1])]
-    changes += [("recipes", [{"name": "study"}]), ("horizons", [0.1])]
-    tasks = tasks_in(write_suite(tmp_path, changes))
+    suite = 'recipes = [{name = "study"}]; horizons = [0.1]; seeds = [0, 1]'
+    tasks = tasks_in(write_suite(tmp_path, suite + '; identifiers.0.kind = "own_seeded:Seeded"'))
     prepared_benchmarks = prepare_benchmarks(tasks)
     seen = {1: [], 2: []}
     for jobs in (1, 2):

@@ -7,20 +7,18 @@ import shutil
 import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import compare_into, timeless, write_suite
+from fixtures.tiny_pendulums import QUICK, compare_into, timeless, write_suite
 
 from frictionid.check import check
 from frictionid.comparison.results import load_results
 from frictionid.data.readers.dataset import load_dataset
-
-QUICK = [("recipes", [{"name": "integral"}]), ("horizons", [0.1])]
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A folder with a suite, and its finished comparison."""
     folder = tmp_path_factory.mktemp("whole")
-    file = write_suite(folder, [*QUICK, ("identifiers", [{"kind": "none"}])], "lone.toml")
+    file = write_suite(folder, QUICK + '; identifiers = [{kind = "none"}]', "lone.toml")
     compare_into(file, folder / "out")
     return folder
 
@@ -48,8 +46,8 @@ def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
     file, out = finished
     (out / "tasks" / "mine.json").write_text("mine")
     before = contents(out, ".lock")
-    own = [{"kind": "coulomb_viscous", "name": "new"}]
-    write_suite(file.parent, [*QUICK, ("identifiers", own)], file.name)
+    other = '; identifiers = [{kind = "coulomb_viscous", name = "new"}]'
+    write_suite(file.parent, QUICK + other, file.name)
     with pytest.MonkeyPatch.context() as patch, pytest.raises(RuntimeError):
         patch.setattr("frictionid.comparison.tasks.run", fail)
         compare_into(file, out, resume)
@@ -59,7 +57,7 @@ def test_a_comparison_that_fails_leaves_the_earlier_result(finished, resume):
 def test_results_of_another_suite_need_replace(finished):
     file, out = finished
     before = contents(out, ".lock")
-    other = write_suite(file.parent, [("name", "other"), *QUICK], "other.toml")
+    other = write_suite(file.parent, QUICK + '; name = "other"', "other.toml")
     for resume in (False, True):
         with assert_refused("holds the results of suite 'small': choose another"):
             compare_into(other, out, resume)

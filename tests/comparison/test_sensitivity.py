@@ -6,8 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.tiny_pendulums import PENDULUM, compare_into, dataset, write_suite
+from fixtures.tiny_pendulums import PENDULUM, QUICK, compare_into, dataset, write_suite
 
 import frictionid as fid
 from frictionid.api.sensitivity import sensitivity_of_suite
@@ -136,8 +137,7 @@ def test_wrong_settings_end_in_one_line():
 def suite(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sensitivity")
     chosen = {**NONE, "parameters": ["mass"], "levels": [0.1], "delay": [-0.01, 0.01]}
-    changes = [("sensitivity", chosen), ("recipes.0", None), ("horizons", [0.1])]
-    return write_suite(folder, changes)
+    return write_suite(folder, {"sensitivity": chosen, **changes(QUICK)})
 
 
 @pytest.fixture(scope="module")

@@ -76,14 +76,10 @@ def tasks(place, changes=(), data=None):
 
 def test_a_suite_is_the_constructor_calls_of_its_parts(place):
     document = suite(
-        [
-            ("horizons", [0.2, 0.1]),
-            ("every", 0.5),
-            ("history", 0.2),
-            ("sample_time", 0.02),
-            ("seeds", [3, 1]),
-            ("folds", {"count": 4, "kind": "blocks", "gap": 0.1, "seed": 2}),
-        ]
+        """
+        horizons = [0.2, 0.1]; every = 0.5; history = 0.2; sample_time = 0.02; seeds = [3, 1]
+        folds = {count = 4, kind = "blocks", gap = 0.1, seed = 2}
+        """
     )
     document["identifiers"] = [
         {"kind": "none", "recipes": ["study"]},
@@ -128,19 +124,19 @@ def test_the_truth_stands_beside_the_identifiers_where_it_is_one_of_our_laws(pla
     assert [task.recipe for task in truths] == [STUDY, INTEGRAL]
     theta = truths[0].identifier.friction.theta[0]
     assert theta.tolist() == [TRUTH[name][0] for name in Stribeck(symmetric=False).names]
-    write_dataset(place / "hidden", name="hidden", changes=[("truth.kind", "maxwell_slip")])
-    write_dataset(place / "measured", name="measured", changes=[("truth", None)])
+    write_dataset(place / "hidden", name="hidden", changes='truth.kind = "maxwell_slip"')
+    write_dataset(place / "measured", name="measured", changes="truth =")
     for name in ("hidden", "measured"):
         assert not [t for t in tasks(place, [("datasets.0.path", name)]) if t.name == "truth"]
     late = [("truth.kind", "film_lag"), ("truth.lag", [0.02])]
     write_dataset(place / "late", name="late", changes=late)
-    (truth, _) = [t for t in tasks(place, [("datasets.0.path", "late")]) if t.name == "truth"]
+    (truth, _) = [t for t in tasks(place, 'datasets.0.path = "late"') if t.name == "truth"]
     assert truth.identifier.friction.theta[0].tolist() == [*theta, 0.02]
 
 
 def test_a_model_file_is_found_beside_the_suite(place, monkeypatch):
     monkeypatch.chdir(place.parent)
-    made = tasks(place, [("identifiers.1", {"kind": "published", "file": "model.json"})])
+    made = tasks(place, 'identifiers.1 = {kind = "published", file = "model.json"}')
     given = next(task.identifier for task in made if task.name == "published")
     assert isinstance(given, Published) and given.friction.parameters == {"mass": 0.3}
 
@@ -156,24 +152,24 @@ def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, t
     tables = write_dataset(tmp_path / "tables")
     (tmp_path / "tables" / "dataset.toml").unlink()
     apart = place / "apart"
-    write_dataset(apart, name="apart", changes=[("collection", "pendulums")])
+    write_dataset(apart, name="apart", changes='collection = "pendulums"')
     for table in apart.glob("*.csv"):
         table.unlink()
-    made = tasks(place, [("datasets.0.path", "apart")], tables)
+    made = tasks(place, 'datasets.0.path = "apart"', tables)
     assert len(made[0].benchmark.dataset.recordings) == 12
     # data sets that only test what was fitted to it share its collection
     entry = {"path": "apart", "tests": ["apart_test"]}
-    write_dataset(place / "apart_test", name="apart_test", changes=[("collection", "pendulums")])
+    write_dataset(place / "apart_test", name="apart_test", changes='collection = "pendulums"')
     assert tasks(place, [("datasets.0", entry)], tables)[0].benchmark.tests[0].name == "apart_test"
     with assert_refused(r"--data .*several \(tiny, apart\).*FRICTIONID_DATA"):
-        tasks(place, [("datasets", [{"path": "tiny"}, {"path": "apart"}])], tables)
+        tasks(place, 'datasets = [{path = "tiny"}, {path = "apart"}]', tables)
 
 
 def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch):
     monkeypatch.delenv("FRICTIONID_DATA", raising=False)
-    write_dataset(place / "gone", name="gone", changes=[("collection", "pendulums")])
+    write_dataset(place / "gone", name="gone", changes='collection = "pendulums"')
     with assert_refused("--data FOLDER, or set FRICTIONID_DATA"):
-        tasks(place, [("datasets.0.path", "gone")])
+        tasks(place, 'datasets.0.path = "gone"')
 
 
 # --- Mistakes ------------------------------------------------------------------------------------
@@ -250,7 +246,7 @@ identifier = {kind = "own_parts:Mine", level = -1.0} => level = -1.0 must not be
 
 @mistakes(MISTAKES)
 def test_a_mistake_is_one_line_that_names_file_and_key(place, wrong, words):
-    ((key, value),) = changes(wrong)
+    ((key, value),) = changes(wrong).items()
     if key == "recipe":
         key, value = "recipes.0", OWN_RECIPE | value
     before = written(place)

@@ -12,6 +12,7 @@ from functools import partial
 import pandas as pd
 import pytest
 from fixtures.forked import contents
+from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import (
     compare_into,
@@ -53,20 +54,15 @@ class Counted(Identifier):
             print(seed, file=file)
         return LeastSquares(CoulombViscous()).fit(problem, weights, seed)
 """
-SUITE = [
-    ("recipes", [{"name": "integral"}]),
-    ("horizons", [0.05, 0.1]),
-    (
-        "identifiers",
-        [
-            {"kind": "none"},
-            {"kind": "slow_part:Slow", "name": "a", "patient": False},
-            {"kind": "slow_part:Slow", "name": "b"},
-            {"kind": "slow_part:Slow", "name": "c", "patient": False},
-            {"kind": "slow_part:Slow", "name": "d"},
-        ],
-    ),
-]
+SUITE = """
+recipes = [{name = "integral"}]
+horizons = [0.05, 0.1]
+"""
+SLOW_ONES = """
+identifiers = [{kind = "none"}, {kind = "slow_part:Slow", name = "a", patient = false}, \
+{kind = "slow_part:Slow", name = "b"}, \
+{kind = "slow_part:Slow", name = "c", patient = false}, {kind = "slow_part:Slow", name = "d"}]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +70,7 @@ def place(tmp_path_factory):
     """A folder with a suite of slow tasks, and what it gives when nothing interrupts it."""
     folder = tmp_path_factory.mktemp("tasks")
     (folder / "slow_part.py").write_text(SLOW)
-    write_suite(folder, SUITE)
+    write_suite(folder, SUITE + SLOW_ONES)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [*sys.path, str(folder)])
         compare(folder / "suite.toml", folder / "whole")
@@ -200,13 +196,8 @@ def assert_same_results(folder, other):
         assert timeless(other_text) == timeless(path.read_text())
 
 
-def quick_suite(place, kinds, changes=()):
-    identifiers = [{"kind": kind} for kind in kinds]
-    return write_suite(place, [*SUITE[:2], ("identifiers", identifiers), *changes], "quick.toml")
-
-
 def test_without_resume_everything_is_made_anew(place):
-    file = quick_suite(place, ["none", "coulomb_viscous"])
+    file = write_suite(place, SUITE, "quick.toml")
     out = place / "quick"
     runs = []
     for resume in (False, True, False):
@@ -218,10 +209,9 @@ def test_without_resume_everything_is_made_anew(place):
 
 @pytest.mark.parametrize("seeded", [False, True])
 def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_path, monkeypatch):
-    recipes = [{"name": "study"}, {"name": "integral"}]
     own = {"kind": "slow_part:Counted", "draws": seeded}
-    changes = [("recipes", recipes), SUITE[1], ("seeds", [0, 1, 2]), ("identifiers", [own])]
-    file = write_suite(place, changes, "seeds.toml")
+    given = {"horizons": [0.05, 0.1], "seeds": [0, 1, 2], "identifiers": [own]}
+    file = write_suite(place, given, "seeds.toml")
     monkeypatch.setenv("CALLS", str(tmp_path / "calls"))
     out = place / f"seeds-{seeded}"
     done = compare(file, out)
@@ -233,12 +223,12 @@ def test_unseeded_identifiers_are_fitted_once_for_all_seeds(place, seeded, tmp_p
 
 
 def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
-    file = quick_suite(place, ["none", "coulomb_viscous"])
+    file = write_suite(place, SUITE, "quick.toml")
     out = place / "shrunk"
     compare(file, out)
     before = contents(out / "tasks")
     (out / "models" / "mine.json").write_text("mine")
-    quick_suite(place, ["none"], [("seeds", [1])])
+    write_suite(place, SUITE + 'identifiers = [{kind = "none"}]; seeds = [1]', "quick.toml")
     wanted = {f"tiny--{name}--integral--seed1.json" for name in ("none", "truth")}
     assert set(compare(file, out, resume=True)) == {*wanted, *before}
     assert before.items() <= contents(out / "tasks").items()
@@ -248,8 +238,8 @@ def test_results_of_tasks_that_left_the_suite_stay_and_are_not_reported(place):
 
 
 def test_a_data_set_that_changed_is_compared_anew(place):
-    changes = [*SUITE[:2], ("identifiers", [{"kind": "none"}]), ("datasets.0.path", "mine")]
-    file = write_suite(place, changes, "mine.toml")
+    other = 'identifiers = [{kind = "none"}]; datasets.0.path = "mine"'
+    file = write_suite(place, SUITE + other, "mine.toml")
     write_dataset(place / "mine")
     first = compare(file, place / "changed")
     toml = place / "mine" / "dataset.toml"
@@ -307,7 +297,7 @@ def test_provenance_is_complete(place):
     assert settings["folds"] == {"count": 3, "kind": None, "gap": 0.25, "seed": 0}
     assert settings["seeds"] == [0] and settings["recipes"][0]["name"] == "integral"
     given = [{k: v for k, v in e.items() if v is not None} for e in settings["identifiers"]]
-    assert given == SUITE[2][1]
+    assert given == changes(SLOW_ONES)["identifiers"]
     assert len(document["tasks"]) == 6
     assert {p.name for p in (place / "whole" / "tasks").iterdir()} == set(document["tasks"])
     for task in load_results(place / "whole").tasks:

@@ -10,7 +10,7 @@ import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.tiny_pendulums import dataset, disturbed, tasks_in, write_suite
+from fixtures.tiny_pendulums import QUICK, dataset, disturbed, tasks_in, write_suite
 from numpy.testing import assert_array_equal
 
 import frictionid as fid
@@ -71,15 +71,11 @@ def values(results):
 
 def suite(place, search=None, tuning=None, **entry):
     identifier = {"kind": "own_scaled:Scaled", "name": "scaled", "search": search or FACTOR}
-    file = write_suite(
-        place,
-        [
-            ("identifiers", [{"kind": "none"}, {**identifier, **entry}]),
-            ("recipes", [{"name": "integral"}]),
-            ("horizons", [0.1]),
-            ("tune", tuning or {"trials": 2, "nested": False, "folds": 2}),
-        ],
-    )
+    given = {
+        "identifiers": [{"kind": "none"}, {**identifier, **entry}],
+        "tune": tuning or {"trials": 2, "nested": False, "folds": 2},
+    }
+    file = write_suite(place, {**changes(QUICK), **given})
     return load_suite(file), file
 
 
@@ -118,8 +114,9 @@ def test_the_example_of_the_page_can_be_tuned_and_begins_with_what_the_suite_lea
         page.split("## Choosing settings")[1].split("```toml")[1].split("```")[0]
     )
     assert Tuning.model_validate(example["tune"]) == Tuning()
-    changes = [*example.items(), ("recipes", [{"name": "integral"}])]
-    file = write_suite(place, changes, "page.toml")
+    file = write_suite(
+        place, {**example, **changes('recipes = [{name = "integral"}]')}, "page.toml"
+    )
     tasks = tuning_tasks(load_suite(file), file)
     assert [u.name for u in tasks] == ["mlp", "lstm"]
     for u in tasks:
@@ -306,9 +303,9 @@ kind = "stribeck"; search = {width = {low = 0.0, high = 1.0}}
 @mistakes(MISTAKES)
 def test_each_mistake_is_one_line_that_names_the_way_out(place, wrong, words):
     entry = {"kind": "own_scaled:Scaled", "name": "scaled", "search": FACTOR}
-    own = [(k if k == "tune" else f"identifiers.0.{k}", v) for k, v in changes(wrong)]
-    usual = [("identifiers", [entry]), ("recipes", [{"name": "integral"}]), ("tune", {})]
-    file = write_suite(place, [*usual, *own], "wrong.toml")
+    given = {k if k == "tune" else f"identifiers.0.{k}": v for k, v in changes(wrong).items()}
+    usual = changes('recipes = [{name = "integral"}]; tune = {}')
+    file = write_suite(place, {"identifiers": [entry], **usual, **given}, "wrong.toml")
     with assert_refused(words) as caught:
         tuning_tasks(load_suite(file), file)
     assert "wrong.toml" in str(caught.value)

@@ -98,7 +98,7 @@ orientation = ["d", "e", "f", "g"]; position = "still" => base.position
 @mistakes(MISTAKES)
 def test_what_the_base_lacks_is_said(wrong, words):
     with assert_refused(words):
-        check_dataset_toml(document(**dict(changes(wrong))), "dataset.toml")
+        check_dataset_toml(document(**changes(wrong)), "dataset.toml")
 
 
 THREE, FOUR = ["a", "b", "c"], ["d", "e", "f", "g"]

@@ -22,7 +22,7 @@ from fixtures.dataset_files import (
     parquet_bytes,
     write,
 )
-from fixtures.mistakes import changes, mistakes
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
 from hypothesis import given
@@ -73,7 +73,7 @@ sha256 = {"A.csv" = "00000000000000000000000000000000000000000000000000000000000
 @mistakes(MISTAKES)
 def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, wrong, words):
     with assert_refused(words):
-        load(tmp_path, changed(described(), changes(wrong)))
+        load(tmp_path, changed(described(), wrong))
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ peak_torque = 0.8; knee_speed = 4.0; no_load_speed = 12.0; kt = 1.0; R = 1.0; ou
 @mistakes(MISTAKES)
 def test_half_an_envelope_is_one_clear_line(wrong, words):
     with assert_refused(words):
-        envelope(**dict(changes(wrong)))
+        envelope(**changes(wrong))
 
 
 @pytest.mark.parametrize("no_load", [-3.8e16, 4.0])

@@ -83,13 +83,8 @@ def test_folds_are_balanced_and_none_is_empty(sizes, kind, seed):
     share = np.bincount(np.concatenate(made.labels), minlength=3)
     assert share.min() > 0
     assert share.max() - share.min() <= (max(sizes) if kind == "recordings" else 1)
-
-
-def test_recordings_stay_whole_and_their_order_is_drawn_by_the_seed():
-    made = [make_folds(recordings(), Split(count=4, seed=seed)) for seed in (0, 0, 1)]
-    for folds in made:
-        assert all(len(set(label.tolist())) == 1 for label in folds.labels)
-    assert made[0].hash == made[1].hash != made[2].hash
+    if kind == "recordings":
+        assert all(len(set(label.tolist())) == 1 for label in made.labels)
 
 
 # --- The hash ------------------------------------------------------------------------------------
@@ -104,6 +99,7 @@ def test_the_hash_changes_with_any_change_and_with_nothing_else():
         make_folds(parts, replace(split, count=5)),
         make_folds(parts, replace(split, gap=0.2)),
         make_folds(parts, replace(split, kind="recordings")),
+        make_folds(parts, replace(split, kind="recordings", seed=1)),
         make_folds(parts, replace(split, kind="shuffled")),
         make_folds(parts, replace(split, kind="shuffled", seed=1)),
         make_folds(parts[:-1], split),
@@ -134,7 +130,7 @@ def time_between(starts, stops, a, b):
     return np.maximum(np.maximum(starts - b, a - stops), 0.0).min(initial=np.inf)
 
 
-@pytest.mark.parametrize("gap", [0.03, 0.05, 0.25])
+@pytest.mark.parametrize("gap", [0.03, 0.05, 0.25, 10.0])
 @pytest.mark.parametrize("uneven", [False, True])
 def test_training_keeps_the_gap_on_both_sides_of_a_block_and_no_more(gap, uneven):
     rng = np.random.default_rng(5) if uneven else None
@@ -147,13 +143,6 @@ def test_training_keeps_the_gap_on_both_sides_of_a_block_and_no_more(gap, uneven
             stop = time[k] + dt[k]
             apart = time_between(time[own], time[own] + dt[own], time[k], stop)
             assert weights[fold, k] == (held[k] != fold and apart >= gap - 1e-9), (fold, k, apart)
-
-
-def test_the_gap_ends_with_the_recording():
-    made = make_folds(of_sizes([50, 50]), Split(count=2, kind="blocks", gap=10.0))
-    recording, time, dt = rows_of(made)
-    weights = made.training(recording, time, dt)
-    assert weights[1, recording == 0].all() and weights[0, recording == 1].all()
 
 
 def test_blocks_are_contiguous_and_follow_each_other():
@@ -236,7 +225,7 @@ seed = -1 => seed = -1 must not be negative
 @mistakes(REFUSED)
 def test_what_cannot_be_split_is_refused_with_the_way_out(wrong, words):
     with assert_refused(words):
-        make_folds(recordings(), Split(**dict(changes(wrong))))
+        make_folds(recordings(), Split(**changes(wrong)))
 
 
 # --- Without a count -----------------------------------------------------------------------------

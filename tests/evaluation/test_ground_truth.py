@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.mistakes import changes, mistakes
+from fixtures.mistakes import mistakes
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
@@ -74,7 +74,7 @@ kind = "lugre"; bristle_stiffness = [0, 1]; bristle_damping = [1, 1]; damping_ve
 @mistakes(TABLES)
 def test_tables_that_tell_too_little_are_refused(wrong, words):
     with assert_refused(words):
-        true_friction(changed(TRUTHS["film_lag"].table(), changes(wrong)))
+        true_friction(changed(TRUTHS["film_lag"].table(), wrong))
 
 
 def errors(dataset, friction):

@@ -49,7 +49,7 @@ angle_noise = 0.0  => angle_noise.*: .* not 0.0
 @mistakes(EXPERIMENTS)
 def test_wrong_experiments_are_one_clear_line(wrong, words):
     with assert_refused(words):
-        on_pendulum(**dict(changes(wrong)))
+        on_pendulum(**changes(wrong))
 
 
 def test_wrong_families_priors_and_searches_are_refused():

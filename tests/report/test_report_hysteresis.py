@@ -169,12 +169,13 @@ def test_settings_are_those_of_the_joints():
 def compared(tmp_path_factory):
     """A comparison of a law without and one with memory, reported."""
     folder = tmp_path_factory.mktemp("loops")
-    changes = [
-        ("identifiers", [{"kind": "none"}, {"kind": "coulomb_viscous"}, {"kind": "film_lag"}]),
-        ("recipes", [{"name": "integral"}]),
-        ("loops", {"frequency": [2.0]}),
-    ]
-    file = tiny.write_suite(folder, changes)
+    file = tiny.write_suite(
+        folder,
+        """
+        identifiers = [{kind = "none"}, {kind = "coulomb_viscous"}, {kind = "film_lag"}]
+        recipes = [{name = "integral"}]; loops = {frequency = [2.0]}
+        """,
+    )
     tiny.compare_into(file, folder / "out")
     return file, made.blank(folder / "out")
 
@@ -202,8 +203,8 @@ def test_speeds_are_those_of_the_recordings(compared):
 
 
 def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
-    changes = [("recipes", [{"name": "integral"}]), ("identifiers", [{"kind": "none"}])]
-    file = tiny.write_suite(tmp_path, changes)
+    suite = 'recipes = [{name = "integral"}]; identifiers = [{kind = "none"}]'
+    file = tiny.write_suite(tmp_path, suite)
     assert load_suite(file).protocol.loops is None and Protocol().loops is None
     tiny.compare_into(file, tmp_path / "out")
     made.undraw(monkeypatch)

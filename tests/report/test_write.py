@@ -1,6 +1,5 @@
 """The files of a report: what a build replaces, and what it never touches."""
 
-import shutil
 
 import pytest
 from fixtures import result_folders as made
@@ -44,13 +43,3 @@ def test_what_is_not_of_the_report_is_never_touched(folder):
     assert made.contents(folder) == before | mine | {"summary.md": b"my own words"}
     build(load_results(folder), replace=True)
     assert made.contents(folder) == before | mine
-
-
-def test_links_to_other_folders_are_not_followed(folder, tmp_path):
-    shutil.move(folder / "figures", tmp_path / "elsewhere")
-    (folder / "figures").symlink_to(tmp_path / "elsewhere")
-    (tmp_path / "elsewhere" / "mine.png").write_text("mine")
-    before = made.contents(tmp_path / "elsewhere")
-    with assert_refused("figures is a link to another folder"):
-        made.built(folder)
-    assert made.contents(tmp_path / "elsewhere") == before

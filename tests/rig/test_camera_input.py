@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from fixtures.mistakes import changes, mistakes, rows
+from fixtures.mistakes import mistakes, rows
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.simulated_films import LENGTHS, SMALL, Film, Look, errors, marker_setup_of, motion
 from fixtures.tiny_pendulums import changed, write_toml
@@ -141,7 +141,7 @@ sync_led.at =                     => the key 'sync_led.at' is missing
 
 @mistakes(RIGS)
 def test_a_mistake_in_the_rig_is_one_line(place, tmp_path, run, wrong, words):
-    document = changed(tomllib.loads(RIG + LED), changes(wrong))
+    document = changed(tomllib.loads(RIG + LED), wrong)
     file = write_toml(tmp_path / "rig.toml", document)
     outcome = run(place, "track even.mov --rig", file, "--out", tmp_path / "a.csv")
     assert_one_line(outcome, "frictionid: ", words)

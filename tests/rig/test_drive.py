@@ -145,7 +145,7 @@ drift = 1.0  => drift: it should be less than 0.5
 @mistakes(DRIVES)
 def test_a_drive_that_cannot_be_is_refused(wrong, words):
     with assert_refused(words):
-        Drive(setup(), sine(), **dict(changes(wrong)))
+        Drive(setup(), sine(), **changes(wrong))
 
 
 def test_torques_of_other_joints_and_faults_that_cannot_be_are_refused():

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from fixtures.mistakes import changes, mistakes
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
 from hypothesis import example, given
@@ -159,7 +159,7 @@ protocol.wrap = 0.0                         => wrap: it should be greater than 0
 
 @mistakes(MISTAKES)
 def test_a_rig_that_cannot_be_is_reported_in_one_line(wrong, words):
-    document = changed({"motor": {"kt": 0.01, "gear": 20.0}}, changes(wrong))
+    document = changed({"motor": {"kt": 0.01, "gear": 20.0}}, wrong)
     with assert_refused("^rig.toml.*" + re.escape(words)):
         rig_settings_of(document, "rig.toml")
 

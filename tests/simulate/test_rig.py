@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.mistakes import changes, mistakes
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
 
@@ -292,7 +292,7 @@ recordings.0.torques.0.amplitude =    => the key 'recordings[0].torques[0].ampli
 
 @mistakes(MISTAKES)
 def test_mistakes_are_named_with_place_and_way_out(wrong, words):
-    document = changed(copy.deepcopy(DOCUMENT), changes(wrong))
+    document = changed(copy.deepcopy(DOCUMENT), wrong)
     with assert_refused("^rig.toml: .*" + re.escape(words)):
         rig_of(document, "rig.toml")
 

@@ -185,7 +185,7 @@ recordings = {recording = {P = -2.0}} => recordings.recording: P:
 @mistakes(MISTAKES)
 def test_what_cannot_be_is_refused_in_one_line(wrong, words):
     with assert_refused(words):
-        read({**PD, **dict(changes(wrong))})
+        read({**PD, **changes(wrong)})
 
 
 def test_a_measured_torque_beside_an_actuator_is_refused():

@@ -57,7 +57,7 @@ rate = 3.0 => 'reader.kind' is missing
 @mistakes(READERS)
 def test_a_mistake_in_reader_is_one_clear_line(tmp_path, wrong, words):
     with assert_refused(words):
-        read_by(tmp_path, dict(changes(wrong)))
+        read_by(tmp_path, changes(wrong))
 
 
 def test_reader_and_columns_exclude_each_other(tmp_path):
@@ -87,7 +87,7 @@ pivot = "flying" => 'moving' or 'fixed', not 'flying'
 
 @mistakes(SETTINGS)
 def test_a_mistake_in_the_settings_of_markers_is_one_clear_line(tmp_path, wrong, words):
-    merged = changed({**MARKERS}, changes(wrong))
+    merged = changed({**MARKERS}, wrong)
     assert_file_refused(read_markers, tmp_path / "a.csv", marker_csv()[0], merged, words)
 
 

@@ -134,7 +134,7 @@ columns.angle = "0x6063" => row 4 has no column '0x6063'; it has 'Time', 'Positi
 @mistakes(RECORDERS)
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, wrong, words):
     (tmp_path / "a.csv").write_bytes(recorder())
-    own = changed(copy.deepcopy(DRIVE), changes(wrong))
+    own = changed(copy.deepcopy(DRIVE), wrong)
     assert_not_loaded(words, tmp_path, "drive_recorder", **own)
 
 
@@ -186,7 +186,7 @@ columns = 3 => columns
 @mistakes(MISTAKES)
 def test_a_mistake_about_rtde_is_one_clear_line(tmp_path, wrong, words):
     (tmp_path / "a.csv").write_bytes(rtde())
-    assert_not_loaded(words, tmp_path, "rtde", **dict(changes(wrong)))
+    assert_not_loaded(words, tmp_path, "rtde", **changes(wrong))
 
 
 # --- LeRobot --------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ reader = {episodes = [9]} => needs at least one recording
 @mistakes(EPISODES)
 def test_a_mistake_about_lerobot_is_one_clear_line(tmp_path, wrong, words):
     lerobot(tmp_path)
-    own = changed(copy.deepcopy(LEROBOT), changes(wrong))
+    own = changed(copy.deepcopy(LEROBOT), wrong)
     assert_not_loaded(words, tmp_path, "lerobot", "data/*/*.parquet", **own)
 
 

@@ -123,5 +123,5 @@ kind = "own_arm:lost" => 'own_arm:lost' cannot be imported
 @mistakes(MISTAKES)
 def test_a_mechanism_of_ones_own_that_does_not_work_is_one_line(tmp_path, wrong, words):
     with assert_refused(words) as caught:
-        load_dataset(write_own(tmp_path, **dict(changes(wrong))), trust=True)
+        load_dataset(write_own(tmp_path, **changes(wrong)), trust=True)
     assert "dataset.toml" in str(caught.value)

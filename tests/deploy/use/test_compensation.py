@@ -199,7 +199,7 @@ smooth = [0.1, 0.1, 0.1] => smooth has 3 numbers, the friction 2 joints
 @mistakes(SETTINGS)
 def test_settings_that_would_drive_a_joint_are_refused(wrong, words):
     with assert_refused(words):
-        compensating(STRIBECK, Compensation(**dict(changes(wrong))))
+        compensating(STRIBECK, Compensation(**changes(wrong)))
 
 
 def test_what_has_no_friction_torque_is_refused():
