@@ -7,48 +7,52 @@ retired as names only.
 import ast
 import re
 
-import pytest
+from fixtures.mistakes import mistakes, rows
 from fixtures.paths import ROOT
 from fixtures.source import docstring_of, nodes_of, tree_of
 
 PACKAGE = ROOT / "frictionid"
 # Nowhere in a name.
-WORDS = {
-    "bent": "bristle state",
-    "cautions": "warnings",
-    "contest": "benchmark",
-    "course": "trajectory",
-    "dip": "Stribeck factor",
-    "doubts": "warnings",
-    "faced": "prepared for",
-    "grip": "stiction",
-    "ground": "prepared data",
-    "hats": "hat basis",
-    "lamp": "sync LED",
-    "lane": "study",
-    "lessons": "training set",
-    "marks": "markers",
-    "matter": "summary data",
-    "observer": "state estimator",
-    "pace": "step size",
-    "practice": "synthetic",
-    "remarks": "text",
-    "sided": "by direction",
-    "spot": "blob",
-    "stride": "adaptive step",
-    "stuck": "frozen torque",
-    "supports": "active sets",
-    "told": "nominal",
-}
+WORDS = dict(
+    rows("""
+bent     => bristle state
+cautions => warnings
+contest  => benchmark
+course   => trajectory
+dip      => Stribeck factor
+doubts   => warnings
+faced    => prepared for
+grip     => stiction
+ground   => prepared data
+hats     => hat basis
+lamp     => sync LED
+lane     => study
+lessons  => training set
+marks    => markers
+matter   => summary data
+observer => state estimator
+pace     => step size
+practice => synthetic
+remarks  => text
+sided    => by direction
+spot     => blob
+stride   => adaptive step
+stuck    => frozen torque
+supports => active sets
+told     => nominal
+""")
+)
 # Not as a whole name: in a longer one they are ordinary English, as in `at_rest`.
-WHOLE = {
-    "alone": "partial regression",
-    "rest": "velocity threshold",
-    "starts": "initial states",
-    "sure": "number of standard errors",
-    "way": "method",
-    "why": "memory analysis",
-}
+WHOLE = dict(
+    rows("""
+alone  => partial regression
+rest   => velocity threshold
+starts => initial states
+sure   => number of standard errors
+way    => method
+why    => memory analysis
+""")
+)
 MESSAGES = ("at the door", "contest", "doubts", "faced", "grip", "hats", "lane", "lessons", "told")
 ALLOWED = {
     "ground_truth",
@@ -124,22 +128,22 @@ def test_no_page_says_a_retired_word():
     assert [path for path in (*PAGES, *TEMPLATES) if re.search(said, path.read_text())] == []
 
 
-PLANTED = {
-    "module": ("hats.py", "", "hats"),
-    "class": ("a.py", "class ToldMachine:\n    pass", "ToldMachine"),
-    "function": ("a.py", "def ground_of():\n    pass", "ground_of"),
-    "argument": ("a.py", "def f(told):\n    pass", "told"),
-    "field": ("a.py", "class A:\n    pace: int = 1", "pace"),
-    "whole name": ("a.py", "class A:\n    rest: float = 0.2", "rest"),
-    "message": ("a.py", "raise ValueError(f'{1} as it was told')", "told"),
-}
+PLANTED = r"""
+hats.py: # new                                    => hats
+a.py: class ToldMachine:\n    pass                => ToldMachine
+a.py: def ground_of():\n    pass                  => ground_of
+a.py: def f(told):\n    pass                      => told
+a.py: class A:\n    pace: int = 1                 => pace
+a.py: class A:\n    rest: float = 0.2             => rest
+a.py: raise ValueError(f'{1} as it was told')     => told
+"""
 
 
-@pytest.mark.parametrize(("name", "text", "said"), PLANTED.values(), ids=PLANTED)
-def test_a_planted_word_is_found(name, text, said, tmp_path):
-    path = tmp_path / name
-    path.write_text(text)
-    assert any(said in line for line in retired(path))
+@mistakes(PLANTED)
+def test_a_planted_word_is_found(wrong, words, tmp_path):
+    name, text = wrong.replace(r"\n", "\n").split(": ", 1)
+    (tmp_path / name).write_text(text)
+    assert any(words in line for line in retired(tmp_path / name))
 
 
 def test_terms_of_the_field_are_no_retired_words(tmp_path):

@@ -8,23 +8,24 @@ import subprocess
 import sys
 
 import pytest
+from fixtures.mistakes import rows
 
 HEAVY = ("pandas", "scipy", "sympy", "torch", "sklearn", "joblib", "cv2", "matplotlib")
-WRONG = {
-    "check nowhere": "nowhere does not exist; name a folder with a dataset.toml",
-    "check table.csv": "table.csv has no dataset.toml; write one with frictionid init table.csv",
-    "check .": ". has no dataset.toml; write one with frictionid init .",
-    "fit nowhere --identifier stribeck --out m.json": "nowhere does not exist",
-    "compare acrobat.toml": "acrobat.toml: no such suite; did you mean acrobot.toml?",
-    "tune nothing.toml": "nothing.toml: no such suite",
-    "evaluate no.json nowhere --out s.csv": "no.json: no such file",
-    "evaluate acrobot.toml nowhere --out s.csv": "nowhere does not exist",
-    "report nowhere": "nowhere/provenance.json: no such file",
-    "suggest --mechanism no.toml --limits torque=1 --out u.csv": "no.toml: no such file",
-    "simulate no.toml --out out": "no.toml: no such file",
-    "render nowhere --camera no.toml --out out": "nowhere does not exist",
-    "align no.csv table.csv --out out": "no.csv: no such file",
-}
+WRONG = """
+check nowhere   => nowhere does not exist; name a folder with a dataset.toml
+check table.csv => table.csv has no dataset.toml; write one with frictionid init table.csv
+check .         => . has no dataset.toml; write one with frictionid init .
+fit nowhere --identifier stribeck --out m.json => nowhere does not exist
+compare acrobat.toml => acrobat.toml: no such suite; did you mean acrobot.toml?
+tune nothing.toml    => nothing.toml: no such suite
+evaluate no.json nowhere --out s.csv      => no.json: no such file
+evaluate acrobot.toml nowhere --out s.csv => nowhere does not exist
+report nowhere  => nowhere/provenance.json: no such file
+suggest --mechanism no.toml --limits torque=1 --out u.csv => no.toml: no such file
+simulate no.toml --out out                => no.toml: no such file
+render nowhere --camera no.toml --out out => nowhere does not exist
+align no.csv table.csv --out out          => no.csv: no such file
+"""
 CALL = """
 import json, sys
 from frictionid.__main__ import main
@@ -43,7 +44,7 @@ def refused(tmp_path_factory):
     (folder / "acrobot.toml").write_text("")
     code = CALL.replace("sys.argv_heavy", repr(json.dumps(HEAVY)))
     found = subprocess.run(
-        [sys.executable, "-c", code, json.dumps(list(WRONG))],
+        [sys.executable, "-c", code, json.dumps([line for line, _ in rows(WRONG)])],
         capture_output=True,
         text=True,
         check=True,
@@ -55,24 +56,23 @@ def refused(tmp_path_factory):
 
 def test_each_wrong_path_is_one_line(refused):
     lines = refused.stderr.splitlines()
-    assert len(lines) == len(WRONG)
-    for line, words in zip(lines, WRONG.values(), strict=True):
+    for line, (_, words) in zip(lines, rows(WRONG), strict=True):
         assert line.startswith("frictionid: ") and words in line
 
 
-PIPES = {
-    "model": "evaluate pipe acrobot_clean --out s.csv",
-    "published model": "check acrobot_clean --published pipe",
-    "weights": "export weights.json --to python --out f.py",
-    "suite": "compare pipe",
-    "data set": "check pipe",
-    "robot": "check robot",
-    "result": "report result",
-    "rig": "simulate pipe --out out",
-    "baseline": "monitor acrobot_clean --baseline pipe",
-    "video": "track pipe --setup --out angles.csv",
-    "log": "align pipe pipe --out out",
-}
+PIPES = """
+evaluate pipe acrobot_clean --out s.csv
+check acrobot_clean --published pipe
+export weights.json --to python --out f.py
+compare pipe
+check pipe
+check robot
+report result
+simulate pipe --out out
+monitor acrobot_clean --baseline pipe
+track pipe --setup --out angles.csv
+align pipe pipe --out out
+"""
 ROBOT = """name = "robot"
 [mechanism]
 urdf = "pipe"
@@ -83,13 +83,10 @@ torque = ["u"]
 [recordings]
 patterns = ["*.csv"]
 """
-NETWORK = {
-    "format": "frictionid model 1",
-    "law": {"kind": "mlp"},
-    "joints": [{}],
-    "theta": {"file": "pipe.safetensors", "sha256": ""},
-    "shape": [1, 1],
-}
+NETWORK = """
+{"format": "frictionid model 1", "law": {"kind": "mlp"}, "joints": [{}],
+"theta": {"file": "pipe.safetensors", "sha256": ""}, "shape": [1, 1]}
+"""
 
 
 @pytest.fixture
@@ -100,11 +97,11 @@ def pipes(tmp_path):
         os.mkfifo(tmp_path / place)
     (tmp_path / "robot" / "dataset.toml").write_text(ROBOT)
     (tmp_path / "robot" / "run.csv").write_text("t,q,u\n0,0,0\n0.01,0,0\n0.02,0,0\n")
-    (tmp_path / "weights.json").write_text(json.dumps(NETWORK))
+    (tmp_path / "weights.json").write_text(NETWORK)
     return tmp_path
 
 
-@pytest.mark.parametrize("arguments", PIPES.values(), ids=PIPES)
+@pytest.mark.parametrize("arguments", PIPES.strip().splitlines())
 def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(arguments, pipes, run):
     signal.alarm(30)
     try:

@@ -5,9 +5,8 @@ import re
 import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.pendulum_experiment import on_pendulum
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 
-from frictionid.__main__ import main
 from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
 from frictionid.mechanics import acrobot, mechanism_of, pendulum
 
@@ -77,52 +76,48 @@ def test_mechanism_files_say_what_is_wrong(tmp_path):
     assert mechanism_of(load_mechanism(file)).n == 1
 
 
-def _run(monkeypatch, folder, *options, length=0.3):
-    file = folder / "machine.toml"
-    file.write_text(
-        f'[mechanism]\nkind = "pendulum"\nparameters = {{ mass = 0.2, length = {length} }}'
-    )
-    fixed = ["--mechanism", str(file), "--limits", "torque=0.3,velocity=20", "--length", "1.5"]
-    monkeypatch.setattr("sys.argv", ["frictionid", "suggest", *fixed, "--effort", "12", *options])
-    return main()
+@pytest.fixture
+def suggest(tmp_path, run):
+    """What a design for a pendulum of some length comes to."""
+
+    def called(options, length=0.3):
+        (tmp_path / "machine.toml").write_text(
+            f'[mechanism]\nkind = "pendulum"\nparameters = {{ mass = 0.2, length = {length} }}'
+        )
+        limits = "--limits torque=0.3,velocity=20 --length 1.5 --effort 12"
+        return run(tmp_path, f"suggest --mechanism machine.toml {limits} --out {options}")
+
+    return called
 
 
-def test_the_command_writes_one_table_for_each_recording(tmp_path, monkeypatch, capsys):
-    out, figure = tmp_path / "new" / "torque.csv", tmp_path / "new" / "torque.png"
-    given = ["--out", str(out), "--figure", str(figure), "--recordings", "2"]
-    assert _run(monkeypatch, tmp_path, *given) == 0
-    names = sorted(path.name for path in out.parent.iterdir())
+def test_the_command_writes_one_table_for_each_recording(tmp_path, suggest):
+    code, text, _ = suggest("new/torque.csv --figure new/torque.png --recordings 2")
+    assert code == 0
+    names = sorted(path.name for path in (tmp_path / "new").iterdir())
     assert names == ["torque.png", "torque_1.csv", "torque_2.csv"]
-    assert (out.parent / "torque_1.csv").read_text().startswith("time,u1\n0,")
-    text = capsys.readouterr().out
+    assert (tmp_path / "new" / "torque_1.csv").read_text().startswith("time,u1\n0,")
     assert re.search(r"torque .* 0\.3  N m", text) and re.search(r"velocity .* 20  rad/s", text)
     assert "joint 1 viscous" in text and "N m / (rad/s)" in text
 
 
-@pytest.mark.parametrize(
-    ("options", "rule"),
-    [
-        (("--frequencies", "1"), "must be two numbers"),
-        (("--start", "a,b"), "must be numbers"),
-        (("--length", "nan"), "length: it should be a finite number, not nan"),
-        (("--seed", "-1"), "greater than or equal to 0"),
-    ],
-)
-def test_the_command_says_in_one_line_what_is_wrong(options, rule, tmp_path, monkeypatch, capsys):
-    assert _run(monkeypatch, tmp_path, "--out", str(tmp_path / "t.csv"), *options) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1 and rule in lines[0]
+OPTIONS = """
+--frequencies 1 => must be two numbers
+--start a,b     => must be numbers
+--length nan    => length: it should be a finite number, not nan
+--seed -1       => greater than or equal to 0
+"""
+
+
+@mistakes(OPTIONS)
+def test_the_command_says_in_one_line_what_is_wrong(wrong, words, tmp_path, suggest):
+    assert_one_line(suggest(f"t.csv {wrong}"), words)
     assert not list(tmp_path.glob("*.csv"))
 
 
-def test_what_cannot_be_written_is_said_before_the_search(tmp_path, monkeypatch, capsys):
-    (tmp_path / "file").write_text("")
-    place = tmp_path / "file" / "torque.csv"
-    assert _run(monkeypatch, tmp_path, "--out", str(place)) == 2
-    assert "cannot be written" in capsys.readouterr().err
+def test_what_cannot_be_written_is_said_before_the_search(suggest):
+    assert_one_line(suggest("machine.toml/torque.csv"), "cannot be written")
 
 
-def test_a_machine_that_no_torque_moves_is_one_clear_line(tmp_path, monkeypatch, capsys):
-    place = tmp_path / "torque.csv"
-    assert _run(monkeypatch, tmp_path, "--out", str(place), length=1e9) == 2
-    assert "no signal within the limits shows all of friction" in capsys.readouterr().err
+def test_a_machine_that_no_torque_moves_is_one_clear_line(suggest):
+    words = "no signal within the limits shows all of friction"
+    assert_one_line(suggest("torque.csv", length=1e9), words)

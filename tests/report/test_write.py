@@ -1,6 +1,5 @@
 """The files of a report: what a build replaces, and what it never touches."""
 
-
 import pytest
 from fixtures import result_folders as made
 from fixtures.refusals import assert_refused

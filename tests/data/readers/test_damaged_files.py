@@ -164,18 +164,18 @@ def test_a_damaged_mat_file_is_one_clear_line(tmp_path, content, words):
     assert_file_refused(read_carriage, tmp_path / "a.mat", content, {}, words)
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("q[2]", "names no column; write q"),
-        ("q(:,3)", r"there is no 'q\(:,3\)', it has 2 columns"),
-        ("q.x", "has no column 'q.x'"),
-        ("log.x", "has no column 'log.x'; it has 'y'"),
-    ],
-)
-def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, name, words):
+NAMES = r"""
+q[2]   => names no column; write q
+q(:,3) => there is no 'q\(:,3\)', it has 2 columns
+q.x    => has no column 'q.x'
+log.x  => has no column 'log.x'; it has 'y'
+"""
+
+
+@mistakes(NAMES)
+def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, wrong, words):
     content = mat_bytes({"t": np.arange(5.0), "q": np.ones((5, 2)), "log": {"y": 1.0}})
-    names = {"time": "t", "angle": [name], "torque": [""]}
+    names = {"time": "t", "angle": [wrong], "torque": [""]}
     document = described(recordings__patterns=["*.mat"], columns=names)
     with assert_refused(words):
         load(tmp_path, document, a_mat=content)

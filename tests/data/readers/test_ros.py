@@ -13,6 +13,7 @@ from frictionid.data.readers.formats.ros import read as read_ros
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 from fixtures.bags import START, STORE, TYPE, message, write
+from fixtures.mistakes import rows
 
 
 @pytest.fixture
@@ -86,6 +87,14 @@ def test_columns_of_a_bag_have_units_and_motors_as_those_of_any_table(motion, tm
     assert_allclose(found.torque.value[:, 0], 0.1 * 20.0 * 1e-3 * u[:, 1])
 
 
+CHANGES = """
+[elbow] -> [knee]                   => has no joint 'knee'
+/position[ -> /effort[              => has one; name another topic
+position -> positions               => positions.elbow.': write time, position.joint.
+/joint_commands -> /joint_command   => did you mean '/joint_commands'
+"""
+
+
 def test_targets_of_a_bag_come_from_a_topic_of_its_own(motion, tmp_path):
     times, q, _, _ = motion
     commands = [
@@ -104,14 +113,9 @@ P = 2.0
     found = loaded(tmp_path, text)
     torque = found.servo.torque(found.angle.time, found.angle.value, 0 * found.angle.value)
     assert_allclose(torque[:, 0], 2.0 * (0.3 - q[:, 1]), atol=1e-12)
-    for change, words in (
-        (("[elbow]", "[knee]"), "has no joint 'knee'"),
-        (("/position[", "/effort["), "has one; name another topic"),
-        (("position", "positions"), "positions.elbow.': write time, position.joint."),
-        (("/joint_commands", "/joint_command"), "did you mean '/joint_commands'"),
-    ):
+    for wrong, words in rows(CHANGES):
         with assert_refused(words):
-            loaded(tmp_path, text.replace(*change))
+            loaded(tmp_path, text.replace(*wrong.split(" -> ")))
 
 
 def test_passive_joints_need_no_effort(motion, tmp_path):

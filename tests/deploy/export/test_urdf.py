@@ -1,7 +1,7 @@
 """Friction in a URDF: levels and slopes of joints, all else as it was."""
 
 import numpy as np
-import pytest
+from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 
 import frictionid as fid
@@ -74,18 +74,17 @@ def test_what_a_urdf_cannot_hold_is_said(tmp_path):
     assert any("no Stribeck" in sentence for sentence in made.lost) and made.held is not None
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("prismatic", "revolute", "'two' is revolute, .* in m"),
-        ('name="two"', 'name="three"', "no joint 'two', it has one, three"),
-        ('"robot"', '"r', "is no XML|no URDF"),
-        ("</robot>", "", "is no XML"),
-    ],
-)
-def test_files_that_cannot_be_given_friction_are_refused(tmp_path, old, new, words):
-    text = ROBOT.replace(old, new)
-    if old == '"robot"':
-        text = "<sdf/>"
+CHANGES = """
+prismatic -> revolute      => 'two' is revolute, .* in m
+name="two" -> name="three" => no joint 'two', it has one, three
+robot -> sdf               => no URDF
+</robot> ->                => is no XML
+"""
+
+
+@mistakes(CHANGES)
+def test_files_that_cannot_be_given_friction_are_refused(tmp_path, wrong, words):
+    old, _, new = wrong.partition(" ->")
+    text = ROBOT.replace(old, new.strip())
     with assert_refused(words):
         written(tmp_path, text)
