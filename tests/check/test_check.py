@@ -11,6 +11,7 @@ from fixtures import tiny_pendulums as tiny
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 
 from frictionid.check import LEVELS, Finding, check
 from frictionid.check.facts import joints_of
@@ -29,7 +30,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.report.diagnostics import as_json, write_pictures
-from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, Steps, Stribeck, simulate
+from frictionid.simulate import Camera, Drive, Multisine, Rig, Run, Steps, simulate
 
 TRUE = {"coulomb_1": 0.25, "viscous_1": 0.02}
 LIGHT = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.4}}
@@ -48,8 +49,8 @@ def swings():
         )
         for i in range(40)
     ]
-    curve = Curve((0.25,), (0.25,), viscous=(0.02,))
-    return simulate(Rig("swings", LIGHT, Stribeck(curve), Camera(361), tuple(runs), substeps=6))
+    friction = plain_friction(0.25, 0.02)
+    return simulate(Rig("swings", LIGHT, friction, Camera(361), tuple(runs), substeps=6))
 
 
 def drawn(dataset, rng, count=5, noise=1e-3):
@@ -90,7 +91,7 @@ def test_least_squares_return_the_truth_within_their_errors(swings):
 
 def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     """500 Hz and 1e-5 rad of noise: windows with reversals count; 60 Hz and 1 mrad: they do not."""
-    curve = Stribeck(Curve((0.25,), (0.25,), viscous=(0.02,)))
+    curve = plain_friction(0.25, 0.02)
     runs = tuple(Run(f"{i}", (1.0,), (), (Multisine(1.2, (0.5, 0.9, 1.4 + i)),)) for i in range(3))
     camera = Camera(2001, 500.0, 1e-5)
     fine = simulate(Rig("fine", LIGHT, curve, camera, runs, drive=Drive(500.0), substeps=1))
@@ -127,7 +128,7 @@ def test_the_interval_of_the_delay_holds_the_delay(swings):
 
 
 def test_without_torque_only_ratios_are_estimated_and_one_value_is_kept():
-    curve = Stribeck(Curve((0.05,), (0.05,), (0.01,)))
+    curve = plain_friction(0.05, 0.01)
     runs = (Run("a", (1.8,)), Run("b", (-1.2,)), Run("c", (2.2,)))
     rig = Rig("decay", LIGHT, curve, Camera(361, 60.0, 2e-4), runs, substeps=4)
     estimate, _, _, plant = estimated(simulate(rig))
@@ -172,7 +173,7 @@ def test_a_torque_that_never_changes_is_frozen_unless_it_fits(swings):
     frozen = pool.changed(noisy, "torque", lambda u: np.full_like(u, 0.4))
     assert "frozen_torque" in [f.kind for f in check(frozen).findings]
     runs = (Run("a", (1.5,), (), (Steps(0.4, 60.0),)), Run("b", (-1.8,), (), (Steps(0.4, 60.0),)))
-    curve = Stribeck(Curve((0.05,), (0.05,), viscous=(0.02,)))
+    curve = plain_friction(0.05, 0.02)
     held = simulate(Rig("held", LIGHT, curve, Camera(361, 60.0, 1e-3), runs, substeps=6))
     assert "frozen_torque" not in [f.kind for f in check(held).findings]
 
@@ -252,7 +253,7 @@ def test_without_gravity_no_free_decay_is_asked_for(kind, parameters):
     """Nor is the gravity moment missed that is zero by what is given."""
     runs = [Run(f"{i}", (0.0,), (), (Multisine(1.0, (0.3 + 0.1 * i, 0.7, 1.3)),)) for i in range(3)]
     table = {"kind": kind, "parameters": parameters}
-    curve = Stribeck(Curve((0.1,), (0.1,), (0.05,)))
+    curve = plain_friction(0.1, 0.05)
     camera = Camera(300, 100.0, 1e-3)
     verdict = check(simulate(Rig("level", table, curve, camera, tuple(runs), substeps=4)))
     assert verdict.level == "good"

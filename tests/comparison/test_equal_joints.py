@@ -8,6 +8,7 @@ import pytest
 from fixtures.exact_problems import everything, half_widths
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 from numpy.testing import assert_allclose
 
 import frictionid as fid
@@ -27,8 +28,7 @@ from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.fitting.shooting.stages import prepare_fit
 from frictionid.friction import DataRange, Friction, along, constraints_of
 from frictionid.friction.laws import CoulombViscous, Dahl, Spline, Stribeck
-from frictionid.simulate import Camera, Curve, Rig, Run, Sine, Steps, simulate, write_dataset
-from frictionid.simulate import Stribeck as TrueStribeck
+from frictionid.simulate import Camera, Rig, Run, Sine, Steps, simulate, write_dataset
 
 EQUAL = ((1, 2),)
 
@@ -150,7 +150,7 @@ def rig(levels):
         Run(f"r{k}", (0.4 * k - 1, 0.3 * k), torques=(Steps(0.9, 0.3 + 0.05 * k), Sine(0.5, 0.9)))
         for k in range(4)
     )
-    friction = TrueStribeck(Curve(levels, levels, (0.01, 0.01)))
+    friction = plain_friction(levels, [0.01, 0.01])
     table = {"kind": "double_pendulum", "driven": [True, True]}
     camera = Camera(samples=150, angle_noise=0.001)
     return Rig("two", table, friction, camera, runs, seed=7, substeps=4)

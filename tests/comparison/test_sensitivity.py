@@ -9,6 +9,7 @@ import pytest
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
 from fixtures.tiny_pendulums import PENDULUM, QUICK, compare_into, dataset, write_suite
+from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.api.sensitivity import sensitivity_of_suite
@@ -25,7 +26,7 @@ from frictionid.fitting.shooting import Shooting
 from frictionid.report.exhibits import names_of
 from frictionid.report.sections import sections_of
 from frictionid.report.sensitivity import beside
-from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, noise_free, simulate
+from frictionid.simulate import Camera, Rig, Run, noise_free, simulate
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
 
@@ -33,7 +34,7 @@ NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", 
 @cache
 def decays():
     """Free swings of a pendulum whose friction is unknown."""
-    friction = Stribeck(Curve((0.004,), (0.004,), (0.002,)))
+    friction = plain_friction(0.004, 0.002)
     runs = tuple(Run(f"{i}", (0.6 + 0.2 * i,)) for i in range(6))
     rig = Rig("decays", PENDULUM, friction, Camera(121), runs, substeps=4)
     return replace(simulate(noise_free(rig)), truth=None)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures.dataset_files import load_single
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.kalman import likeliest_jerk_ratio, padded_series, rts_smoother
@@ -16,7 +17,7 @@ from frictionid.fitting.parameters import FrictionBlock
 from frictionid.fitting.shooting import refine
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.simulate import Camera, Curve, Rig, Run, Stribeck, simulate
+from frictionid.simulate import Camera, Rig, Run, simulate
 
 RATE = 60.0
 
@@ -54,7 +55,7 @@ def swings(sigma_of):
     rig = Rig(
         "swing",
         {"kind": "pendulum", "parameters": {"mass": 0.4, "length": 0.2}},
-        Stribeck(Curve((0.02,), (0.02,), (0.004,))),
+        plain_friction(0.02, 0.004),
         Camera(samples=240, rate=RATE),
         tuple(Run(f"r{k}", start_angle=(a,)) for k, a in enumerate((2.4, -2.0, 1.5, 2.8))),
         substeps=4,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures.pendulum_experiment import on_pendulum
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 
 from frictionid.data.kalman import Series, rts_smoother
 from frictionid.data.recordings import Dataset, Recording
@@ -46,7 +47,6 @@ from frictionid.report.experiment_design import (
     design_figure,
 )
 from frictionid.report.figures.style import png
-from frictionid.simulate import Curve, Stribeck
 from frictionid.simulate.integrate import TrueSystem, integrate_motion
 
 SEEDS = range(1000, 1040)  # of the noise in measurements
@@ -78,7 +78,7 @@ def really(experiment, torque, start):
     system = TrueSystem(
         experiment.plant.mechanism,
         experiment.plant.p,
-        Stribeck(Curve(coulomb, coulomb, viscous)),
+        plain_friction(coulomb, viscous),
     )
     states = integrate_motion(
         system, start, 0.0 * start, torque[:-1], experiment.images, 1 / 60 / 16

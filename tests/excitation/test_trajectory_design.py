@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.excitation import TrajectoryTask, design_trajectories, limits_of, prior_friction_of
@@ -15,7 +16,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.torque_balance import InverseDynamics
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, double_pendulum
-from frictionid.simulate import Camera, Controller, Curve, Drive, Rig, Run, Stribeck, simulate
+from frictionid.simulate import Camera, Controller, Drive, Rig, Run, simulate
 
 LINKS = {"m1": 0.6, "m2": 0.5, "l1": 0.25, "r1": 0.12, "r2": 0.13, "I1": 0.013, "I2": 0.012}
 ARM = double_pendulum(**LINKS)
@@ -63,7 +64,7 @@ def test_a_fit_has_the_errors_that_were_expected(design):
     rig = Rig(
         "played",
         ARM,
-        Stribeck(Curve((0.12, 0.05), (0.12, 0.05), (0.05, 0.02))),
+        plain_friction((0.12, 0.05), (0.05, 0.02)),
         Camera(samples=1200, rate=200.0),
         tuple(
             Run(f"{k}", references=trajectory.references)

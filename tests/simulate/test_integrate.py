@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear
 
@@ -23,7 +24,7 @@ CURVE = Curve(
 )
 LUGRE = LuGre(CURVE, (40.0, 12.0), (0.1, 0.02), (0.1, 0.1))
 TRUTHS: dict[str, TrueFriction] = {
-    "coulomb_viscous": Stribeck(Curve((0.165, 0.055), (0.165, 0.055), (0.004, 0.0008))),
+    "coulomb_viscous": plain_friction((0.165, 0.055), (0.004, 0.0008)),
     "stribeck": Stribeck(CURVE),
     "film_lag": FilmLag(CURVE, (0.015, 0.015)),
     "lugre": LUGRE,
@@ -93,7 +94,7 @@ def test_a_joint_breaks_away_when_its_load_reaches_the_level():
     q, w, u, edges = np.zeros((1, 2)), np.array([[5.0, 0.0]]), np.zeros((60, 1, 2)), np.arange(61)
     loose, rigid = (
         integrate_motion(here, q, w, u, edges / 60, 1 / 600)
-        for here in (system(Stribeck(Curve((0.0, c), (0.0, c), (0.0, 0.0)))) for c in (0.05, 9.0))
+        for here in (system(plain_friction((0.0, c), (0.0, 0.0))) for c in (0.05, 9.0))
     )
     M, h = ACROBOT.dynamics(ACROBOT.base({}), rigid[:, 0, 0], rigid[:, 1, 0])
     load = h[:, 1] - M[:, 0, 1] * h[:, 0] / M[:, 0, 0]

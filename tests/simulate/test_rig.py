@@ -13,6 +13,7 @@ import tomli_w
 from fixtures.mistakes import mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
+from fixtures.true_curves import plain_friction
 
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
@@ -45,7 +46,7 @@ RUNS = (
 RIG = Rig(
     name="small",
     mechanism={"kind": "acrobot", "parameters": {"m4": 0.05}},
-    friction=Stribeck(Curve((0.16, 0.05), (0.16, 0.05), (0.004, 0.001))),
+    friction=plain_friction((0.16, 0.05), (0.004, 0.001)),
     camera=Camera(samples=21, angle_noise=0.002),
     recordings=RUNS,
     true_parameters={"rotor": 1e-6},
@@ -58,7 +59,7 @@ RIG = Rig(
 WHEEL = Rig(
     name="wheel",
     mechanism={"kind": "pendulum", "parameters": {"g": 0.0}},
-    friction=Stribeck(Curve((0.0,), (0.0,), (0.0,))),
+    friction=plain_friction(0.0, 0.0),
     camera=Camera(samples=31, rate=50.0),
     recordings=(Run("steps", (0.0,), (5.0,), (Steps(1.0, 0.07),)),),
     drive=Drive(rate=130.0, delay=0.033, gain=1.2),

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 
 from frictionid.mechanics import Plant, double_pendulum
 from frictionid.simulate import Camera, Drive, Rig, Run, simulate
 from frictionid.simulate.integrate import TrueSystem, integrate_motion
 from frictionid.simulate.torques import Controller, Fourier, track
-from frictionid.simulate.true_friction import Curve, Stribeck
 
 MACHINE = double_pendulum(m1=0.6, m2=0.5, l1=0.25, r1=0.12, r2=0.13, I1=0.013, I2=0.012)
 NOMINAL = Plant.from_parameters(MACHINE, {})
-TRUE = TrueSystem(MACHINE, 1.1 * NOMINAL.p, Stribeck(Curve((0.2, 0.1), (0.2, 0.1), (0.05, 0.02))))
+TRUE = TrueSystem(MACHINE, 1.1 * NOMINAL.p, plain_friction((0.2, 0.1), (0.05, 0.02)))
 CONTROLLER = Controller((40.0, 15.0), (2.0, 0.8))
 REFERENCES = [
     [Fourier((1.0, 0.4), (0.2, 0.3), 0.5), Fourier((0.5, -0.8), (0.6, 0.0), 0.5, offset=0.3)],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_refused
+from fixtures.true_curves import plain_friction
 
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.simulate import (
@@ -32,7 +33,7 @@ def test_each_recording_moves_as_a_rig_with_its_own_friction():
     """Batch equals alone: worn recordings are those of a rig with other numbers."""
     varied = simulate(replace(RIG, variation=Variation(wear=(0.5,), worn_from=1, sudden=True)))
     plain = simulate(RIG)
-    worn = simulate(replace(RIG, friction=Stribeck(Curve((0.03,), (0.03,), (0.001,)))))
+    worn = simulate(replace(RIG, friction=plain_friction(0.03, 0.001)))
     for own, other in zip(varied.recordings, (plain, worn, worn), strict=True):
         np.testing.assert_allclose(
             own.truth.angle.value, other[own.name].truth.angle.value, atol=1e-12

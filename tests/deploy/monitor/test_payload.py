@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.deploy.monitor.changes import prepared_data, recording_changes, totals
 from frictionid.deploy.monitor.judgement import judge
 from frictionid.deploy.monitor.monitor import arriving
-from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
+from frictionid.simulate import Camera, Multisine, Rig, Run, Variation, simulate
 
 LIGHT, HEAVY = 0.5, 0.7  # kg
 LEVEL = {LIGHT: 0.05, HEAVY: 0.07}  # N m
@@ -27,7 +28,7 @@ def recorded(mass, count, worn):
     )
     rig = Rig(
         *("p", {"kind": "pendulum", "parameters": {"mass": mass, "length": 0.3}}),
-        *(Stribeck(Curve((LEVEL[mass],), (LEVEL[mass],), (0.004,))), Camera(361, 60.0, 0.0016)),
+        *(plain_friction(LEVEL[mass], 0.004), Camera(361, 60.0, 0.0016)),
         runs,
         variation=Variation(scatter=0.01, wear=(0.15,), worn_from=count - worn, sudden=True),
         substeps=4,

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.refusals import assert_one_line, assert_refused
+from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.data.signals import taken
@@ -21,12 +22,10 @@ from frictionid.deploy.watch.watch import watch_of, watched, write_code
 from frictionid.friction.laws import Dahl
 from frictionid.simulate import (
     Camera,
-    Curve,
     Drive,
     Multisine,
     Rig,
     Run,
-    Stribeck,
     Variation,
     simulate,
     write_dataset,
@@ -39,7 +38,7 @@ def recorded(count=4, seconds=12.0, noise=2e-4, seed=1, scatter=0.0):
     """A pendulum with Coulomb and viscous friction, at 200 samples a second."""
     torque = Multisine(1.2, (0.7, 1.1, 1.6))
     runs = tuple(Run(f"r{i}", (0.2 * i,), torques=(torque,)) for i in range(count))
-    true = Stribeck(Curve((0.1,), (0.1,), (0.02,)))
+    true = plain_friction(0.1, 0.02)
     camera = Camera(int(seconds * 200) + 1, 200.0, noise)
     parameters = {"mass": 0.5, "length": 0.3}
     machine = {"kind": "pendulum", "parameters": parameters}
