@@ -1,7 +1,7 @@
 """Recurrent cells as compiled loops along the samples, and their slopes backwards in time.
 
-The equations are those of `training_sets.Cells`. A few cells of a few pieces of recordings are so
-little work that the calls of PyTorch take most of the time: these loops take a tenth of it.
+A few cells of a few pieces of recordings are so little work that the calls of PyTorch take most of
+the time: these loops take a tenth of it. Other devices than the processor have `cells`.
 """
 
 from typing import Any
@@ -18,11 +18,30 @@ with needs("networks"):
 _FAR = 20.0  # there tanh is one
 
 
-class CompiledCells(torch.autograd.Function):
+def cells(W: Any, read: Any, burn_in: int) -> Any:
     """Outputs (F, B, T - burn_in, n, H) of the cells of n joints that read (F, B, T, n, a) samples.
 
-    With weights (F, n, a + H + 1, 4 H), on the processor.
+    With weights W (F, n, a + H + 1, 4 H) and the arguments of the gates
+
+        [i, f, o, g] = W' [read_t, h_(t-1), 1]
+
+    a sample changes contents c and outputs h, which begin at zero [Hochreiter1997]:
+
+        c_t = sigmoid(f) c_(t-1) + sigmoid(i) tanh(g),   h_t = sigmoid(o) tanh(c_t)
     """
+    samples = read.permute(2, 0, 3, 1, 4)  # (T, F, n, B, a)
+    c = read.new_zeros(*samples.shape[1:4], W.shape[-1] // 4)
+    h, constant, outputs = c, torch.ones_like(c[..., :1]), []
+    for x in samples:
+        i, f, o, g = (torch.cat([x, h, constant], dim=-1) @ W).chunk(4, dim=-1)
+        c = f.sigmoid() * c + i.sigmoid() * g.tanh()
+        h = o.sigmoid() * c.tanh()
+        outputs.append(h)
+    return torch.stack(outputs[burn_in:]).permute(1, 3, 0, 2, 4)
+
+
+class CompiledCells(torch.autograd.Function):
+    """The same as `cells`, on the processor."""
 
     @staticmethod
     def forward(ctx: Any, W: Any, read: Any, burn_in: int) -> Any:

@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
-from frictionid.fitting.networks.cells import CompiledCells
+from frictionid.fitting.networks.cells import CompiledCells, cells
 from frictionid.fitting.networks.network import Network
-from frictionid.fitting.networks.training_sets import Cells, FoldStack, SequenceTrainingSet
+from frictionid.fitting.networks.training_sets import FoldStack, SequenceTrainingSet
 from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import LSTM, MLP, FilmLag, Stribeck, WindowMLP, check_law
 
@@ -88,14 +88,6 @@ def test_numpy_and_torch_agree():
     assert_allclose(*states, rtol=1e-12)
 
 
-def test_the_loop_back_through_time_is_the_derivative_of_the_loop_forth():
-    torch.manual_seed(0)
-    read = torch.randn(5, 2, 3, 4, dtype=torch.float64)  # five samples of three numbers, two sets
-    weights = torch.randn(2, 3 + 2 + 1, 8, dtype=torch.float64, requires_grad=True)
-    for burn_in in (0, 2):
-        assert torch.autograd.gradcheck(Cells.apply, (weights, read, burn_in))
-
-
 @pytest.mark.parametrize("burn_in", [0, 3])
 def test_compiled_loops_are_those_of_tensors(burn_in):
     rng = torch.Generator().manual_seed(0)
@@ -105,10 +97,7 @@ def test_compiled_loops_are_those_of_tensors(burn_in):
 
     read, slope = 5.0 * drawn(2, 4, 7, 3, 2), drawn(2, 4, 7 - burn_in, 3, 5)
     weights = drawn(2, 3, 2 + 5 + 1, 20).requires_grad_()  # two folds, three joints, five cells
-    by_time = read.permute(2, 0, 3, 4, 1).flatten(1, 2)
-    plain = Cells.apply(weights.flatten(0, 1), by_time, burn_in)
-    plain = plain.unflatten(1, (2, 3)).permute(1, 4, 0, 2, 3)
-    fast = CompiledCells.apply(weights, read, burn_in)
+    plain, fast = (f(weights, read, burn_in) for f in (cells, CompiledCells.apply))
     torch.testing.assert_close(fast, plain, rtol=1e-9, atol=1e-9)
     a, b = (torch.autograd.grad((x * slope).sum(), weights)[0] for x in (fast, plain))
     torch.testing.assert_close(a, b, rtol=1e-8, atol=1e-8)
