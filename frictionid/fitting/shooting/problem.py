@@ -17,7 +17,12 @@ from frictionid.dynamics.step_size import halved, step_size_of
 from frictionid.dynamics.tangent.end_states import end_states, memory_after_sample
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, LawReads, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import Inputs, Nodes, memory_along
+from frictionid.friction.coordinates import at_places, of_last_joints
+from frictionid.friction.law import check_temperature
+from frictionid.mechanics import Mechanism, Plant
+
+from ..parameters.parameter_block import (
     Estimate,
     FreeBlock,
     Limits,
@@ -29,20 +34,10 @@ from frictionid.fitting.parameters.parameter_block import (
     limits_of,
     values_of,
 )
-from frictionid.fitting.shooting.networks import CurveCombinations
-from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.servo import (
-    Drive,
-    changes_of,
-    check_servo,
-    drive_of,
-    has_actuator,
-)
-from frictionid.fitting.shooting.settings import Settings
-from frictionid.friction import Inputs, Nodes, memory_along
-from frictionid.friction.coordinates import at_places, of_last_joints
-from frictionid.friction.law import check_temperature
-from frictionid.mechanics import Mechanism, Plant
+from .networks import CurveCombinations
+from .sample_intervals import Intervals
+from .servo import Drive, changes_of, check_servo, drive_of, has_actuator
+from .settings import Settings
 
 _PIECE = 0.009  # [s], one at most without a joint near rest: half a sample at 60 Hz
 _WHOLE = np.array([0.0, 1.0])  # an interval in one piece

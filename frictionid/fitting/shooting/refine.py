@@ -12,48 +12,27 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
-from frictionid.fitting.covariance import least_significant
-from frictionid.fitting.fit import Covariance, Fit
-from frictionid.fitting.neutral import (
-    Unknown,
-    at_neutral_bound,
-    freed,
-    with_held,
-)
-from frictionid.fitting.one_step.formulation import states_of
-from frictionid.fitting.one_step.torque_outliers import without_torque_outliers
-from frictionid.fitting.parameters.blocks import on_support
-from frictionid.fitting.parameters.parameter_block import (
-    ParameterBlock,
-    values_of,
-)
-from frictionid.fitting.sandwich import worth
-from frictionid.fitting.shooting.covariance import covariance_of, groups_of
-from frictionid.fitting.shooting.data_checks import (
-    explained,
-    limits_of_data,
-    odd_recordings,
-    odd_sentences,
-    warnings_of,
-)
-from frictionid.fitting.shooting.gauss_newton import Solution, step_with_windows
-from frictionid.fitting.shooting.networks import (
-    as_given,
-)
-from frictionid.fitting.shooting.omitted_blocks import (
-    model_error,
-    normal_equations,
-    omitted_blocks,
-    sentences,
-    wider_problem,
-)
-from frictionid.fitting.shooting.problem import ShootingProblem
-from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
-from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, Settings, applicable
-from frictionid.fitting.shooting.stages import Stage, begun, solved, that_may_be_free, with_neutral
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD
 from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
+
+from ..covariance import least_significant
+from ..fit import Covariance, Fit
+from ..neutral import Unknown, at_neutral_bound, freed, with_held
+from ..one_step.formulation import states_of
+from ..one_step.torque_outliers import without_torque_outliers
+from ..parameters.blocks import on_support
+from ..parameters.parameter_block import ParameterBlock, values_of
+from ..sandwich import worth
+from .covariance import covariance_of, groups_of
+from .data_checks import explained, limits_of_data, odd_recordings, odd_sentences, warnings_of
+from .gauss_newton import Solution, step_with_windows
+from .networks import as_given
+from .omitted_blocks import model_error, normal_equations, omitted_blocks, sentences, wider_problem
+from .problem import ShootingProblem
+from .sample_intervals import Intervals, intervals_of
+from .settings import DEFAULT_BLOCKS, Settings, applicable
+from .stages import Stage, begun, solved, that_may_be_free, with_neutral
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
 

@@ -15,18 +15,13 @@ from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration
 from frictionid.data.state_estimators import slowest_speeds
 from frictionid.errors import InputError, NoFitError
-from frictionid.fitting.neutral import (
-    Idle,
-    Key,
-    LocalCost,
-    Unknown,
-    at_neutral,
-    followed,
-    holding_unknown,
-    parts_of,
-)
-from frictionid.fitting.one_step.one_step_fit import CLEAR
-from frictionid.fitting.parameters.parameter_block import (
+from frictionid.friction import DataRange, Friction, constraints_of
+from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
+from frictionid.friction.provenance import Dropped
+
+from ..neutral import Idle, Key, LocalCost, Unknown, at_neutral, followed, holding_unknown, parts_of
+from ..one_step.one_step_fit import CLEAR
+from ..parameters.parameter_block import (
     IDEAL,
     Estimate,
     ParameterBlock,
@@ -34,29 +29,15 @@ from frictionid.fitting.parameters.parameter_block import (
     with_excess,
     with_values,
 )
-from frictionid.fitting.sandwich import excess_of
-from frictionid.fitting.shooting.covariance import groups_of
-from frictionid.fitting.shooting.data_checks import check_blocks, check_data, explained, telling
-from frictionid.fitting.shooting.gauss_newton import (
-    Solution,
-    cost_rise,
-    solve,
-    step_with_windows,
-)
-from frictionid.fitting.shooting.networks import (
-    as_given,
-    goes_astray,
-    on_arrays,
-    torque_samples,
-    with_combinations,
-)
-from frictionid.fitting.shooting.problem import ShootingProblem, shooting_problem
-from frictionid.fitting.shooting.sample_intervals import Intervals
-from frictionid.fitting.shooting.servo import with_servo
-from frictionid.fitting.shooting.settings import WINDOWS, Settings
-from frictionid.friction import DataRange, Friction, constraints_of
-from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
-from frictionid.friction.provenance import Dropped
+from ..sandwich import excess_of
+from .covariance import groups_of
+from .data_checks import check_blocks, check_data, explained, telling
+from .gauss_newton import Solution, cost_rise, solve, step_with_windows
+from .networks import as_given, goes_astray, on_arrays, torque_samples, with_combinations
+from .problem import ShootingProblem, shooting_problem
+from .sample_intervals import Intervals
+from .servo import with_servo
+from .settings import WINDOWS, Settings
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
