@@ -6,18 +6,18 @@
     problem = shooting_problem(intervals, estimate, blocks, settings)  what is free
     problem.linearise(estimate, nodes, rows)                           end states and derivatives
     solution = solve(problem, estimate, use)                           Gauss-Newton
-    covariance_of(problem, solution)                                   intervals of the parameters
+    solution.covariance()                                              intervals of the parameters
 
 `solve_states` fits the motion alone, with all parameters fixed.
 """
 
 from .calibrated_recipe import CalibratedRecipe
-from .covariance import covariance_of
-from .gauss_newton import Solution, solve
+from .gauss_newton import solve
 from .problem import Linearisation, ShootingProblem, shooting_problem
 from .recipe import Shooting, refine_folds
 from .refine import refine
 from .sample_intervals import Intervals, intervals_of
 from .servo import drive_of
 from .settings import Settings
+from .solution import Solution
 from .window_states import SampleWindows, solve_states

@@ -14,9 +14,8 @@ from frictionid.friction.provenance import OddRecording
 
 from ..fit import Covariance
 from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
-from .gauss_newton import Solution
-from .problem import ShootingProblem
 from .sample_intervals import Intervals, cut_windows
+from .solution import Solution
 
 _TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name
@@ -185,10 +184,10 @@ def angle_noise(intervals: Intervals) -> Array:
     return np.asarray(np.where(taken < _FOLLOWED * most, most, taken))
 
 
-def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+def warnings_of(solution: Solution) -> Iterator[str]:
     """Sentences on what makes the numbers of a fit doubtful as a whole."""
     about = (_coarse, _far, _early, _scaled)
-    said = [sentence for words in about for sentence in words(problem, solution)]
+    said = [sentence for words in about for sentence in words(solution)]
     yield from said
     if said:
         yield (
@@ -197,20 +196,20 @@ def warnings_of(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
         )
 
 
-def explained(problem: ShootingProblem, solution: Solution) -> bool:
+def explained(solution: Solution) -> bool:
     """Whether all angles are predicted about as well as they are measured."""
-    return bool((_worse(problem, solution) <= _MORE).all())
+    return bool((_worse(solution) <= _MORE).all())
 
 
-def _worse(problem: ShootingProblem, solution: Solution) -> Array:
+def _worse(solution: Solution) -> Array:
     """How many times worse than measured the angles (n,) are predicted."""
-    return np.asarray(solution.sigma / np.maximum(angle_noise(problem.intervals), 1e-12))
+    return np.asarray(solution.sigma / np.maximum(angle_noise(solution.problem.intervals), 1e-12))
 
 
-def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
-    off = _worse(problem, solution)
+def _coarse(solution: Solution) -> Iterator[str]:
+    off = _worse(solution)
     worst = int(np.argmax(off))
-    if not explained(problem, solution):
+    if not explained(solution):
         yield (
             f"Angle {worst + 1} is predicted {off[worst]:.0f} times worse than it is measured: "
             "what is fitted does not explain the motion. Intervals hold what windows of other "
@@ -218,8 +217,8 @@ def _coarse(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
         )
 
 
-def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
-    for free in problem.blocks:
+def _far(solution: Solution) -> Iterator[str]:
+    for free in solution.problem.blocks:
         for parameter in free.block.parameters(solution.estimate):
             if parameter.block == "delay" and not parameter.low < parameter.value < parameter.high:
                 yield (
@@ -228,9 +227,9 @@ def _far(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
                 )
 
 
-def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+def _early(solution: Solution) -> Iterator[str]:
     delay = float(solution.estimate.calibration.delay)
-    free = any(part.block.name == "delay" and part.parameters for part in problem.blocks)
+    free = any(part.block.name == "delay" and part.parameters for part in solution.problem.blocks)
     if free and delay < -_EARLY:
         yield (
             f"The torque seems to act {-1e3 * delay:.1f} ms before it was logged: its clock is "
@@ -238,9 +237,9 @@ def _early(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
         )
 
 
-def _scaled(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+def _scaled(solution: Solution) -> Iterator[str]:
     base: Array = np.asarray(solution.estimate.calibration.base)
-    mechanism = problem.intervals.dataset.mechanism
+    mechanism = solution.estimate.mechanism
     nominal = mechanism.nominal_base
     size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))
     if not 1 / _SCALE < size < _SCALE:
@@ -254,23 +253,21 @@ _MOST_SPEEDS = 0.95
 _AS_FAST = 0.5  # of these speeds: a Stribeck velocity that leaves no plateau
 
 
-def limits_of_data(
-    problem: ShootingProblem, solution: Solution, covariance: Covariance
-) -> tuple[str, ...]:
+def limits_of_data(solution: Solution, covariance: Covariance) -> tuple[str, ...]:
     """What makes levels zero, and what keeps a fit from converging."""
-    return (*_no_plateau(problem, solution), *_wanders(problem, solution, covariance))
+    return (*_no_plateau(solution), *_wanders(solution, covariance))
 
 
-def _no_plateau(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
+def _no_plateau(solution: Solution) -> Iterator[str]:
     """Coulomb levels that end at zero as the Stribeck velocity is as large as the speeds."""
     friction = solution.estimate.friction
     names, theta = friction.law.names, np.asarray(friction.theta)
     if "stribeck_velocity" not in names:
         return
-    w = problem.intervals.w
-    speeds = np.abs(of_parts(w, turns_of(problem.intervals.dataset.mechanism, w)))
+    w = solution.problem.intervals.w
+    speeds = np.abs(of_parts(w, turns_of(solution.estimate.mechanism, w)))
     usual = np.quantile(speeds, _MOST_SPEEDS, axis=0)
-    for p in problem.parameters:
+    for p in solution.problem.parameters:
         if p.block != "friction" or not names[p.place[1]].startswith("coulomb"):
             continue
         joint, falls = p.place[0], theta[p.place[0], names.index("stribeck_velocity")]
@@ -284,9 +281,9 @@ def _no_plateau(problem: ShootingProblem, solution: Solution) -> Iterator[str]:
             )
 
 
-def _wanders(problem: ShootingProblem, solution: Solution, covariance: Covariance) -> Iterator[str]:
+def _wanders(solution: Solution, covariance: Covariance) -> Iterator[str]:
     """Why a fit has not converged."""
-    friction = np.array([p.block == "friction" for p in problem.parameters], dtype=bool)
+    friction = np.array([p.block == "friction" for p in solution.problem.parameters], dtype=bool)
     unknown = int((friction & ~covariance.identified).sum())
     if solution.converged or not unknown or solution.estimate.friction.law.is_network:
         return
@@ -304,13 +301,13 @@ _WORTH = 1.5  # times the usual size of the residuals: what is worth a word
 _MOST = 4  # one recording in so many may be odd
 
 
-def odd_recordings(problem: ShootingProblem, solution: Solution) -> tuple[OddRecording, ...]:
+def odd_recordings(solution: Solution) -> tuple[OddRecording, ...]:
     """The recordings that are not explained as the others are, largest residuals first.
 
     Without windows that are left out as their predictions jump.
     """
-    smooth = ~solution.kinked
-    owner = problem.intervals.recording[solution.windows[smooth, 0]]
+    smooth, intervals = ~solution.kinked, solution.problem.intervals
+    owner = intervals.recording[solution.windows[smooth, 0]]
     rows = np.unique(owner)
     residual = np.minimum(np.abs(solution.residual[smooth]) / solution.sigma, _WILD)
     share = solution.share[smooth, :, None] * np.ones_like(residual)
@@ -320,7 +317,7 @@ def odd_recordings(problem: ShootingProblem, solution: Solution) -> tuple[OddRec
             for windows in (owner == row for row in rows)
         ]
     )
-    names = [problem.intervals.dataset.recordings[int(row)].name for row in rows]
+    names = [intervals.dataset.recordings[int(row)].name for row in rows]
     return odd_among(sizes, names)
 
 

@@ -28,6 +28,7 @@ from ..parameters.parameter_block import (
 )
 from .problem import ShootingProblem
 from .sample_intervals import cut_windows
+from .solution import Solution
 from .window_steps import (
     Point,
     cost_of,
@@ -53,42 +54,6 @@ _ONWARD = 0.25  # [standard errors]: so far their mean may get on
 _COARSE = 3.0  # times as long are their substeps near rest
 _ROUNDING = 1e-15  # of the largest singular value
 _TRACE = 1e-12  # of the information on the best known parameter
-
-
-class Solution(NamedTuple):
-    """Where a fit ended.
-
-    estimate; nodes (K, s); windows (W, N); residual (W, N + 1, n) [rad] after the last step, share
-    (W, N + 1) and weight of each; sigma (n,) [rad]; normal equations of the windows before the last
-    step, as much as each counts, and that step, move (D,); free (D,), parameters that are not at a
-    bound; counts (W,), how much windows count; kinked (W,), true for those that were left out as
-    their predictions jump; converged, and the number of iterations.
-    """
-
-    estimate: Estimate
-    nodes: Array
-    windows: Array
-    residual: Array
-    share: Array
-    weight: Array
-    sigma: Array
-    normal: NormalEquations
-    move: Array
-    free: Array
-    counts: Array
-    kinked: Array
-    converged: bool = False
-    iterations: int = 0
-
-    @property
-    def closed(self) -> Array:
-        """True (W,) for windows that counted."""
-        return self.counts > 0
-
-    @property
-    def curvature(self) -> Array:
-        """Normal matrix (D, D) of the windows that counted, without priors."""
-        return np.asarray(self.normal.H[self.closed].sum(axis=0))
 
 
 class _Step(NamedTuple):
@@ -154,12 +119,12 @@ def cost_rise(before: Solution, after: Solution, huber: float) -> float:
     return float((share[..., None] * (costs[1] - costs[0])).sum())
 
 
-def step_with_windows(problem: ShootingProblem, solution: Solution, seconds: float) -> Solution:
+def step_with_windows(solution: Solution, seconds: float) -> Solution:
     """The solution after a Gauss-Newton step with windows of another length.
 
     Only in intervals of windows that counted.
     """
-    windows = solution.windows[solution.closed]
+    problem, windows = solution.problem, solution.windows[solution.closed]
     use = np.zeros(len(problem.intervals.dt), dtype=bool)
     use[windows[windows >= 0]] = True
     windows = cut_windows(problem.intervals, use, seconds)
@@ -318,6 +283,7 @@ def _next_step(
     wanted = np.clip(values_of(point.estimate, problem.blocks) + move, low, high)
     free = (wanted > low + 1e-12) & (wanted < high - 1e-12)
     solution = Solution(
+        problem=problem,
         estimate=with_values(point.estimate, problem.blocks, wanted),
         nodes=moved_nodes(problem, point, moves),
         windows=point.windows,

@@ -18,15 +18,14 @@ from ..parameters import (
     OffsetBlock,
     TargetDelayBlock,
 )
-from ..parameters.parameter_block import Estimate, ParameterBlock
+from ..parameters.parameter_block import ParameterBlock
 from ..sandwich import sandwich, shown_once, solve_scaled
-from .covariance import groups_of
 from .data_checks import telling
-from .gauss_newton import Solution
-from .problem import ShootingProblem, shooting_problem
+from .problem import shooting_problem
 from .servo import has_actuator, with_servo
+from .solution import Solution
 from .window_steps import linearised_at
-from .windows import NormalEquations, eliminate_states
+from .windows import eliminate_states
 
 OFFERED: tuple[ParameterBlock, ...] = (InertiaBlock(), DelayBlock(), BiasBlock(), OffsetBlock())
 OF_SERVOS: tuple[ParameterBlock, ...] = (
@@ -51,9 +50,7 @@ class Omitted(NamedTuple):
     shift: Array
 
 
-def omitted_blocks(
-    problem: ShootingProblem, solution: Solution, tested: Sequence[str] = ()
-) -> Omitted | None:
+def omitted_blocks(solution: Solution, tested: Sequence[str] = ()) -> Omitted | None:
     """Blocks that would differ significantly from what they were held at, if they were free.
 
     Of inertia, delay, bias and offset, of servos the targets' delay and backlash in place of the
@@ -63,20 +60,19 @@ def omitted_blocks(
 
     tested : names of blocks that the fit has left out after a test
     """
+    problem = solution.problem
     fitted = tuple(free.block for free in problem.blocks)
     network = solution.estimate.friction.law.is_network
     motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
         return None
-    offered = _that_may_be_free(problem, solution, fitted, tested)
+    offered = _that_may_be_free(solution, fitted, tested)
     if not offered:
         return None
-    blocks = (*fitted, *offered)
-    wider, start = wider_problem(problem, solution.estimate, blocks)
-    normal = normal_equations(wider, solution._replace(estimate=start))
-    if not np.isfinite(normal.H[solution.closed]).all():
+    wider = widened(solution, (*fitted, *offered))
+    if not np.isfinite(wider.normal.H[wider.closed]).all():
         return None
-    step = _Step(problem, wider, solution, normal)
+    step = _Step(solution, wider)
     names = tuple(b.name for b in offered)
     while names:
         p = step.p_values(names)
@@ -87,13 +83,17 @@ def omitted_blocks(
     return None
 
 
-def wider_problem(
-    problem: ShootingProblem, estimate: Estimate, blocks: tuple[ParameterBlock, ...]
-) -> tuple[ShootingProblem, Estimate]:
-    """The problem with more blocks, and the estimate with what these free."""
-    intervals = problem.intervals
-    estimate = with_servo(estimate, intervals.dataset, blocks)
-    return shooting_problem(intervals, estimate, blocks, problem.settings), estimate
+def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
+    """The solution with more blocks, and normal equations of all windows, as much as each counts.
+
+    Its step and what is free are still those of the fit.
+    """
+    s, intervals = solution, solution.problem.intervals
+    estimate = with_servo(s.estimate, intervals.dataset, blocks)
+    problem = shooting_problem(intervals, estimate, blocks, s.problem.settings)
+    point = linearised_at(problem, s.windows, estimate, s.nodes, s.sigma)
+    normal = eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
+    return s._replace(problem=problem, estimate=estimate, normal=normal)
 
 
 def model_error(omitted: Omitted | None) -> Array | float:
@@ -111,42 +111,30 @@ def sentences(omitted: Omitted | None) -> tuple[str, ...]:
 
 
 def _that_may_be_free(
-    problem: ShootingProblem,
-    solution: Solution,
-    fitted: tuple[ParameterBlock, ...],
-    tested: Sequence[str],
+    solution: Solution, fitted: tuple[ParameterBlock, ...], tested: Sequence[str]
 ) -> tuple[ParameterBlock, ...]:
     """Blocks that are not free and may be, all together."""
     names = [*(b.name for b in fitted), *tested]
-    estimate, driven = solution.estimate, has_actuator(fitted)
+    estimate, intervals = solution.estimate, solution.problem.intervals
+    driven = has_actuator(fitted)
     if driven:
-        estimate = with_servo(estimate, problem.intervals.dataset, OF_SERVOS)
+        estimate = with_servo(estimate, intervals.dataset, OF_SERVOS)
     offered = [b for b in (OF_SERVOS if driven else OFFERED) if b.name not in names]
-    return telling(fitted, offered, estimate, problem.intervals)[len(fitted) :]
-
-
-def normal_equations(wider: ShootingProblem, solution: Solution) -> NormalEquations:
-    """Normal equations of all windows, as much as each counted in the fit."""
-    s = solution
-    point = linearised_at(wider, s.windows, s.estimate, s.nodes, s.sigma)
-    return eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
+    return telling(fitted, offered, estimate, intervals)[len(fitted) :]
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A Gauss-Newton step from where a fit ended, with some of the wider problem's blocks freed."""
+    """A Gauss-Newton step from where a fit ended, with some of the wider blocks freed."""
 
-    problem: ShootingProblem
-    wider: ShootingProblem
     solution: Solution
-    normal: NormalEquations
+    wider: Solution
 
     def p_values(self, names: tuple[str, ...]) -> tuple[float, ...]:
         """P-value of each of some freed blocks; one where the others account for all it shows."""
         free = self._free(names)
         move = self._move(free)
-        groups = groups_of(self.problem, self.solution._replace(normal=self.normal))
-        groups = groups._replace(move=move, free=free)
+        groups = self.wider.groups._replace(move=move, free=free)
         shown = free & ~shown_once(self._H, groups)
         error = np.full(len(free), np.inf)
         error[shown] = np.sqrt(np.diag(sandwich(self._H, groups._replace(free=shown))))
@@ -175,22 +163,21 @@ class _Step:
 
     @cached_property
     def _block(self) -> Array:
-        return np.array([p.block for p in self.wider.parameters])
+        return np.array([p.block for p in self.wider.problem.parameters])
 
     @cached_property
     def _before(self) -> Array:
         """Places (D,) of the problem's parameters among those of the wider one."""
-        place = {p.name: k for k, p in enumerate(self.wider.parameters)}
-        return np.array([place[p.name] for p in self.problem.parameters])
+        place = {p.name: k for k, p in enumerate(self.wider.problem.parameters)}
+        return np.array([place[p.name] for p in self.solution.problem.parameters])
 
     @cached_property
     def _H(self) -> Array:
-        H = self.normal.H[self.solution.closed].sum(axis=0)
-        return np.asarray(H + np.diag(self.wider.limits.precision))
+        return self.wider.curvature + np.diag(self.wider.problem.limits.precision)
 
     def _move(self, free: Array) -> Array:
         keep, move = np.flatnonzero(free), np.zeros(len(free))
-        g = self.normal.g[self.solution.closed].sum(axis=0)
+        g = self.wider.normal.g[self.wider.closed].sum(axis=0)
         move[keep] = solve_scaled(self._H[np.ix_(keep, keep)], g[keep])
         return move
 

@@ -14,30 +14,29 @@ from frictionid.data.state_estimators import RTS, States
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws.levels import LOAD
-from frictionid.friction.provenance import Diagnostics, Dropped, Residuals, Segment
+from frictionid.friction.provenance import Diagnostics, Residuals, Segment
 
 from ..covariance import least_significant
 from ..fit import Covariance, Fit
-from ..neutral import Unknown, at_neutral_bound, freed, with_held
+from ..neutral import at_neutral_bound, freed, with_held
 from ..one_step.formulation import states_of
 from ..one_step.torque_outliers import without_torque_outliers
 from ..parameters.blocks import on_support
-from ..parameters.parameter_block import ParameterBlock, values_of
+from ..parameters.parameter_block import ParameterBlock
 from ..sandwich import worth
-from .covariance import covariance_of, groups_of
 from .data_checks import explained, limits_of_data, odd_recordings, odd_sentences, warnings_of
-from .gauss_newton import Solution, step_with_windows
+from .gauss_newton import step_with_windows
 from .networks import as_given
-from .omitted_blocks import model_error, normal_equations, omitted_blocks, sentences, wider_problem
-from .problem import ShootingProblem
+from .omitted_blocks import model_error, omitted_blocks, sentences, widened
 from .sample_intervals import Intervals, intervals_of
 from .settings import DEFAULT_BLOCKS, Settings, applicable
+from .solution import Solution
 from .stages import Stage, begun, solved, that_may_be_free, with_neutral
 
 _LENGTHS = (0.5, 0.7, 1.5)  # times those of the fit's windows
 
 
-def settings_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+def settings_error(solution: Solution) -> Array | float:
     """Covariance (D, D) between windows of other lengths, where the motion is not explained.
 
     A model that explains the motion finds the same with windows of any length, but for noise. One
@@ -46,20 +45,20 @@ def settings_error(problem: ShootingProblem, solution: Solution) -> Array | floa
 
         C = mean_k m_k m_k'
     """
-    network = solution.estimate.friction.law.is_network
-    if explained(problem, solution) or network or not problem.count:
+    problem, network = solution.problem, solution.estimate.friction.law.is_network
+    if explained(solution) or network or not problem.count:
         return 0.0
     seconds, moves = problem.settings.windows[-1], []
     for length in _LENGTHS:
         try:
-            moves.append(step_with_windows(problem, solution, length * seconds).move)
+            moves.append(step_with_windows(solution, length * seconds).move)
         except InputError:  # no three intervals in one piece are left
             continue
     finite = [np.outer(move, move) for move in moves if np.isfinite(move).all()]
     return np.mean(finite, axis=0) if finite else 0.0
 
 
-def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+def smoothing_error(solution: Solution) -> Array | float:
     """Covariance (D, D) of what a law's own smoothing does to its parameters.
 
     The bias is in proportion to the smoothing: with the move m of one Gauss-Newton step by the law
@@ -67,17 +66,17 @@ def smoothing_error(problem: ShootingProblem, solution: Solution) -> Array | flo
 
         C = (2 m) (2 m)'
     """
-    friction = solution.estimate.friction
+    problem, friction = solution.problem, solution.estimate.friction
     finer = friction.law.finer()
     if finer is friction.law or not problem.count:
         return 0.0
     estimate = solution.estimate._replace(friction=replace(friction, law=finer))
     there = solution._replace(estimate=estimate)
-    move = 2.0 * step_with_windows(problem, there, problem.settings.windows[-1]).move
+    move = 2.0 * step_with_windows(there, problem.settings.windows[-1]).move
     return np.outer(move, move) if np.isfinite(move).all() else 0.0
 
 
-def load_error(problem: ShootingProblem, solution: Solution) -> Array | float:
+def load_error(solution: Solution) -> Array | float:
     """Covariance (D, D) of load coefficients by bearing loads that are off as masses may be.
 
     Loads follow from masses, not from the base parameters that are free. By each mass that is off
@@ -85,18 +84,18 @@ def load_error(problem: ShootingProblem, solution: Solution) -> Array | float:
 
         C = sum_i (k r_i) (k r_i)'
     """
-    estimate, intervals = solution.estimate, problem.intervals
-    mechanism, friction = intervals.dataset.mechanism, estimate.friction
-    if not (friction.law.uses_load and mechanism.tolerances):
+    problem, intervals = solution.problem, solution.problem.intervals
+    mechanism = solution.estimate.mechanism
+    if not (solution.estimate.friction.law.uses_load and mechanism.tolerances):
         return 0.0
     nominal, (q, w) = mechanism.nominal(), (intervals.q, intervals.w)
     load = mechanism.load(nominal, q, w, 0.0 * q)
-    values, matrix = values_of(estimate, problem.blocks), np.zeros(2 * (len(problem.parameters),))
+    matrix = np.zeros(2 * (problem.count,))
     joints = [p.place[0] if p.name.startswith(LOAD.name) else -1 for p in problem.parameters]
     for name, size in mechanism.errors().items():
         off = mechanism.load({**nominal, name: nominal[name] + size}, q, w, 0.0 * q) - load
         share = (off * load).sum(axis=0) / np.maximum((load * load).sum(axis=0), 1e-300)
-        move = values * np.array([share[j] if j >= 0 else 0.0 for j in joints])
+        move = solution.values * np.array([share[j] if j >= 0 else 0.0 for j in joints])
         matrix += np.outer(move, move)
     return matrix
 
@@ -154,77 +153,64 @@ def fit_blocks(
     use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     blocks = on_support(applicable(blocks, intervals.dataset, friction.law), friction)
     blocks = that_may_be_free(blocks, friction, intervals, use)
-    stage, settings = begun(Stage(friction, blocks), intervals, settings, use)
+    stage = begun(Stage(friction, blocks, intervals, settings, use))
     while True:
-        stage = with_neutral(stage, intervals, settings, use)
-        result = refined_by(stage.problem, stage.solution, friction, stage.dropped, stage.held)
+        stage = with_neutral(stage)
+        result = refined_by(stage, friction)
         level = 1.0 if friction.law.is_network else settings.significance
         idle = least_significant(result.covariance, stage.blocks, level)
         if idle is None:
             return result
         blocks = tuple(b for b in stage.blocks if b.name != idle.block)
-        stage = stage._replace(blocks=blocks, dropped=(*stage.dropped, idle))
-        stage = solved(stage, intervals, settings, use)
+        stage = solved(stage._replace(blocks=blocks, dropped=(*stage.dropped, idle)))
 
 
-def refined_by(
-    problem: ShootingProblem,
-    solution: Solution,
-    start: Friction,
-    dropped: tuple[Dropped, ...] = (),
-    held: tuple[Unknown, ...] = (),
-) -> Fit:
+def refined_by(stage: Stage, start: Friction) -> Fit:
     """The result of a fit that began with a friction, without what was dropped or held."""
-    estimate = solution.estimate
+    solution, estimate = stage.solution, stage.solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
-    omitted = omitted_blocks(problem, solution, [d.block for d in dropped])
-    shared = model_error(omitted) + settings_error(problem, solution)
-    shared = shared + smoothing_error(problem, solution) + load_error(problem, solution)
-    covariance = covariance_of(problem, solution, shared)
-    limits = (*sentences(omitted), *limits_of_data(problem, solution, covariance))
-    covariance = _with_held(covariance, problem, solution, held)
-    limits = (*limits, *(u.sentence for u in held))
-    diagnostics = replace(_diagnostics(problem, solution, limits), dropped=dropped)
+    omitted = omitted_blocks(solution, [d.block for d in stage.dropped])
+    shared = model_error(omitted) + settings_error(solution)
+    shared = shared + smoothing_error(solution) + load_error(solution)
+    covariance = solution.covariance(shared)
+    limits = (*sentences(omitted), *limits_of_data(solution, covariance))
+    limits = (*limits, *(u.sentence for u in stage.held))
+    diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
     law_friction = as_given(fitted, start)
+    covariance = _with_held(covariance, stage)
     return Fit(law_friction, covariance.each, diagnostics, fitted, estimate.mechanism)
 
 
-def _with_held(
-    covariance: Covariance, problem: ShootingProblem, solution: Solution, held: Sequence[Unknown]
-) -> Covariance:
+def _with_held(covariance: Covariance, stage: Stage) -> Covariance:
     """The covariance with held parameters, and what the others would make up for."""
-    bound = at_neutral_bound(covariance, solution.estimate.friction)
+    held, bound = stage.held, at_neutral_bound(covariance, stage.solution.estimate.friction)
     if not (held or bound):
         return covariance
-    blocks = freed([free.block for free in problem.blocks], held)
-    wider, estimate = wider_problem(problem, solution.estimate, blocks)
-    normal = normal_equations(wider, solution._replace(estimate=estimate))
-    H = normal.H[solution.closed].sum(axis=0) + np.diag(wider.limits.precision)
-    return with_held(covariance, held, bound, wider.parameters, H)
+    wider = widened(stage.solution, freed([free.block for free in stage.problem.blocks], held))
+    H = wider.curvature + np.diag(wider.problem.limits.precision)
+    return with_held(covariance, held, bound, wider.problem.parameters, H)
 
 
-def _diagnostics(
-    problem: ShootingProblem, solution: Solution, limits: tuple[str, ...]
-) -> Diagnostics:
+def _diagnostics(solution: Solution, limits: tuple[str, ...]) -> Diagnostics:
     share = solution.share[..., None] * np.ones_like(solution.residual)
     square = (solution.residual / solution.sigma) ** 2 * share
     size = np.sqrt(square.sum(axis=(1, 2)) / np.maximum(share.sum(axis=(1, 2)), 1e-12))
     far = size > _UNEXPLAINED
-    odd = odd_recordings(problem, solution)
+    odd = odd_recordings(solution)
     return Diagnostics(
         angle_noise=solution.sigma,
-        residuals=_residuals(problem, solution, solution.closed & ~far),
+        residuals=_residuals(solution, solution.closed & ~far),
         windows=len(solution.windows),
-        left_out=_segments(problem, solution, ~solution.closed & ~far, size),
-        unexplained=_segments(problem, solution, far, size),
+        left_out=_segments(solution, ~solution.closed & ~far, size),
+        unexplained=_segments(solution, far, size),
         odd=odd,
         settled=solution.converged,
         iterations=solution.iterations,
-        warnings=(*odd_sentences(odd), *warnings_of(problem, solution), *limits),
+        warnings=(*odd_sentences(odd), *warnings_of(solution), *limits),
     )
 
 
-def _residuals(problem: ShootingProblem, solution: Solution, use: Array) -> Residuals:
+def _residuals(solution: Solution, use: Array) -> Residuals:
     """Size of the residuals in some of the windows (W,), and what the parameters are worth there.
 
     These count by the residuals' mean squares, in place of the noise.
@@ -232,17 +218,15 @@ def _residuals(problem: ShootingProblem, solution: Solution, use: Array) -> Resi
     share = (solution.share[..., None] * np.ones_like(solution.residual))[use]
     squares = (solution.residual[use] ** 2 * share).sum(axis=(0, 1))
     counts = share.sum(axis=(0, 1)) - 2.0 * use.sum()
-    groups = groups_of(problem, solution)
-    H = groups.H.sum(axis=0) + np.diag(problem.limits.precision)
+    groups = solution.groups
+    H = groups.H.sum(axis=0) + np.diag(solution.problem.limits.precision)
     noise = float(np.mean(solution.sigma**2 * counts / np.maximum(squares, 1e-300)))
     clusters = len(np.unique(groups.cluster))
     return Residuals(squares, counts, noise * worth(H, groups), clusters)
 
 
-def _segments(
-    problem: ShootingProblem, solution: Solution, which: Array, size: Array
-) -> tuple[Segment, ...]:
-    intervals = problem.intervals
+def _segments(solution: Solution, which: Array, size: Array) -> tuple[Segment, ...]:
+    intervals = solution.problem.intervals
     out = []
     for w in np.flatnonzero(which):
         rows = solution.windows[w][solution.windows[w] >= 0]

@@ -30,14 +30,14 @@ from ..parameters.parameter_block import (
     with_values,
 )
 from ..sandwich import excess_of
-from .covariance import groups_of
 from .data_checks import check_blocks, check_data, explained, telling
-from .gauss_newton import Solution, cost_rise, solve, step_with_windows
+from .gauss_newton import cost_rise, solve, step_with_windows
 from .networks import as_given, goes_astray, on_arrays, torque_samples, with_combinations
 from .problem import ShootingProblem, shooting_problem
 from .sample_intervals import Intervals
 from .servo import with_servo
 from .settings import WINDOWS, Settings
+from .solution import Solution
 
 _CURVES = 3  # times that a fit goes on with another curve of a network
 _ROUGH = 0.25  # [standard errors]: tolerance of a fit that shows what is idle
@@ -52,60 +52,61 @@ _WEIGHTS, _ALIKE = 3, 0.2  # times that priors are weighed, until their logarith
 class Stage(NamedTuple):
     """A fit on the way: where it begins, what is free, where it ended, and what was left out.
 
+    use : (K,) true for the intervals that may be used
     tried : parameters that have been held, or were shown to be needed
     """
 
     friction: Friction
     blocks: tuple[ParameterBlock, ...]
-    ended: tuple[ShootingProblem, Solution] | None = None
+    intervals: Intervals
+    settings: Settings
+    use: Array
+    ended: Solution | None = None
     dropped: tuple[Dropped, ...] = ()
     held: tuple[Unknown, ...] = ()
     tried: tuple[Key, ...] = ()
 
     @property
-    def problem(self) -> ShootingProblem:
-        assert self.ended is not None
-        return self.ended[0]
-
-    @property
     def solution(self) -> Solution:
         assert self.ended is not None
-        return self.ended[1]
+        return self.ended
+
+    @property
+    def problem(self) -> ShootingProblem:
+        return self.solution.problem
 
 
-def solved(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def solved(stage: Stage) -> Stage:
     """The stage with its fit, from where it ended before, under priors that weigh what they say."""
-    stage = _fitted(stage, intervals, settings, use)
+    stage = _fitted(stage)
     if stage.friction.law.is_network:  # what holds its combinations is no knowledge of anybody
-        return _with_network(stage, intervals, settings, use)
+        return _with_network(stage)
     for _ in range(_WEIGHTS):
         parameters = stage.problem.parameters
-        excess = excess_of(groups_of(stage.problem, stage.solution), parameters)
+        excess = excess_of(stage.solution.groups, parameters)
         weighed = np.array([p.excess for p in parameters])
         if np.abs(np.log(excess / weighed)).max(initial=0.0) < _ALIKE:
             break
-        blocks = with_excess(stage.blocks, parameters, excess)
-        stage = _fitted(stage._replace(blocks=blocks), intervals, settings, use)
+        stage = _fitted(stage._replace(blocks=with_excess(stage.blocks, parameters, excess)))
     return stage
 
 
-def _fitted(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def _fitted(stage: Stage) -> Stage:
     """The stage with the fit of its blocks, from where it ended before."""
-    before = None if stage.ended is None else stage.solution
-    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, settings, use)
+    before, intervals, use = stage.ended, stage.intervals, stage.use
+    problem, estimate = prepare_fit(stage.friction, intervals, stage.blocks, stage.settings, use)
     if before is not None:
-        values = values_of(before.estimate, problem.blocks)
-        estimate = with_values(estimate, problem.blocks, values)
+        estimate = with_values(estimate, problem.blocks, values_of(before.estimate, problem.blocks))
     solution = solve(problem, estimate, use, before)
     if not solution.closed.any():
         raise NoFitError(
             f"data set {intervals.dataset.name!r}: the fit went astray, and predicts no window of "
             "the recordings: free less, or begin with a model that predicts them"
         )
-    return stage._replace(ended=(problem, solution))
+    return stage._replace(ended=solution)
 
 
-def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def _with_network(stage: Stage) -> Stage:
     """The stage with what the weights of a network give.
 
     Where a curve goes too far for them, the fit goes on from the nearest ones, a few times with
@@ -116,44 +117,44 @@ def _with_network(stage: Stage, intervals: Intervals, settings: Settings, use: A
         network = as_given(end.friction, stage.friction)
         if not goes_astray(end.friction, network):
             break
-        problem, estimate = prepare_fit(network, intervals, stage.blocks, settings, use, left > 0)
+        problem, estimate = prepare_fit(
+            network, stage.intervals, stage.blocks, stage.settings, stage.use, left > 0
+        )
         estimate = end._replace(friction=estimate.friction)
-        ended = problem, solve(problem, estimate, use, stage.solution)
+        ended = solve(problem, estimate, stage.use, stage.solution)
         stage = stage._replace(friction=network, ended=ended)
     return stage
 
 
-def begun(
-    stage: Stage, intervals: Intervals, settings: Settings, use: Array
-) -> tuple[Stage, Settings]:
-    """The fitted stage, without what a rough fit of all of it shows to be idle; its settings.
+def begun(stage: Stage) -> Stage:
+    """The fitted stage, without what a rough fit of all of it shows to be idle.
 
     Where the rough fit loses many windows, these are made longer, unless their length was given.
     """
     law, offered = stage.friction.law, any(b.offered or b.name in IDEAL for b in stage.blocks)
     if law.is_network:
-        return solved(stage, intervals, settings, use), settings
+        return solved(stage)
     none_held = not offered and not any(np.isfinite(p.size) for p in law.parameters)
-    half = (settings.iterations + 1) // 2
+    settings, half = stage.settings, (stage.settings.iterations + 1) // 2
     rough = settings if none_held else replace(settings, iterations=half, tolerance=_ROUGH)
-    stage = _with_peaks(solved(stage, intervals, rough, use), intervals, rough, use)
+    stage = _with_peaks(solved(stage._replace(settings=rough)))
     if settings.windows == WINDOWS and stage.solution.closed.mean() < _MANY:
         longer = tuple(_LONGER * w for w in stage.problem.settings.windows)
         try:
-            stage = solved(stage, intervals, replace(rough, windows=longer), use)
+            stage = solved(stage._replace(settings=replace(rough, windows=longer)))
             settings = replace(settings, windows=longer)
         except InputError:  # the recordings are too short for these
             pass
-    if not explained(stage.problem, stage.solution):
+    stage = stage._replace(settings=settings)
+    if not explained(stage.solution):
         stage = stage._replace(blocks=tuple(map(_not_held, stage.blocks)))
     if none_held:
-        return stage, settings
+        return stage
     idle = _local_cost(stage).idle((), settings.significance)
-    without = _without(stage, idle, intervals, settings, use)
-    return without or solved(stage, intervals, settings, use), settings
+    return _without(stage, idle) or solved(stage)
 
 
-def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def _with_peaks(stage: Stage) -> Stage:
     """The stage with peaks that ended at zero, and would not at another velocity.
 
     A velocity is without trace there: friction is the same with any, the slope of its peak is not.
@@ -164,7 +165,7 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     idle = np.flatnonzero(no_trace & [p.is_velocity for p in problem.parameters])
     if not len(idle):
         return stage
-    values = values_of(solution.estimate, problem.blocks)
+    values = solution.values
     low, high = problem.limits.low[idle], problem.limits.high[idle]
     tried = np.array([values[idle], *(np.clip(v, low, high) for v in _VELOCITIES)])
     falls = np.stack([_falls(stage, _with(stage, idle, v), idle) for v in tried])
@@ -173,22 +174,20 @@ def _with_peaks(stage: Stage, intervals: Intervals, settings: Settings, use: Arr
     better = most[falls.max(axis=0)[most] >= falls[0, most] + CLEAR]
     for several in parts_of(better):
         others = _with(stage, idle[several], tried[best[several], several])
-        trial = stage._replace(ended=(problem, solution._replace(estimate=others)))
         try:
-            trial = solved(trial, intervals, settings, use)
+            trial = solved(stage._replace(ended=solution._replace(estimate=others)))
         except InputError:  # it went astray
             continue
-        if cost_rise(solution, trial.solution, settings.huber) < 0.0:
-            return _with_peaks(trial, intervals, settings, use)
+        if cost_rise(solution, trial.solution, problem.settings.huber) < 0.0:
+            return _with_peaks(trial)
     return stage
 
 
 def _with(stage: Stage, places: Array, new: Array) -> Estimate:
     """The estimate of the stage with other values (k,) of some of its free parameters."""
-    blocks, estimate = stage.problem.blocks, stage.solution.estimate
-    values = values_of(estimate, blocks)
+    values = stage.solution.values
     values[places] = new
-    return with_values(estimate, blocks, values)
+    return with_values(stage.solution.estimate, stage.problem.blocks, values)
 
 
 def _falls(stage: Stage, estimate: Estimate, velocities: Array) -> Array:
@@ -199,7 +198,7 @@ def _falls(stage: Stage, estimate: Estimate, velocities: Array) -> Array:
     """
     problem, ended = stage.problem, stage.solution._replace(estimate=estimate)
     try:
-        step = step_with_windows(problem, ended, problem.settings.windows[-1])
+        step = step_with_windows(ended, problem.settings.windows[-1])
     except InputError:
         return np.zeros(len(velocities))
     slope = step.normal.g[step.closed].sum(axis=0)
@@ -217,26 +216,22 @@ def _not_held(block: ParameterBlock) -> ParameterBlock:
     return replace(block, offered=False) if block.enters == "base" else block
 
 
-def with_neutral(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def with_neutral(stage: Stage) -> Stage:
     """The stage with parameters held that the data do not tell."""
 
     def holding(stage: Stage, several: tuple[Unknown, ...]) -> Stage | None:
-        return _without(stage, (several, ()), intervals, settings, use)
+        return _without(stage, (several, ()))
 
     stage, tried = holding_unknown(stage, _local_cost, holding, stage.tried)
     return stage._replace(tried=tried)
 
 
 def _local_cost(stage: Stage) -> LocalCost:
-    problem, solution = stage.problem, stage.solution
-    values, groups = values_of(solution.estimate, problem.blocks), groups_of(problem, solution)
-    friction = solution.estimate.friction
-    return LocalCost(problem.parameters, values, groups, friction, stage.blocks)
+    s = stage.solution
+    return LocalCost(s.problem.parameters, s.values, s.groups, s.estimate.friction, stage.blocks)
 
 
-def _without(
-    stage: Stage, idle: Idle, intervals: Intervals, settings: Settings, use: Array
-) -> Stage | None:
+def _without(stage: Stage, idle: Idle) -> Stage | None:
     """The stage without what is idle; None where that is nothing, or the fit clearly worse."""
     solution, (held, dropped) = stage.solution, idle
     if not any(idle):
@@ -246,17 +241,17 @@ def _without(
     blocks = tuple(b for b in blocks if b.name not in {d.block for d in dropped})
     trial = stage._replace(friction=friction, blocks=blocks, held=(*stage.held, *held))
     try:
-        trial = _following(solved(trial, intervals, settings, use), intervals, settings, use)
+        trial = _following(solved(trial))
     except InputError:  # it went astray
         return None
-    rise = cost_rise(solution, trial.solution, settings.huber)
+    rise = cost_rise(solution, trial.solution, stage.settings.huber)
     lost = trial.solution.closed.sum() < _KEPT * solution.closed.sum()
     if lost or any(u.shown(rise) for u in held):
         return None
     return trial._replace(dropped=(*stage.dropped, *dropped))
 
 
-def _following(stage: Stage, intervals: Intervals, settings: Settings, use: Array) -> Stage:
+def _following(stage: Stage) -> Stage:
     """The stage with held parameters that are like others at the values of these."""
     held = followed(stage.solution.estimate.friction, stage.held)
     off = [abs(u.neutral - v.neutral) / u.size for u, v in zip(held, stage.held, strict=True)]
@@ -264,7 +259,7 @@ def _following(stage: Stage, intervals: Intervals, settings: Settings, use: Arra
         return stage
     of_friction = [u for u in held if u.parameter.block == "friction"]
     _, friction = at_neutral((), stage.friction, of_friction)
-    return solved(stage._replace(friction=friction, held=held), intervals, settings, use)
+    return solved(stage._replace(friction=friction, held=held))
 
 
 def prepare_fit(

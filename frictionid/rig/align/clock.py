@@ -27,7 +27,6 @@ from frictionid.fitting.shooting import (
     Intervals,
     Settings,
     Solution,
-    covariance_of,
     intervals_of,
     solve,
 )
@@ -35,7 +34,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Mechanism
 
 from .cross_correlation import CoarseOffset, around, coarse_offset
-from .drifting import Drifting, drifting
+from .drifting import drifting
 
 LAW = Stribeck(symmetric=False)
 # Longer windows carry more information. Where a joint sticks and slips their prediction has kinks:
@@ -268,18 +267,6 @@ def _improved(clock: Clock, delays: list[tuple[float, float]]) -> Clock:
     return clock.later(float(np.median(delay - drift * (middle - at))), drift)
 
 
-class _Fit(NamedTuple):
-    """A shooting problem, its solution, and the covariance there."""
-
-    problem: Drifting
-    solution: Solution
-    covariance: Covariance
-
-    def place(self, block: str) -> int:
-        """Place of the only parameter of a block."""
-        return [p.block for p in self.covariance.parameters].index(block)
-
-
 def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset) -> Alignment:
     """The clock corrected by delay and drift of the torque, estimated by shooting.
 
@@ -288,9 +275,10 @@ def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset) -> Alignment
     clustered by stretches of the motion, the offset's widened (`_WIDENING`).
     """
     fit = _solved(data, clock)
-    k = [fit.place("delay"), fit.place("drift")]
-    delay, drift = fit.covariance.values[k]
-    pair = fit.covariance.matrix[np.ix_(k, k)]
+    covariance = fit.covariance()
+    k = [_place(covariance, "delay"), _place(covariance, "drift")]
+    delay, drift = covariance.values[k]
+    pair = covariance.matrix[np.ix_(k, k)]
     pair = pair * np.outer([_WIDENING, 1.0], [_WIDENING, 1.0])
     if not (np.isfinite(pair).all() and pair[0, 0] < _UNKNOWN**2):
         raise InputError(
@@ -299,21 +287,21 @@ def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset) -> Alignment
         )
     corrected = clock.later(float(delay), float(drift))
     span = corrected.to_log(data.recordings[0].angle.time[[0, -1]])
-    viscous, slope = _viscous(fit, plant_of(data).mechanism.n)
+    viscous, slope = _viscous(fit, covariance)
     return Alignment(
         corrected,
         covariance=pair,
-        degrees_of_freedom=fit.covariance.freedom,
+        degrees_of_freedom=covariance.freedom,
         span=(float(span[0]), float(span[1])),
         viscous=viscous,
         viscous_slope=slope,
         coarse=coarse,
-        noise=fit.solution.sigma,
-        converged=fit.solution.converged,
+        noise=fit.sigma,
+        converged=fit.converged,
     )
 
 
-def _solved(data: Dataset, clock: Clock) -> _Fit:
+def _solved(data: Dataset, clock: Clock) -> Solution:
     """Shooting with short windows, then from there with long ones, kept where these converge."""
     estimate, intervals = _start(data)
     blocks: tuple[ParameterBlock, ...] = (FrictionBlock(), InertiaBlock(prior=PARAMETER_PRIOR))
@@ -323,9 +311,12 @@ def _solved(data: Dataset, clock: Clock) -> _Fit:
     solution = solve(short, estimate, use)
     long = replace(short, settings=_LONG_WINDOWS)
     longer = solve(long, solution.estimate, use, solution)
-    if longer.converged:
-        return _Fit(long, longer, covariance_of(long, longer))
-    return _Fit(short, solution, covariance_of(short, solution))
+    return longer if longer.converged else solution
+
+
+def _place(covariance: Covariance, block: str) -> int:
+    """Place of the only parameter of a block."""
+    return [p.block for p in covariance.parameters].index(block)
 
 
 def _start(data: Dataset) -> tuple[Estimate, Intervals]:
@@ -348,7 +339,7 @@ def _used(intervals: Intervals) -> Array:
     return (np.arange(K) % int(width * every)) < width
 
 
-def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
+def _viscous(solution: Solution, covariance: Covariance) -> tuple[Array, Array]:
     """Viscous friction (n,) of each joint, and its change (n,) per second of offset.
 
     With the offset held at a value that is wrong by d, the other parameters o move by
@@ -358,9 +349,8 @@ def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
     where H is the Hessian of the fit. Friction that is not identified is held, such as a Stribeck
     peak that is not there: together with the viscous friction it could move by any amount.
     """
-    covariance, solution = fit.covariance, fit.solution
-    parameters, k = covariance.parameters, fit.place("delay")
-    H = solution.curvature + np.diag(fit.problem.limits.precision)
+    parameters, k = covariance.parameters, _place(covariance, "delay")
+    H = solution.curvature + np.diag(solution.problem.limits.precision)
     viscous = [p.block == "friction" and LAW.names[p.place[1]] == "viscous" for p in parameters]
     friction = np.array([p.block == "friction" for p in parameters])
     moves = solution.free & (covariance.identified | viscous | ~friction)
@@ -368,7 +358,7 @@ def _viscous(fit: _Fit, n: int) -> tuple[Array, Array]:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[others], 1e-300))
     inner = H[np.ix_(others, others)] * np.outer(scale, scale)
     move = -scale * np.linalg.lstsq(inner, scale * H[others, k], rcond=1e-9)[0]
-    value, slope = np.zeros(n), np.zeros(n)
+    value, slope = np.zeros((2, solution.problem.intervals.n))
     for i, step in zip(others, move, strict=True):
         if viscous[i]:
             j = parameters[i].place[0]
