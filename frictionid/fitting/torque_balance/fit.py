@@ -79,18 +79,18 @@ def fit_torques(
     use = np.ones(len(balance.start), dtype=bool) if use is None else use
     balance = balance.resolving(use)
     estimate = _nominal(balance)
-    start = _friction(identifier, balance, estimate, use, seed)
+    start = _friction(identifier, balance, estimate, seed)
     if start.law.is_network:
         raise InputError(f"{identifier!r}: networks are fitted by one-step recipes and by shooting")
-    check_blocks(blocks, _with(estimate, start, balance, use), balance, use)
+    check_blocks(blocks, _with(estimate, start, balance), balance)
     blocks = tuple(blocks)
     dropped: list[Dropped] = []
     while True:
-        solution, law = _best(identifier, balance, blocks, settings, use, seed)
-        solution = _at_neutral(_weighted(solution, use, settings), use, settings)
+        solution, law = _best(identifier, balance, blocks, settings, seed)
+        solution = _at_neutral(_weighted(solution))
         if settings.consistent:
-            solution = made_consistent(solution, use, settings)
-        result = _result(solution, law, use, tuple(dropped))
+            solution = made_consistent(solution)
+        result = _result(solution, law, tuple(dropped))
         check_gains(result, balance.dataset)
         idle = least_significant(result.covariance, blocks, settings.significance)
         if idle is None:
@@ -104,7 +104,6 @@ def _best(
     balance: TorqueBalance,
     blocks: Sequence[ParameterBlock],
     settings: TorqueSettings,
-    use: Array,
     seed: int,
 ) -> tuple[TorqueSolution, Law]:
     """The better fit of two starts: the nominal calibration, and that found from it.
@@ -112,22 +111,22 @@ def _best(
     With its law: an identifier that chooses terms does so in each.
     """
     estimate, ended = _nominal(balance), []
+    problem = TorqueProblem(balance, (), estimate, settings)
     for _ in range(_STARTS):
-        friction = _friction(identifier, balance, estimate, use, seed)
-        estimate = _with(estimate, friction, balance, use)
-        problem = _problem(balance, on_support(blocks, friction), estimate)
-        solution = solve(problem, use, settings)
+        friction = _friction(identifier, balance, estimate, seed)
+        estimate = _with(estimate, friction, balance)
+        solution = solve(_problem(problem, on_support(blocks, friction), estimate))
         estimate = solution.estimate
         ended.append((solution, friction.law))
     return min(ended, key=lambda end: end[0].log_noise)
 
 
 def _problem(
-    balance: TorqueBalance, blocks: Sequence[ParameterBlock], estimate: Estimate
+    before: TorqueProblem, blocks: Sequence[ParameterBlock], estimate: Estimate
 ) -> TorqueProblem:
-    """The problem that begins at an estimate, its priors about the nominal calibration."""
-    nominal = estimate._replace(calibration=_nominal(balance).calibration)
-    return TorqueProblem(balance, free_blocks(blocks, nominal), estimate)
+    """A problem that begins at an estimate, its priors about the nominal calibration."""
+    nominal = estimate._replace(calibration=_nominal(before.balance).calibration)
+    return replace(before, blocks=free_blocks(blocks, nominal), estimate=estimate)
 
 
 def _nominal(balance: TorqueBalance) -> Estimate:
@@ -139,19 +138,19 @@ def _nominal(balance: TorqueBalance) -> Estimate:
 
 
 def _friction(
-    identifier: Identifier, balance: TorqueBalance, estimate: Estimate, use: Array, seed: int
+    identifier: Identifier, balance: TorqueBalance, estimate: Estimate, seed: int
 ) -> Friction:
     """The identifier's friction (n, P) for the calibration of an estimate."""
     problem = balance.sliding_problem(left_to_friction(balance, estimate))
-    friction = checked_fit(identifier, problem, use[None] * 1.0, seed)[0]
+    friction = checked_fit(identifier, problem, balance.use[None] * 1.0, seed)[0]
     return with_units_of(estimate.mechanism, friction)
 
 
-def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: Array) -> Estimate:
+def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance) -> Estimate:
     """The estimate with another friction: sharp, and within what the data resolve."""
     limits = friction.constraints
     if limits is None:
-        usual = data_range(balance.problem, use[None] * 1.0)
+        usual = data_range(balance.problem, balance.use[None] * 1.0)
         limits = constraints_of(friction.law, usual).at(0)
     if limits.equal:
         raise InputError(
@@ -162,7 +161,7 @@ def _with(estimate: Estimate, friction: Friction, balance: TorqueBalance, use: A
     return estimate._replace(friction=sharp)
 
 
-def _result(solution: TorqueSolution, law: Law, use: Array, dropped: tuple[Dropped, ...]) -> Fit:
+def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) -> Fit:
     """The result of a fit by a law, without what was dropped or held."""
     estimate = solution.estimate
     friction = replace(
@@ -174,10 +173,10 @@ def _result(solution: TorqueSolution, law: Law, use: Array, dropped: tuple[Dropp
     )
     return Fit(
         friction,
-        _with_held(_local_cost(solution, use).covariance, solution),
+        _with_held(_local_cost(solution).covariance, solution),
         Diagnostics(
             torque_noise=solution.sigma[: estimate.mechanism.n],
-            windows=int(use.sum()),
+            windows=int(solution.problem.balance.use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
             warnings=(*_warnings(solution), *(u.sentence for u in solution.held)),
@@ -194,33 +193,32 @@ def _with_held(covariance: Covariance, solution: TorqueSolution) -> Covariance:
     bound = at_neutral_bound(covariance, estimate.friction)
     if not (held or bound):
         return covariance
-    wider = _problem(problem.balance, freed(solution.blocks, held), estimate)
+    wider = _problem(problem, freed(solution.blocks, held), estimate)
     weights = solution.weight / solution.sigma**2
     H, _ = normal_equations(wider.slopes(estimate), solution.residual, weights)
     return with_held(covariance, held, bound, wider.parameters, H + np.diag(wider.limits.precision))
 
 
-def _weighted(solution: TorqueSolution, use: Array, settings: TorqueSettings) -> TorqueSolution:
+def _weighted(solution: TorqueSolution) -> TorqueSolution:
     """The fit under priors that weigh what they say, see `excess_of`."""
-    parameters = solution.problem.parameters
-    excess = excess_of(_groups(solution, use), parameters)
+    problem, parameters = solution.problem, solution.problem.parameters
+    excess = excess_of(_groups(solution), parameters)
     if (excess == 1.0).all():
         return solution
     blocks = with_excess(solution.blocks, parameters, excess)
-    problem = _problem(solution.problem.balance, blocks, solution.estimate)
-    return solve(problem, use, settings)
+    return solve(_problem(problem, blocks, solution.estimate))
 
 
-def _at_neutral(solution: TorqueSolution, use: Array, settings: TorqueSettings) -> TorqueSolution:
+def _at_neutral(solution: TorqueSolution) -> TorqueSolution:
     """The fit with parameters held that the torques do not tell."""
 
     def holding(before: TorqueSolution, several: tuple[Unknown, ...]) -> TorqueSolution | None:
-        after = solve(_holding(several, before), use, settings)
+        after = solve(_holding(several, before))
         rise = _squares(after, before) - _squares(before, before)
         clear = any(u.shown(rise) for u in several)
         return None if clear else after._replace(held=(*before.held, *several))
 
-    solution = holding_unknown(solution, lambda s: _local_cost(s, use), holding)[0]
+    solution = holding_unknown(solution, _local_cost, holding)[0]
     friction = solution.estimate.friction
     held = followed(friction, solution.held)
     friction = at_neutral((), friction, [u for u in held if u.parameter.block == "friction"])[1]
@@ -235,12 +233,12 @@ def _holding(several: Sequence[Unknown], solution: TorqueSolution) -> TorqueProb
     values[[keys.index(u.key) for u in several]] = [u.neutral for u in several]
     estimate = with_values(solution.estimate, problem.blocks, values)
     blocks = at_neutral(solution.blocks, estimate.friction, several)[0]
-    return _problem(problem.balance, blocks, estimate)
+    return _problem(problem, blocks, estimate)
 
 
-def _local_cost(solution: TorqueSolution, use: Array) -> LocalCost:
+def _local_cost(solution: TorqueSolution) -> LocalCost:
     problem, estimate = solution.problem, solution.estimate
-    values, groups = values_of(estimate, problem.blocks), _groups(solution, use)
+    values, groups = values_of(estimate, problem.blocks), _groups(solution)
     return LocalCost(problem.parameters, values, groups, estimate.friction, solution.blocks)
 
 
@@ -249,12 +247,13 @@ def _squares(solution: TorqueSolution, like: TorqueSolution) -> float:
     return float((like.weight * (solution.residual / like.sigma) ** 2).sum())
 
 
-def _groups(solution: TorqueSolution, use: Array) -> Groups:
+def _groups(solution: TorqueSolution) -> Groups:
     """Normal equations of stretches of the recordings, at the solution.
 
     Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
     """
-    balance, rows = solution.problem.balance, np.flatnonzero(use)
+    balance = solution.problem.balance
+    rows = np.flatnonzero(balance.use)
     stretch = clusters(balance.problem)[rows]
     labels, first = np.unique(stretch, return_index=True)
     each = [solution.normal_equations(rows[stretch == c]) for c in labels]
@@ -265,7 +264,7 @@ def _groups(solution: TorqueSolution, use: Array) -> Groups:
 
 
 def check_blocks(
-    blocks: Sequence[ParameterBlock], estimate: Estimate, balance: TorqueBalance, use: Array
+    blocks: Sequence[ParameterBlock], estimate: Estimate, balance: TorqueBalance
 ) -> None:
     """Refuse blocks that the balance of torques does not show, and joints that never slide.
 
@@ -288,7 +287,7 @@ def check_blocks(
     free = {b.name: b.parameters(estimate) for b in blocks}
     informed = any(np.isfinite(p.tolerance) for group in free.values() for p in group)
     # recordings that differ by known amounts, such as a payload, give the others their scale
-    loaded = bool(np.ptp(balance.base[use], axis=0).any()) and torque
+    loaded = bool(np.ptp(balance.base[balance.use], axis=0).any()) and torque
     if (
         not loaded
         and len(free.get("inertia", ())) == len(base)
@@ -314,7 +313,7 @@ def check_blocks(
             "free inertias that explains any torque by itself: leave inertia out, give it a "
             "prior, or choose load_dependent, which follows the motion"
         )
-    still = ~balance.slides[use].any(axis=0)
+    still = ~balance.slides[balance.use].any(axis=0)
     if "friction" in names and still.any():
         j = int(np.argmax(still))
         raise InputError(

@@ -48,6 +48,35 @@ def logged_gain(estimate: Estimate) -> Array:
     return np.maximum(np.asarray(estimate.calibration.gain, dtype=float), 1e-3)
 
 
+@dataclass(frozen=True)
+class TorqueSettings:
+    """How torques are balanced and friction is fitted to them.
+
+    window : [s], time over which torques are averaged; ripple that is faster does not count
+    node_time : [s], shortest time between the samples along which friction and inertia are computed
+    iterations : Gauss-Newton steps at most, in each round of weights
+    tolerance : a round ends with a step of less [standard errors]
+    huber : residuals beyond so many standard deviations count less
+    significance : a block of sensors (delay, gain, bias) whose deviation from an ideal sensor has a
+        larger p-value is left out, and the fit repeated without it; 1 keeps all
+    consistent : whether base parameters must be those of bodies that there can be, of a URDF or
+        MJCF, see `mechanics.rigid_body.rigid_body_tree`
+    """
+
+    window: float = 0.05
+    node_time: float = 0.004
+    iterations: int = 60
+    tolerance: float = 1e-3
+    huber: float = 2.5
+    significance: float = 0.01
+    consistent: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("window", "node_time", "iterations", "tolerance", "huber", "significance"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name} = {getattr(self, name)} must be positive")
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueProblem:
     """What does not change while the free parameters are fitted to the torques.
@@ -61,6 +90,7 @@ class TorqueProblem:
     balance: TorqueBalance
     blocks: tuple[FreeBlock, ...]
     estimate: Estimate  # with all that is not free
+    settings: TorqueSettings
     recent: dict[bytes, Estimate] = field(default_factory=dict, init=False)  # asked for thrice
 
     @property
@@ -172,35 +202,6 @@ class TorqueProblem:
         return problem.mean(at_nodes.reshape(S, n * P)).reshape(len(problem.r), n, P)
 
 
-@dataclass(frozen=True)
-class TorqueSettings:
-    """How torques are balanced and friction is fitted to them.
-
-    window : [s], time over which torques are averaged; ripple that is faster does not count
-    node_time : [s], shortest time between the samples along which friction and inertia are computed
-    iterations : Gauss-Newton steps at most, in each round of weights
-    tolerance : a round ends with a step of less [standard errors]
-    huber : residuals beyond so many standard deviations count less
-    significance : a block of sensors (delay, gain, bias) whose deviation from an ideal sensor has a
-        larger p-value is left out, and the fit repeated without it; 1 keeps all
-    consistent : whether base parameters must be those of bodies that there can be, of a URDF or
-        MJCF, see `mechanics.rigid_body.rigid_body_tree`
-    """
-
-    window: float = 0.05
-    node_time: float = 0.004
-    iterations: int = 60
-    tolerance: float = 1e-3
-    huber: float = 2.5
-    significance: float = 0.01
-    consistent: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("window", "node_time", "iterations", "tolerance", "huber", "significance"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} = {getattr(self, name)} must be positive")
-
-
 _ROUNDS = 4  # of weights
 
 
@@ -239,12 +240,9 @@ class TorqueSolution(NamedTuple):
         return float(np.log(np.maximum(self.sigma, 1e-300)).sum())
 
 
-def solve(problem: TorqueProblem, use: Array, settings: TorqueSettings) -> TorqueSolution:
-    """The free parameters that explain the torques best.
-
-    use : (K,) true for the windows that may be used
-    """
-    counts, x, iterations = problem.balance.counts(use), problem.x, 0
+def solve(problem: TorqueProblem) -> TorqueSolution:
+    """The free parameters that explain the torques of the windows in use best."""
+    settings, counts, x, iterations = problem.settings, problem.balance.counts, problem.x, 0
     residual = problem.residual(x)[0]
     for _ in range(_ROUNDS):
         under = problem.conditions(*_weights(residual, counts, settings.huber))
@@ -281,9 +279,7 @@ def normal_equations(slopes: Array, residual: Array, weights: Array) -> tuple[Ar
 _HELD = 1e6  # how much better than the data know the others base parameters are held that are fixed
 
 
-def made_consistent(
-    solution: TorqueSolution, use: Array, settings: TorqueSettings
-) -> TorqueSolution:
+def made_consistent(solution: TorqueSolution) -> TorqueSolution:
     """The solution with consistent base parameters: the nearest by the information of the fit.
 
     What else is free is fitted once more beside them.
@@ -310,7 +306,7 @@ def made_consistent(
     base[fixed] = wanted[fixed]
     held = solution.estimate._replace(calibration=replace(solution.estimate.calibration, base=base))
     others = tuple(b.block for b in problem.blocks if b is not base_block)
-    after = solve(TorqueProblem(problem.balance, free_blocks(others, held), held), use, settings)
+    after = solve(replace(problem, blocks=free_blocks(others, held), estimate=held))
     free = np.array(solution.free)
     rest = np.ones(len(free), dtype=bool)
     rest[base_block.columns] = False

@@ -49,6 +49,7 @@ class TorqueBalance:
     recording, start, stop : (K,), start and stop in [s]
     slides : (K, n), whether the joint moves one way, fast enough, all the time: others do not count
     slowest : (R, m) [rad/s], slowest speeds that the rows of each recording resolve
+    use : (K,), windows that may be used
     wrench : rows of the base, or None
     """
 
@@ -63,6 +64,7 @@ class TorqueBalance:
     stop: Array
     slides: Array
     slowest: Array
+    use: Array
     log: SignalIntegrals
     wrench: BaseWrench | None = None
 
@@ -101,19 +103,21 @@ class TorqueBalance:
         return replace(problem, r=r, G=G, masked=True)
 
     def resolving(self, use: Array) -> TorqueBalance:
-        """The balance with the slowest speeds that the windows in use (K,) resolve.
+        """The balance of windows in use (K,), with the slowest speeds that these resolve.
 
         What only the base shows is eliminated from its rows.
         """
         wrench = self.wrench and self.wrench.eliminated(use)
-        return replace(self, slowest=_slowest(self, self.slides & use[:, None]), wrench=wrench)
+        slowest = _slowest(self, self.slides & use[:, None])
+        return replace(self, use=use, slowest=slowest, wrench=wrench)
 
-    def counts(self, use: Array) -> Array:
-        """Rows (K, n), or (K, n + 6), that count of windows in use (K,)."""
-        rows = self.slides & use[:, None]
+    @property
+    def counts(self) -> Array:
+        """Rows (K, n), or (K, n + 6), that count."""
+        rows = self.slides & self.use[:, None]
         if self.wrench is None:
             return rows
-        return np.concatenate([rows, np.repeat(use[:, None], len(WRENCH), axis=1)], axis=1)
+        return np.concatenate([rows, np.repeat(self.use[:, None], len(WRENCH), axis=1)], axis=1)
 
 
 class _Part(NamedTuple):
@@ -171,6 +175,7 @@ def torque_balance(
         np.concatenate([part.stop for part in parts]),
         np.zeros((len(stencil), plant.n), dtype=bool),
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
+        np.ones(len(stencil), dtype=bool),
         integrals_of([r.torque for r in dataset.recordings]),
         joined_wrenches([part.wrench for part in parts]),
     )

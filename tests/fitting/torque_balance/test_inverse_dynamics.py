@@ -155,7 +155,7 @@ def test_slopes_are_those_of_the_residual(clean):
     )
     estimate = Estimate(Friction(Stribeck(width=1e-7), theta), calibration, mechanism)
     blocks = free_blocks((*BOTH, GainBlock()), estimate)
-    problem = TorqueProblem(balance, blocks, estimate)
+    problem = TorqueProblem(balance, blocks, estimate, TorqueSettings())
     slopes, values = problem.slopes(estimate), values_of(estimate, blocks)
     for k, parameter in enumerate(problem.parameters):
         step = np.zeros(len(values))
