@@ -16,8 +16,7 @@ from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import INTEGRAL, Recipe
 from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
-from frictionid.fitting.shooting.calibrated_recipe import PARTS
-from frictionid.fitting.shooting.recipe import KnownCalibration, Start, known_calibration
+from frictionid.fitting.shooting.recipe import PARTS, KnownCalibration, known_calibration
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
 
 from .registry import (
@@ -30,6 +29,7 @@ from .registry import (
     friction_of,
 )
 
+Start = Recipe | CalibratedRecipe  # what shooting begins with
 Name = Annotated[str, Field(pattern=r"^\w[\w.+ -]*$")]
 
 ONE_STEP = Kind((Recipe,), internal=frozenset({"name", "states"}))

@@ -20,7 +20,7 @@ from frictionid.fitting.method import Method
 from frictionid.fitting.one_step.formulation import Recipe
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.fitting.shooting import CalibratedRecipe
-from frictionid.fitting.shooting.calibrated_recipe import PARTS, part_of_calibration
+from frictionid.fitting.shooting.recipe import PARTS, part_of_calibration
 from frictionid.fitting.shooting.sample_intervals import Intervals, intervals_of
 from frictionid.mechanics import Mechanism
 

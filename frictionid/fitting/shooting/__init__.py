@@ -11,10 +11,9 @@
 `solve_states` fits the motion alone, with all parameters fixed.
 """
 
-from .calibrated_recipe import CalibratedRecipe
 from .gauss_newton import solve
 from .problem import Linearisation, ShootingProblem, shooting_problem
-from .recipe import Shooting, refine_folds
+from .recipe import CalibratedRecipe, Shooting, refine_folds
 from .refine import refine
 from .sample_intervals import Intervals, intervals_of
 from .servo import drive_of
