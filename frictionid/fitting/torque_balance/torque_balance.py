@@ -32,11 +32,47 @@ from frictionid.mechanics.plant import base_motion_of, with_base_motion, with_mi
 from frictionid.mechanics.rigid_body.rigid_body_tree import WRENCH, RigidBodyTree, with_free_base
 
 from ..one_step.residual import GAP, Problem, stiction_mask
-from .base_wrench import BaseWrench, base_wrench, joined_wrenches
 
 _SLOW_ROWS = 0.01  # of the rows of a joint: so many may be slower than the slowest speed
 _NODES = 4000  # whose regressor is computed at a time,
 _NUMBERS = 20_000_000  # and parameters of these
+_NO_WRENCH = 1e-9  # of the largest singular value
+
+
+class BaseWrench(NamedTuple):
+    """Balance of forces and moments on a floating base: six rows that have no friction in them.
+
+    With the base's own ten parameters, and with what the joints' torques do not tell of the bodies,
+    the momentum of all bodies and the known wrench balance over each of K windows,
+
+        Y p + Z b = wrench.
+
+    b is eliminated, so that the rows only add to what is known of the base parameters p.
+
+    regressor : Y (K, 6, nb); nuisance : Z (K, 6, B); wrench : (K, 6), mean of each window
+    """
+
+    regressor: Array
+    nuisance: Array
+    wrench: Array
+
+    def left(self, base: Array) -> Array:
+        """What base parameters (K, nb) leave of the known wrench, (K, 6)."""
+        return np.asarray(self.wrench - np.einsum("kib,kb->ki", self.regressor, base))
+
+    def eliminated(self, use: Array) -> BaseWrench:
+        """The rows of windows in use (K,), others are zero, with b eliminated.
+
+        In units of what the bodies usually need, (6,).
+        """
+        K = int(use.sum())
+        size = np.sqrt((self.regressor[use] ** 2).sum(axis=2).mean(axis=0))[:, None] + 1e-300
+        rows = np.concatenate([self.regressor, self.wrench[..., None]], axis=2)[use] / size
+        U, s, _ = np.linalg.svd((self.nuisance[use] / size).reshape(6 * K, -1), full_matrices=False)
+        Q, flat = U[:, s > _NO_WRENCH * s.max(initial=0.0)], rows.reshape(6 * K, -1)
+        out = np.zeros((len(use), 6, rows.shape[2]))
+        out[use] = (flat - Q @ (Q.T @ flat)).reshape(rows.shape)
+        return BaseWrench(out[..., :-1], self.nuisance[..., :0], out[..., -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +213,7 @@ def torque_balance(
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         np.ones(len(stencil), dtype=bool),
         integrals_of([r.torque for r in dataset.recordings]),
-        joined_wrenches([part.wrench for part in parts]),
+        _joined_wrenches([part.wrench for part in parts]),
     )
     resting = stiction_mask(balance.problem, None)
     slides = ~(resting @ (plant.mechanism.friction_map != 0))
@@ -249,7 +285,19 @@ def _wrench(
     whole = whole.on_base(base_motion_of(plant.p, len(mechanism.base_names)))
     edges = time[stencil[:, [0, -1]]]
     mean = pieces_of(log, np.zeros(len(edges), dtype=int), edges).mean[0]
-    return base_wrench(mechanism, _regressors(whole, time, q, w, stencil), mean)
+    rows, reduction = _regressors(whole, time, q, w, stencil)[:, : len(WRENCH)], mechanism.reduction
+    leading = rows[..., 10 + reduction.leading]
+    nuisance = rows.copy()
+    nuisance[..., 10:] -= leading @ reduction.regrouping
+    return BaseWrench(leading, nuisance, mean)
+
+
+def _joined_wrenches(parts: Sequence[BaseWrench | None]) -> BaseWrench | None:
+    """Rows of all recordings; None unless all have them."""
+    whole = [part for part in parts if part is not None]
+    if len(whole) < len(parts):
+        return None
+    return BaseWrench(*map(np.concatenate, zip(*whole, strict=True)))
 
 
 def _regressors(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) -> Array:
