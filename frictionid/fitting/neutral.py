@@ -26,6 +26,7 @@ from .one_step.one_step_fit import CLEAR, KNOWN
 from .parameters.blocks import FrictionBlock
 from .parameters.parameter_block import (
     IDEAL,
+    Key,
     Parameter,
     ParameterBlock,
     limits_of,
@@ -38,13 +39,6 @@ _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
 _ROUNDING = 1e-9  # of a size
-
-
-class Key(NamedTuple):
-    """Name of a parameter's block, and its place there."""
-
-    block: str
-    place: tuple[int, ...]
 
 
 class Unknown(NamedTuple):
@@ -66,11 +60,6 @@ class Unknown(NamedTuple):
     def held(self) -> Parameter:
         """The parameter at its neutral value."""
         return self.parameter._replace(value=self.neutral, tolerance=0.0)
-
-    @property
-    def key(self) -> Key:
-        """What tells it from others."""
-        return Key(self.parameter.block, self.parameter.place)
 
     @property
     def sentence(self) -> str:
@@ -111,7 +100,7 @@ def least_known(
     worst: tuple[float, Unknown] | None = None
     for k, (neutral, size) in _neutral_values(covariance.parameters, friction, blocks).items():
         p = covariance.parameters[k]
-        if Key(p.block, p.place) in tried or (covariance.bound[k] and not blind[k]):
+        if p.key in tried or (covariance.bound[k] and not blind[k]):
             continue
         error, off = float(covariance.error[k]), abs(float(covariance.values[k]) - neutral)
         if off == 0.0 or error <= max(KNOWN * size, off / 2.0):
@@ -237,8 +226,8 @@ class LocalCost(NamedTuple):
         return followed(cost.friction, held), tuple(dropped)
 
     def _at_neutral(self, unknown: Unknown) -> LocalCost:
-        keys = [Key(p.block, p.place) for p in self.parameters]
-        rest = self.holding({keys.index(unknown.key): unknown.neutral})
+        keys = [p.key for p in self.parameters]
+        rest = self.holding({keys.index(unknown.parameter.key): unknown.neutral})
         blocks, friction = at_neutral(self.blocks, rest.friction, (unknown,))
         return rest._replace(blocks=blocks, friction=friction)
 
@@ -301,7 +290,7 @@ def holding_unknown(
             if without is not None:
                 fit = without
                 break
-        tried = (*tried, *(u.key for u in several))
+        tried = (*tried, *(u.parameter.key for u in several))
     return fit, tried
 
 
@@ -350,10 +339,13 @@ def with_held(
         cov(h) = V,    cov(f, h) = A V,    cov(f) grows by A V A'
     """
     H = np.where(np.isfinite(H), H, 0.0)  # a neutral memory may be too fast to be linearised
-    keys, count = [Key(p.block, p.place) for p in parameters], len(held)
-    at = [keys.index(Key(p.block, p.place)) for p in covariance.parameters]
+    keys, count = [p.key for p in parameters], len(held)
+    at = [keys.index(p.key) for p in covariance.parameters]
     finite = np.flatnonzero(np.isfinite(covariance.error))
-    f, h = [at[k] for k in finite], [*(keys.index(u.key) for u in held), *(at[k] for k in pinned)]
+    f, h = (
+        [at[k] for k in finite],
+        [*(keys.index(u.parameter.key) for u in held), *(at[k] for k in pinned)],
+    )
     size = [*(u.size for u in held), *(covariance.parameters[k].size for k in pinned)]
     inverse = solve_scaled(H[np.ix_(f, f)], np.eye(len(f)))
     ratio = covariance.error[finite] ** 2 / np.maximum(np.diag(inverse), 1e-300)

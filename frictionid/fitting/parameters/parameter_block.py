@@ -35,6 +35,9 @@ class Estimate(NamedTuple):
     mechanism: Mechanism
 
 
+Key = tuple[str, tuple[int, ...]]  # of a parameter: its block, and its place there
+
+
 class Parameter(NamedTuple):
     """One parameter of a fit: block, name, unit, value, bounds, and tolerance.
 
@@ -59,6 +62,11 @@ class Parameter(NamedTuple):
     shared: tuple[tuple[str, tuple[int, ...]], ...] = ()
     excess: float = 1.0
     size: float = FREE
+
+    @property
+    def key(self) -> Key:
+        """What tells it from others."""
+        return self.block, self.place
 
     @property
     def is_velocity(self) -> bool:

@@ -19,11 +19,12 @@ from frictionid.friction import DataRange, Friction, constraints_of
 from frictionid.friction.coordinates import of_parts, turns_of, with_units_of
 from frictionid.friction.provenance import Dropped
 
-from ..neutral import Idle, Key, LocalCost, Unknown, at_neutral, followed, holding_unknown, parts_of
+from ..neutral import Idle, LocalCost, Unknown, at_neutral, followed, holding_unknown, parts_of
 from ..one_step.one_step_fit import CLEAR
 from ..parameters.parameter_block import (
     IDEAL,
     Estimate,
+    Key,
     ParameterBlock,
     values_of,
     with_excess,

@@ -19,7 +19,6 @@ from ..covariance import least_significant
 from ..fit import Covariance, Fit
 from ..identifier import Identifier
 from ..neutral import (
-    Key,
     LocalCost,
     Unknown,
     at_neutral,
@@ -229,8 +228,8 @@ def _holding(several: Sequence[Unknown], solution: TorqueSolution) -> TorqueProb
     """The problem that begins where a fit ended, but for parameters held at neutral values."""
     problem = solution.problem
     values = values_of(solution.estimate, problem.blocks)
-    keys = [Key(p.block, p.place) for p in problem.parameters]
-    values[[keys.index(u.key) for u in several]] = [u.neutral for u in several]
+    keys = [p.key for p in problem.parameters]
+    values[[keys.index(u.parameter.key) for u in several]] = [u.neutral for u in several]
     estimate = with_values(solution.estimate, problem.blocks, values)
     blocks = at_neutral(solution.blocks, estimate.friction, several)[0]
     return _problem(problem, blocks, estimate)
