@@ -10,7 +10,7 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.errors import InputError, needs
-from frictionid.friction import Nodes
+from frictionid.friction import Friction, Nodes, memory_along
 from frictionid.friction.laws.layers import count
 from frictionid.friction.laws.network_law import NetworkLaw
 
@@ -50,7 +50,7 @@ class FoldStack(NamedTuple):
         pairs = zip(self.theta, self.problems, strict=True)
         each = [
             (
-                *self.law.features(theta, p.nodes.inputs, window(self.law, p.nodes)),
+                *self.law.features(theta, p.nodes.inputs, window(self.law, theta, p.nodes)),
                 self.law.read(theta, p.nodes.inputs),
             )
             for theta, p in pairs
@@ -215,7 +215,7 @@ class RowTrainingSet:
         return level * sign
 
 
-def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
+def window(law: NetworkLaw, theta: Array, nodes: Nodes) -> tuple[Array, ...]:
     """Memory (S, n) at each node of a law that remembers samples of the velocity, newest first.
 
     None of laws with cells, which read the samples one after the other.
@@ -229,15 +229,8 @@ def window(law: NetworkLaw, nodes: Nodes) -> tuple[Array, ...]:
         return ()
     if not law.reads_window:
         raise InputError(f"{law}: networks with a memory of this kind cannot be trained")
-    first = np.repeat(nodes.first[:-1], np.diff(nodes.first))
-    place = np.arange(len(nodes.time)) - first
-    newest = place // nodes.per_sample
-    ages = [np.maximum(newest - age, 0) for age in range(law.samples)]
-    places = [first + age * nodes.per_sample for age in ages]
-    q, w = nodes.inputs.q, nodes.inputs.w
-    if not law.presliding:
-        return tuple(w[at] for at in places)
-    # before a recording, as in the initial memory state: as if the velocity had been constant
-    missing = [np.maximum(age - newest, 0)[:, None] for age in range(law.samples)]
-    pairs = zip(places, missing, strict=True)
-    return (w[places[0]], *(q[at] - law.sample_time * k * w[first] for at, k in pairs))
+    sizes = np.diff(nodes.first)
+    recording = np.repeat(np.arange(len(sizes)), sizes)
+    at = np.arange(len(nodes.time)) - nodes.first[recording], recording
+    steps = memory_along(Friction(law, theta), nodes)
+    return tuple(np.stack(entry)[at] for entry in zip(*steps, strict=True))

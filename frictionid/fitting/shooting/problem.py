@@ -158,7 +158,7 @@ class ShootingProblem:
         x = at_places(dataset.mechanism, x)
         steps = memory_along(friction, Nodes(x, time, first))
         at = intervals.index, intervals.recording
-        return tuple(np.stack([s[m] for s in steps])[at] for m in range(len(steps[0])))
+        return tuple(np.stack(entry)[at] for entry in zip(*steps, strict=True))
 
     def _following(self, rows: Array) -> Array:
         """The intervals (k,) behind some, or these where none follows."""

@@ -154,7 +154,7 @@ def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
         lambda: Ensemble(members=1),
         lambda: Network(WindowMLP(), inputs="all"),
         lambda: Network(WindowMLP(), share=0.0),
-        lambda: window(Dahl(), synthetic_problem(1).nodes),
+        lambda: window(Dahl(), (), synthetic_problem(1).nodes),
     ],
 )
 def test_objects_that_mean_nothing_are_refused(make):

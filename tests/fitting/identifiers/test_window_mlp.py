@@ -75,12 +75,13 @@ def test_options_of_laws_with_memory_hold_along_a_motion(law, odd):
 
 def test_its_memory_is_the_newest_samples():
     law, nodes = WindowMLP(3, hidden=(2,)), synthetic_problem(1).nodes
-    steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
+    theta = drawn(law, n=1)[0]
+    steps = memory_along(Friction(law, theta), nodes)
     assert_array_equal(steps[0], 3 * [nodes.inputs.w[nodes.first[:-1]]])
     w = nodes.inputs.w[: nodes.first[1]]
     for age in range(3):
         assert_array_equal(steps[21][age][0], w[20 - 2 * age])
-    seen = window(law, nodes)
+    seen = window(law, theta, nodes)
     for age in range(3):
         assert_array_equal(seen[age][21], w[20 - 2 * age])
         assert_array_equal(seen[age][0], w[0])
@@ -89,12 +90,12 @@ def test_its_memory_is_the_newest_samples():
 def test_its_memory_of_the_way_is_the_newest_angles():
     law, nodes = WindowMLP(3, hidden=(2,), presliding=0.01), synthetic_problem(1).nodes
     law = replace(law, sample_time=float(nodes.time[2] - nodes.time[0]))
-    steps = memory_along(Friction(law, drawn(law, n=1)[0]), nodes)
-    seen = window(law, nodes)
+    seen, (q, w) = window(law, drawn(law, n=1)[0], nodes), nodes.inputs[:2]
     for t in (0, 1, 2, 3, 8, 21):
-        for i in range(4):
-            assert_allclose(seen[i][t], steps[t][i][0], atol=1e-12)
-    assert_array_equal(seen[2][21], nodes.inputs.q[18])
+        assert_array_equal(seen[0][t], w[t // 2 * 2])
+        for age in range(3):
+            before = law.sample_time * max(age - t // 2, 0) * w[0]
+            assert_allclose(seen[1 + age][t], q[max(t // 2 - age, 0) * 2] - before, atol=1e-12)
 
 
 def test_the_place_of_a_joint_does_not_matter_but_its_way_does():
