@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from frictionid.config import Count, Positive, validated
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import holds
 from frictionid.errors import InputError
@@ -26,7 +29,7 @@ WINDOWS = (5 / 60, 10 / 60, 20 / 60)
 _RATE = 30.0  # [Hz]
 
 
-@dataclass(frozen=True)
+@validated
 class Settings:
     """How friction is refined by shooting.
 
@@ -42,22 +45,16 @@ class Settings:
         standard errors: there a model with it is expected to predict better [Akaike1974]
     """
 
-    windows: tuple[float, ...] = WINDOWS
-    iterations: int = 40
-    tolerance: float = 0.05
-    huber: float = 2.5
-    fine: float = 0.0007
-    significance: float = 0.157
+    windows: Annotated[tuple[Positive, ...], Field(min_length=1)] = WINDOWS
+    iterations: Count = 40
+    tolerance: Positive = 0.05
+    huber: Positive = 2.5
+    fine: Positive = 0.0007
+    significance: Positive = 0.157
 
     def __post_init__(self) -> None:
-        if not self.windows or any(not w > 0 for w in self.windows):
-            raise InputError(f"windows = {list(self.windows)} must be positive lengths in seconds")
         if list(self.windows) != sorted(self.windows):
             raise InputError(f"windows = {list(self.windows)} must grow: short ones converge first")
-        for name in ("iterations", "tolerance", "huber", "fine", "significance"):
-            value = getattr(self, name)
-            if not value > 0:
-                raise InputError(f"{name} = {value} must be positive")
 
     def at(self, sample_time: float) -> Settings:
         """The settings for samples so far apart [s]: windows that were not given follow them.

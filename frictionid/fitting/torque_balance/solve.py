@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import Count, Positive, validated
 from frictionid.errors import InputError
 from frictionid.friction import along
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_consistent
@@ -48,7 +49,7 @@ def logged_gain(estimate: Estimate) -> Array:
     return np.maximum(np.asarray(estimate.calibration.gain, dtype=float), 1e-3)
 
 
-@dataclass(frozen=True)
+@validated
 class TorqueSettings:
     """How torques are balanced and friction is fitted to them.
 
@@ -63,18 +64,13 @@ class TorqueSettings:
         MJCF, see `mechanics.rigid_body.rigid_body_tree`
     """
 
-    window: float = 0.05
-    node_time: float = 0.004
-    iterations: int = 60
-    tolerance: float = 1e-3
-    huber: float = 2.5
-    significance: float = 0.01
+    window: Positive = 0.05
+    node_time: Positive = 0.004
+    iterations: Count = 60
+    tolerance: Positive = 1e-3
+    huber: Positive = 2.5
+    significance: Positive = 0.01
     consistent: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("window", "node_time", "iterations", "tolerance", "huber", "significance"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name} = {getattr(self, name)} must be positive")
 
 
 @dataclass(frozen=True, eq=False)

@@ -252,7 +252,7 @@ def test_a_given_friction_stays(clean):
 
 
 def test_settings_are_checked():
-    with assert_refused("window = 0"):
+    with assert_refused("window: it should be greater than 0"):
         TorqueSettings(window=0.0)
 
 
