@@ -248,17 +248,25 @@ def held_out_costs(G: Array, columns: Sequence[int]) -> Array:
 def selected(G: Array, sets: Sequence[ActiveSet], n_standard_errors: float) -> tuple[int, ...]:
     """The first of the active sets that predicts held-out clusters as well as the best one.
 
-    As well: the mean logarithm of the ratio of their squares exceeds zero by no more than
-    `n_standard_errors` over the clusters. Differences instead of ratios would leave the decision to
-    the few clusters that move most. Sets are given from small to large.
+    Sets are given from small to large.
     """
     G = G[np.einsum("cii->c", G) > 0]
     floor = _EXACT * np.maximum(G[:, -1, -1], G[:, -1, -1].mean())
     costs = [np.maximum(held_out_costs(G, active.columns), floor) for active in sets]
+    return sets[first_as_good(costs, n_standard_errors)].columns
+
+
+def first_as_good(costs: Sequence[Array], n_standard_errors: float) -> int:
+    """The first model whose squares (C,) of held-out clusters are as good as those of the best one.
+
+    As good: the mean logarithm of their ratio exceeds zero by no more than so many standard errors
+    over the clusters. Differences instead of ratios would leave the decision to the few clusters
+    that move most.
+    """
     best = int(np.argmin([cost.sum() for cost in costs]))
-    for active, cost in zip(sets[:best], costs, strict=False):
+    for k, cost in enumerate(costs[:best]):
         excess = np.log(cost / costs[best])
         error = np.sqrt(excess.var(ddof=1) / len(excess)) if len(excess) > 1 else 0.0
         if excess.mean() <= n_standard_errors * error:
-            return active.columns
-    return sets[best].columns
+            return k
+    return best

@@ -26,7 +26,7 @@ from frictionid.friction.laws.combined import CombinedLaw
 from ..one_step.balances import SHAPES
 from ..one_step.grams import clusters, grams
 from ..one_step.residual import Problem
-from .active_sets import best_fits, held_out_costs, unit_columns
+from .active_sets import best_fits, first_as_good, held_out_costs, unit_columns
 from .regressor import torques
 
 _MOST, _GROUPS = 6, 20  # harmonics of a joint, and clusters
@@ -131,13 +131,8 @@ def _chosen(G: Array, base: int, count: int, level: float) -> tuple[int, ...]:
     if len(G) < 2:
         return ()
     costs = np.stack([_held_out(G, c, base, count) for c in range(len(G))], axis=1)
-    best, reach = int(np.argmin(costs.sum(axis=1))), float(stdtrit(len(G) - 1, 1.0 - level))
-    sizes = []
-    for size, cost in enumerate(costs[: best + 1]):
-        excess = np.log(cost / costs[best])
-        error = np.sqrt(excess.var(ddof=1) / len(excess))
-        sizes += [size] if excess.mean() <= reach * error else []
-    return list(_sets(G.sum(axis=0), base, count, sizes[0]))[-1]
+    size = first_as_good(list(costs), float(stdtrit(len(G) - 1, 1.0 - level)))
+    return list(_sets(G.sum(axis=0), base, count, size))[-1]
 
 
 def _held_out(G: Array, c: int, base: int, count: int) -> Array:

@@ -70,6 +70,11 @@ class _Step(NamedTuple):
     error: Array
 
     @property
+    def begin(self) -> tuple[float, Array]:
+        """Its damping and the values (D,) it began at: its point is too large to be kept."""
+        return self.damping, values_of(self.point.estimate, self.solution.problem.blocks)
+
+    @property
     def largest(self) -> float:
         """Largest move of a parameter in standard errors."""
         return float((np.abs(self.solution.move) / self.error).max(initial=0.0))
@@ -163,21 +168,21 @@ def _solve_stage(
     if kinked is not None:
         point = point._replace(kinked=kinked, out=kinked)
     step, before = _next_step(problem, point, sigma, _DAMPING[0], 1.0), None
-    begins, count, most = [_begin(problem, step)], 1, 1.0
+    begins, count, most = [step.begin], 1, 1.0
     report_step(what, settings.iterations - 1)
-    while count < settings.iterations and not _converged(problem, step, begins):
+    while count < settings.iterations and not _converged(step, begins):
         try:
-            point, damping = _accepted_or_last(problem, step)
+            point, damping = _accepted_or_last(step)
         except NoFitError:
-            if (begins[0].values == begins[-1].values).all():
+            if (begins[0][1] == begins[-1][1]).all():
                 raise
             return _taken_back(step)._replace(iterations=count)
         share, most = _step_share(step, before, most)
         before = step.solution.move
         step = _next_step(problem, point, step.solution.sigma, damping, share)
-        begins, count = [*begins, _begin(problem, step)], count + 1
+        begins, count = [*begins, step.begin], count + 1
         report_step(what, settings.iterations - count)
-    converged = _converged(problem, step, begins)
+    converged = _converged(step, begins)
     return step.solution._replace(converged=converged, iterations=count)
 
 
@@ -188,18 +193,7 @@ def _taken_back(step: _Step) -> Solution:
     return solution._replace(estimate=point.estimate, nodes=point.nodes, move=stay)
 
 
-class _Begin(NamedTuple):
-    """Damping of a step and the values (D,) it began at: its point is too large to be kept."""
-
-    damping: float
-    values: Array
-
-
-def _begin(problem: ShootingProblem, step: _Step) -> _Begin:
-    return _Begin(step.damping, values_of(step.point.estimate, problem.blocks))
-
-
-def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) -> bool:
+def _converged(last: _Step, begins: Sequence[tuple[float, Array]]) -> bool:
     """Whether the last step was small, or the last eight or more led to and fro and nowhere.
 
     Where the cost has a kink (a joint that just stops in some window, a window that just counts),
@@ -207,12 +201,11 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
     kink: from the first half of the last steps to the second none of the parameters got on, on
     average, by more than a quarter of its standard error, nor did it stray by more than one.
     """
-    tolerance = problem.settings.tolerance
+    tolerance = last.solution.problem.settings.tolerance
     if last.converged(tolerance):
         return True
-    damped = [k for k, begin in enumerate(begins) if begin.damping >= _DAMPED]
-    end = values_of(last.solution.estimate, problem.blocks)
-    way = np.stack([*(begin.values for begin in begins), end]) / last.error
+    damped = [k for k, (damping, _) in enumerate(begins) if damping >= _DAMPED]
+    way = np.stack([*(values for _, values in begins), last.solution.values]) / last.error
     longest = len(begins) - (damped[-1] + 1 if damped else 0)
     for length in range(_CIRCLE, longest + 1, 2):
         steps, half = way[-length - 1 :], (length + 1) // 2
@@ -224,12 +217,13 @@ def _converged(problem: ShootingProblem, last: _Step, begins: Sequence[_Begin]) 
     return False
 
 
-def _accepted_or_last(problem: ShootingProblem, step: _Step) -> tuple[Point, float]:
+def _accepted_or_last(step: _Step) -> tuple[Point, float]:
     """The point that a step led to, less damping; or the point before it again, more damping.
 
     A step is taken back where the cost has grown, or the physics step cannot follow the friction.
     """
-    s, last, huber = step.solution, step.point, problem.settings.huber
+    s, last, problem = step.solution, step.point, step.solution.problem
+    huber = problem.settings.huber
     shorter = last, max(step.damping, 1e-4) * 10.0
     try:
         point = linearised_at(problem, s.windows, s.estimate, s.nodes, s.sigma)
