@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,25 +14,6 @@ from ..one_step.linearised import Linearised
 
 _RIDGE = 1e-12
 _SWEEPS = 2
-
-
-class _Candidates(NamedTuple):
-    """Initial values (S, n, P) of each joint, and the residual near them in one fold.
-
-    With the values theta_j of some choice for each joint j, and steps d_j from there,
-
-        e = r - sum_j G_j Tf_j(theta_j) - sum_j J_j d_j
-
-    so that the rows matter by one Gram matrix (M, M) of the columns [J_j, -G_j Tf_j] of all values
-    and joints, and r as the last one; M = S n (P + 1) + 1.
-
-    low, high : bounds (N,) of the parameters
-    """
-
-    values: Array
-    gram: Array
-    low: Array
-    high: Array
 
 
 def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
@@ -51,9 +31,7 @@ def best_initial_guess(fit: Linearised, weights: Array) -> tuple[Array, Array]:
         check_rows(fit, weights, np.zeros(fit.problem.r.shape, dtype=bool))
     values = _values(fit)
     grams = _grams(fit, values, weights)
-    pairs = [
-        _best_of_fold(_Candidates(values, *fold)) for fold in zip(grams, *fit.bounds, strict=True)
-    ]
+    pairs = [_best_of_fold(values, *fold) for fold in zip(grams, *fit.bounds, strict=True)]
     initial, stepped = (np.reshape(each, (len(weights), -1)) for each in zip(*pairs, strict=True))
     return np.clip(initial, *fit.bounds), stepped
 
@@ -69,10 +47,15 @@ def _values(fit: Linearised) -> Array:
 
 
 def _grams(fit: Linearised, values: Array, weights: Array) -> Array:
-    """Gram matrix (F, M, M) of each fold, see `_Candidates`.
+    """Gram matrix (F, M, M) of each fold; M = S n (P + 1) + 1.
 
-    The columns of joint j are G_kj b_kj with b = [dTf_j/dtheta, -Tf_j] of all values, so that the
-    rows matter by
+    Near the values theta_j of some choice for each joint j, with steps d_j from there,
+
+        e = r - sum_j G_j Tf_j(theta_j) - sum_j J_j d_j
+
+    so that the rows matter by the products of the columns [J_j, -G_j Tf_j] of all values and
+    joints, and r as the last one. The columns of joint j are G_kj b_kj with b = [dTf_j/dtheta,
+    -Tf_j] of all values, so that the rows matter by
 
         sum_k w_k (G_kj' G_ki) b_kj b_ki'    and    sum_k w_k (G_kj' r_k) b_kj
     """
@@ -127,19 +110,24 @@ def _torques(fit: Linearised, values: Array) -> Array:
     return np.moveaxis(both, 0, 2).transpose(1, 0, 2, 3).reshape(n, -1, S * (P + 1))
 
 
-def _best_of_fold(candidates: _Candidates) -> tuple[Array, Array]:
-    """Initial values (N,) of one fold, and the values (N,) after its step."""
-    S, n, _ = candidates.values.shape
+def _best_of_fold(values: Array, gram: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Initial values (N,) of one fold, of values (S, n, P), and the values (N,) after its step.
+
+    gram : (M, M), see `_grams`; low, high : bounds (N,)
+    """
+    S, n, _ = values.shape
     alike = np.repeat(np.arange(S)[:, None], n, axis=1)
-    choice, stepped = _best_choice(candidates, alike)
+    choice, stepped = _best_choice(values, gram, low, high, alike)
     for j in list(range(n)) * (_SWEEPS if n > 1 else 0):
         choices = np.repeat(choice[None], S, axis=0)
         choices[:, j] = np.arange(S)
-        choice, stepped = _best_choice(candidates, choices)
-    return candidates.values[choice, np.arange(n)].ravel(), stepped
+        choice, stepped = _best_choice(values, gram, low, high, choices)
+    return values[choice, np.arange(n)].ravel(), stepped
 
 
-def _best_choice(candidates: _Candidates, choices: Array) -> tuple[Array, Array]:
+def _best_choice(
+    values: Array, gram: Array, low: Array, high: Array, choices: Array
+) -> tuple[Array, Array]:
     """The choice (n,) of initial values with the lowest cost after one step, and the values there.
 
     The cost after a step d within the bounds, from the values of one of the choices (C, n), is
@@ -147,20 +135,19 @@ def _best_choice(candidates: _Candidates, choices: Array) -> tuple[Array, Array]
         |e0|^2 - 2 g'd + d'H d,   H = J'J,  g = J'e0
     """
     C, n = choices.shape
-    S, _, P = candidates.values.shape
-    gram = candidates.gram
+    S, _, P = values.shape
     columns = np.arange(S * n * (P + 1)).reshape(n, S, P + 1)[np.arange(n), choices]
     J = columns[..., :-1].reshape(C, n * P)
     e0 = np.insert(columns[..., -1], 0, len(gram) - 1, axis=1)  # these columns add up to e0
     H = gram[J[:, :, None], J[:, None, :]]
     g = gram[J[:, :, None], e0[:, None, :]].sum(-1)
     cost = gram[e0[:, :, None], e0[:, None, :]].sum((-1, -2))
-    start = candidates.values[choices, np.arange(n)].reshape(C, n * P)
+    start = values[choices, np.arange(n)].reshape(C, n * P)
     damped = H * (1 + _RIDGE * np.eye(n * P))
-    d = bounded(damped, g, candidates.low - start, candidates.high - start)
+    d = bounded(damped, g, low - start, high - start)
     cost = cost - 2 * (g * d).sum(-1) + np.einsum("ci,cij,cj->c", d, H, d)
     best = int(np.argmin(cost))
-    return choices[best], np.clip(start[best] + d[best], candidates.low, candidates.high)
+    return choices[best], np.clip(start[best] + d[best], low, high)
 
 
 def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:

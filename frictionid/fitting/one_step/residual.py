@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -238,18 +237,11 @@ def stiction_projector(G: Array, mask: Array) -> Array:
     return P
 
 
-class _Part(NamedTuple):
-    """Rows of one recording: node inputs and times, r, G, start and length of each interval."""
-
-    inputs: Inputs
-    node_time: Array
-    r: Array
-    G: Array
-    start: Array
-    dt: Array
+# Rows of one recording: node inputs and times, r, G, start and length of each interval.
+_Rows = tuple[Inputs, Array, Array, Array, Array, Array]
 
 
-def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
+def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     time, q, w = states.motion
     u = averages(recording.torque, time)
     dt = np.diff(time)
@@ -260,10 +252,10 @@ def _euler_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     load = recorded_load(plant, time[:-1], q[:-1], w[:-1], u)
     nodes = at_places(plant.mechanism, Inputs(q[:-1], w[:-1], u, load, temperature))
     r, G = with_places(plant.mechanism, r, inverse(terms.M) * dt[:, None, None])
-    return _Part(nodes, time[:-1], r, G, time[:-1], dt)
+    return nodes, time[:-1], r, G, time[:-1], dt
 
 
-def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
+def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     dt = np.diff(states.time)
     at, q, w = with_midpoints(*states.motion)
     plant = on_recorded_base(plant, recording, at)
@@ -280,11 +272,11 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Part:
     temperature = temperature_at(recording, at, plant.mechanism.joints)
     nodes = recorded_inputs(plant, at, q, w, torque, temperature)
     r, G = with_places(plant.mechanism, r, inverse(M1) * dt[:, None, None])
-    return _Part(nodes, at, r, G, states.time[:-1], dt)
+    return nodes, at, r, G, states.time[:-1], dt
 
 
 def _assemble(
-    parts: Sequence[_Part],
+    parts: Sequence[_Rows],
     coefficients: tuple[float, ...],
     per_sample: int,
     history: int | Sequence[int],
@@ -292,22 +284,22 @@ def _assemble(
 ) -> Problem:
     """One problem of all recordings, without gaps and the first `history` rows of each."""
     before = [history] * len(parts) if isinstance(history, int) else list(history)
-    first = np.cumsum([0, *(len(part.node_time) for part in parts)])
+    inputs, node_times, *_ = zip(*parts, strict=True)
+    first = np.cumsum([0, *map(len, node_times)])
     rows = []
-    for i, part in enumerate(parts):
-        kept = np.arange(len(part.r)) >= before[i]
-        kept &= part.dt <= GAP * np.median(part.dt)
+    for i, (_, _, r, G, start, dt) in enumerate(parts):
+        kept = np.arange(len(r)) >= before[i]
+        kept &= dt <= GAP * np.median(dt)
         node = first[i] + np.flatnonzero(kept)[:, None] * per_sample
         stencil, number = node + np.arange(len(coefficients)), np.full(kept.sum(), i)
-        rows.append((part.r[kept], part.G[kept], stencil, number, part.start[kept], part.dt[kept]))
+        rows.append((r[kept], G[kept], stencil, number, start[kept], dt[kept]))
     r, G, stencil, recording, time, dt = (np.concatenate(x) for x in zip(*rows, strict=True))
     if not len(r):
         raise InputError(
             f"no recording is longer than the {max(before)} samples of history before its first "
             "row: record longer, shorten the history, or use more of the samples"
         )
-    inputs = joined([part.inputs for part in parts])
-    nodes = Nodes(inputs, np.concatenate([part.node_time for part in parts]), first, per_sample)
+    nodes = Nodes(joined(inputs), np.concatenate(node_times), first, per_sample)
     c = np.array(coefficients)
     slowest = np.stack([slowest_speeds(s) for s in states])
     parts_beyond = r.shape[-1] - slowest.shape[-1]  # coupled, as slow as the slowest joint

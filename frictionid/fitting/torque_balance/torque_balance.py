@@ -156,18 +156,6 @@ class TorqueBalance:
         return np.concatenate([rows, np.repeat(self.use[:, None], len(WRENCH), axis=1)], axis=1)
 
 
-class _Part(NamedTuple):
-    """Nodes and windows of one recording."""
-
-    inputs: Inputs
-    time: Array
-    stencil: Array
-    regressor: Array
-    start: Array
-    stop: Array
-    wrench: BaseWrench | None
-
-
 def torque_balance(
     dataset: Dataset, states: Sequence[States], window: float, node_time: float
 ) -> TorqueBalance:
@@ -189,31 +177,31 @@ def torque_balance(
             zip(states, dataset.recordings, counts, strict=True)
         )
     ]
-    if not any(len(part.start) for part in parts):
+    inputs, time, stencils, regressors, start, stop, wrenches = zip(*parts, strict=True)
+    if not any(map(len, start)):
         raise InputError(
             f"data set {dataset.name!r}: no recording is as long as a window of {window:g} s: "
             "shorten the window"
         )
-    first = np.cumsum([0, *(len(part.time) for part in parts)])
-    inputs = joined([part.inputs for part in parts])
-    stencil = np.concatenate([p.stencil + f for p, f in zip(parts, first[:-1], strict=True)])
-    recording = np.repeat(np.arange(len(parts)), [len(part.start) for part in parts])
+    first = np.cumsum([0, *map(len, time)])
+    stencil = np.concatenate([s + f for s, f in zip(stencils, first[:-1], strict=True)])
+    recording = np.repeat(np.arange(len(parts)), list(map(len, start)))
     nominal = plant.mechanism.nominal_base
     balance = TorqueBalance(
         dataset,
-        Nodes(inputs, np.concatenate([part.time for part in parts]), first, 2),
+        Nodes(joined(inputs), np.concatenate(time), first, 2),
         stencil,
         _simpson(most),
-        np.concatenate([part.regressor for part in parts]),
+        np.concatenate(regressors),
         (plant.p - nominal)[recording],
         recording,
-        np.concatenate([part.start for part in parts]),
-        np.concatenate([part.stop for part in parts]),
+        np.concatenate(start),
+        np.concatenate(stop),
         np.zeros((len(stencil), plant.n), dtype=bool),
         np.stack([slowest_speeds(s) for s in states]) @ np.abs(plant.mechanism.friction_map).T,
         np.ones(len(stencil), dtype=bool),
         integrals_of([r.torque for r in dataset.recordings]),
-        _joined_wrenches([part.wrench for part in parts]),
+        _joined_wrenches(wrenches),
     )
     resting = stiction_mask(balance.problem, None)
     slides = ~(resting @ (plant.mechanism.friction_map != 0))
@@ -249,8 +237,13 @@ def _simpson(count: int) -> Array:
     return np.asarray(c / c.sum())
 
 
-def _part(plant: Plant, states: States, recording: Recording, step: int, count: int) -> _Part:
-    """Nodes of a recording, and its windows of `count` steps from each to the next."""
+def _part(
+    plant: Plant, states: States, recording: Recording, step: int, count: int
+) -> tuple[Inputs, Array, Array, Array, Array, Array, BaseWrench | None]:
+    """Nodes of a recording, and its windows of `count` steps from each to the next.
+
+    Inputs and times of the nodes; stencil, regressor, start, stop and wrench of the windows.
+    """
     at = np.arange(0, len(states.time), step)
     time, q, w = with_midpoints(states.time[at], states.q[at], states.w[at])
     plant = on_recorded_base(plant, recording, time)
@@ -268,7 +261,7 @@ def _part(plant: Plant, states: States, recording: Recording, step: int, count: 
     if recording.base_wrench is not None and isinstance(plant.mechanism, RigidBodyTree):
         log = integrals_of([recording.base_wrench])
         wrench = _wrench(plant, plant.mechanism, (time, q, w), stencil, log)
-    return _Part(inputs, time, stencil, rows, start, stop, wrench)
+    return inputs, time, stencil, rows, start, stop, wrench
 
 
 def _wrench(
