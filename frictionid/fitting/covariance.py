@@ -12,7 +12,7 @@ from frictionid.friction.provenance import Dropped
 
 from .fit import Covariance
 from .parameters.parameter_block import IDEAL, Parameter, ParameterBlock, limits_of
-from .sandwich import SINGULAR, Groups, sandwich, shown_once, solve_scaled
+from .sandwich import SINGULAR, Groups, sandwich, shown_once, solve_scaled, step_of
 
 _TEMPERATURES = (0.0, 80.0)  # [degC]
 _POINTS, _SPEED, _DECADES = 200, 10.0, 4  # [rad/s], and how much slower the slowest is
@@ -101,7 +101,8 @@ def grouped_covariance(
     tolerance = np.array([p.tolerance for p in parameters])
     matrix[np.ix_(keep, keep)] += _by_priors(H, limits.precision, tolerance, keep)
     pull = limits.precision * (limits.mean - (values - groups.move))
-    left = _left_over(H, groups.g.sum(axis=0) + pull, free)
+    # what one more step would change: where a fit has not settled, an error as good as any other
+    left = step_of(H, groups.g.sum(axis=0) + pull, free)
     matrix += np.outer(left, left) + model_error
     unknown = ~free | lost | once
     words += tuple(
@@ -174,16 +175,6 @@ def _needs(parameters: tuple[Parameter, ...], k: int, others: tuple[int, ...]) -
     named = [parameters[i].name for i in others]
     names = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
     return f"{parameters[k].name} means nothing where {names} may be zero"
-
-
-def _left_over(H: Array, g: Array, free: Array) -> Array:
-    """What one more Gauss-Newton step would change in the parameters (D,), H^-1 g.
-
-    Next to nothing where a fit has settled; where it has not, an error as good as any other.
-    """
-    keep, left = np.flatnonzero(free), np.zeros(len(free))
-    left[keep] = solve_scaled(H[np.ix_(keep, keep)], g[keep])
-    return left
 
 
 def _undetermined(

@@ -158,3 +158,10 @@ def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
 def solve_scaled(H: Array, g: Array) -> Array:
     """H^-1 g of a normal matrix H (D, D), least squares where it is singular; g (D, ...)."""
     return np.asarray(scaled_inverse(H, SINGULAR) @ g)
+
+
+def step_of(H: Array, g: Array, free: Array) -> Array:
+    """The Gauss-Newton step (D,) H^-1 g of the free parameters (D,), zero for others."""
+    keep, step = np.flatnonzero(free), np.zeros(len(free))
+    step[keep] = solve_scaled(H[np.ix_(keep, keep)], g[keep])
+    return step

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr  # scipy.stats takes half a second to import
@@ -19,7 +18,7 @@ from ..parameters import (
     TargetDelayBlock,
 )
 from ..parameters.parameter_block import ParameterBlock
-from ..sandwich import sandwich, shown_once, solve_scaled
+from ..sandwich import sandwich, shown_once, solve_scaled, step_of
 from .data_checks import telling
 from .problem import shooting_problem
 from .servo import has_actuator, with_servo
@@ -39,19 +38,13 @@ _CLEAR = 0.01  # p-value of a block that would show
 _OWN = 1e-6  # of a parameter's information that no other one shares, or it is no question
 
 
-class Omitted(NamedTuple):
-    """Blocks that were not free and would show, and what they would change in the parameters (D,).
+def omitted_blocks(
+    solution: Solution, tested: Sequence[str] = ()
+) -> tuple[Array | float, tuple[str, ...]]:
+    """What blocks that show, and were not free, do to parameters: covariance (D, D), and words.
 
-    p_values : of each block beside the others
-    """
-
-    blocks: tuple[str, ...]
-    p_values: tuple[float, ...]
-    shift: Array
-
-
-def omitted_blocks(solution: Solution, tested: Sequence[str] = ()) -> Omitted | None:
-    """Blocks that would differ significantly from what they were held at, if they were free.
+    They would differ significantly from what they were held at, if they were free, and parameters
+    may lie anywhere between both settings.
 
     Of inertia, delay, bias and offset, of servos the targets' delay and backlash in place of the
     delay, all are freed, and the least significant one is left out until all show: by one
@@ -65,22 +58,25 @@ def omitted_blocks(solution: Solution, tested: Sequence[str] = ()) -> Omitted | 
     network = solution.estimate.friction.law.is_network
     motors = {b.name for b in fitted if b.enters == "actuator"} == {"actuator"}
     if network or motors or not problem.count:
-        return None
+        return 0.0, ()
     offered = _that_may_be_free(solution, fitted, tested)
     if not offered:
-        return None
+        return 0.0, ()
     wider = widened(solution, (*fitted, *offered))
     if not np.isfinite(wider.normal.H[wider.closed]).all():
-        return None
+        return 0.0, ()
     step = _Step(solution, wider)
     names = tuple(b.name for b in offered)
     while names:
         p = step.p_values(names)
         worst = int(np.argmax(p))
         if p[worst] < _CLEAR:
-            return Omitted(names, p, step.shift(names))
+            shift, pairs = step.shift(names), zip(names, p, strict=True)
+            each = ", ".join(f"{name!r} (p = {p_value:.1g})" for name, p_value in pairs)
+            words = f"Not free, and would show: {each}. Intervals hold what that would change; "
+            return np.outer(shift, shift) / 3.0, (f"{words}free them.",)
         names = (*names[:worst], *names[worst + 1 :])
-    return None
+    return 0.0, ()
 
 
 def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
@@ -94,20 +90,6 @@ def widened(solution: Solution, blocks: tuple[ParameterBlock, ...]) -> Solution:
     point = linearised_at(problem, s.windows, estimate, s.nodes, s.sigma)
     normal = eliminate_states(point.prediction, s.weight, s.sigma, point.prior).weighted(s.counts)
     return s._replace(problem=problem, estimate=estimate, normal=normal)
-
-
-def model_error(omitted: Omitted | None) -> Array | float:
-    """Covariance (D, D) of parameters that may lie anywhere between both settings."""
-    return 0.0 if omitted is None else np.outer(omitted.shift, omitted.shift) / 3.0
-
-
-def sentences(omitted: Omitted | None) -> tuple[str, ...]:
-    """What is omitted, for people."""
-    if omitted is None:
-        return ()
-    pairs = zip(omitted.blocks, omitted.p_values, strict=True)
-    each = ", ".join(f"{name!r} (p = {p:.1g})" for name, p in pairs)
-    return (f"Not free, and would show: {each}. Intervals hold what that would change; free them.",)
 
 
 def _that_may_be_free(
@@ -176,10 +158,7 @@ class _Step:
         return self.wider.curvature + np.diag(self.wider.problem.limits.precision)
 
     def _move(self, free: Array) -> Array:
-        keep, move = np.flatnonzero(free), np.zeros(len(free))
-        g = self.wider.normal.g[self.wider.closed].sum(axis=0)
-        move[keep] = solve_scaled(self._H[np.ix_(keep, keep)], g[keep])
-        return move
+        return step_of(self._H, self.wider.normal.g[self.wider.closed].sum(axis=0), free)
 
 
 def _shared(H: Array, free: Array, members: Array) -> float:

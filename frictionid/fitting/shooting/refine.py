@@ -27,7 +27,7 @@ from ..sandwich import worth
 from .data_checks import explained, limits_of_data, odd_recordings, odd_sentences, warnings_of
 from .gauss_newton import step_with_windows
 from .networks import as_given
-from .omitted_blocks import model_error, omitted_blocks, sentences, widened
+from .omitted_blocks import omitted_blocks, widened
 from .sample_intervals import Intervals, intervals_of
 from .settings import DEFAULT_BLOCKS, Settings, applicable
 from .solution import Solution
@@ -169,11 +169,11 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     """The result of a fit that began with a friction, without what was dropped or held."""
     solution, estimate = stage.solution, stage.solution.estimate
     fitted = replace(estimate.friction, calibration=estimate.calibration, parameters={})
-    omitted = omitted_blocks(solution, [d.block for d in stage.dropped])
-    shared = model_error(omitted) + settings_error(solution)
+    omitted, words = omitted_blocks(solution, [d.block for d in stage.dropped])
+    shared = omitted + settings_error(solution)
     shared = shared + smoothing_error(solution) + load_error(solution)
     covariance = solution.covariance(shared)
-    limits = (*sentences(omitted), *limits_of_data(solution, covariance))
+    limits = (*words, *limits_of_data(solution, covariance))
     limits = (*limits, *(u.sentence for u in stage.held))
     diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
     law_friction = as_given(fitted, start)
