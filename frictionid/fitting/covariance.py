@@ -10,7 +10,7 @@ from frictionid.arrays import Array
 from frictionid.friction import Friction, Inputs
 from frictionid.friction.provenance import Dropped
 
-from .fit import Covariance
+from .fit import Covariance, forget
 from .parameters.parameter_block import IDEAL, Parameter, ParameterBlock, limits_of
 from .sandwich import SINGULAR, Groups, sandwich, shown_once, solve_scaled, step_of
 
@@ -109,7 +109,7 @@ def grouped_covariance(
         f"only one recording or stretch of it shows {parameters[k].name}"
         for k in np.flatnonzero(once & ~lost)
     )
-    _forget(matrix, list(np.flatnonzero(unknown)))
+    forget(matrix, np.flatnonzero(unknown))
     out = Covariance(
         *(parameters, values, matrix, max(count - 1, 1), singular, words, ~free, count),
         meaningless=np.zeros(D, dtype=bool),
@@ -122,7 +122,7 @@ def grouped_covariance(
     ]
     words += tuple(_ends(parameters[k], float(values[k])) for k in ends)
     for k in ends:
-        _forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
+        forget(matrix, [i for i, p in enumerate(parameters) if _same_joint(p, parameters[k])])
     idle = {k for needed in needs.items() for k in (needed[0], *needed[1])}
     return replace(out, undetermined=words, meaningless=np.isin(np.arange(D), list(idle)))
 
@@ -154,12 +154,6 @@ def _at_limit(covariance: Covariance, k: int, friction: Friction) -> bool:
 
 def _same_joint(a: Parameter, b: Parameter) -> bool:
     return a.block == b.block == "friction" and a.place[0] == b.place[0]
-
-
-def _forget(matrix: Array, which: list[int]) -> None:
-    """Make the covariance of some parameters infinite, in place."""
-    matrix[which], matrix[:, which] = 0.0, 0.0
-    matrix[which, which] = np.inf
 
 
 def _ends(p: Parameter, value: float) -> str:

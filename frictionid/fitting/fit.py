@@ -17,7 +17,6 @@ from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
 from frictionid.friction import Friction, present
 from frictionid.friction.provenance import Bands, Diagnostics, Estimate, Estimates
-from frictionid.mechanics import Mechanism
 
 from .one_step.residual import Problem
 from .parameters.parameter_block import IDEAL, Parameter
@@ -112,15 +111,15 @@ class Covariance:
         small = half <= np.abs(self.values)
         return np.asarray(np.isfinite(half) & ~self.bound & (small | zero), dtype=bool)
 
-    def draws(self, seed: int = 0, count: int = _DRAWS) -> Array:
-        """Parameters (count, D) drawn from their t distribution; those without an error stay."""
+    def draws(self) -> Array:
+        """Parameters (2000, D) drawn from their t distribution; those without an error stay."""
         finite = np.isfinite(self.error)
         value, vector = np.linalg.eigh(self.matrix[np.ix_(finite, finite)])
         root = vector * np.sqrt(np.maximum(value, 0.0))
-        generator = np.random.default_rng(seed)
-        normal = generator.standard_normal((count, int(finite.sum())))
-        chi = generator.chisquare(self.freedom, count) / self.freedom
-        out = np.repeat(self.values[None], count, axis=0)
+        generator = np.random.default_rng(0)
+        normal = generator.standard_normal((_DRAWS, int(finite.sum())))
+        chi = generator.chisquare(self.freedom, _DRAWS) / self.freedom
+        out = np.repeat(self.values[None], _DRAWS, axis=0)
         out[:, finite] += (normal @ root.T) / np.sqrt(chi)[:, None]
         return out
 
@@ -128,10 +127,14 @@ class Covariance:
 def _repeated(matrix: Array, at: Array) -> Array:
     """Rows and columns of a covariance at places; what is not known is so by itself."""
     out = np.asarray(matrix[np.ix_(at, at)])
-    unknown = np.flatnonzero(~np.isfinite(out).all(axis=1))
-    out[unknown], out[:, unknown] = 0.0, 0.0
-    out[unknown, unknown] = np.inf
+    forget(out, np.flatnonzero(~np.isfinite(out).all(axis=1)))
     return out
+
+
+def forget(matrix: Array, which: Array | list[int]) -> None:
+    """Make the covariance of some parameters infinite, in place."""
+    matrix[which], matrix[:, which] = 0.0, 0.0
+    matrix[which, which] = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +145,6 @@ class Fit:
     diagnostics : of shooting and inverse dynamics: how the fit went; None of one-step fits
     fitted : the friction as a function of the free parameters, of a network that of a few
         combinations of its weights
-    mechanism : whose base parameters were fitted
     folds : friction (F + 1, n, P) of the folds and, last, of all data
     problem, weights : the one-step problem that was fitted, with the weights (K,) of all data
     beside : number of parameters of the calibration that corrected its data, which these determined
@@ -152,7 +154,6 @@ class Fit:
     covariance: Covariance = Covariance()
     diagnostics: Diagnostics | None = None
     fitted: Friction | None = None
-    mechanism: Mechanism | None = None
     folds: Friction | None = None
     problem: Problem | None = None
     weights: Array | None = None
@@ -164,8 +165,8 @@ class Fit:
         assert self.friction.calibration is not None
         return self.friction.calibration
 
-    def bands(self, w: Array, level: float = 0.95, seed: int = 0) -> tuple[Array, Array]:
-        """Half-widths (V, n) [N m] of each joint's curve at velocities w (V, n).
+    def bands(self, w: Array) -> tuple[Array, Array]:
+        """Half-widths (V, n) [N m] of 95 % bands of each joint's curve at velocities w (V, n).
 
         Pointwise, and simultaneous over all its velocities.
         """
@@ -174,11 +175,11 @@ class Fit:
         finite = np.isfinite(covariance.error)
         inner, slope = covariance.matrix[np.ix_(finite, finite)], slope[..., finite]
         error = np.sqrt(np.einsum("vnd,de,vne->vn", slope, inner, slope))
-        point = stdtrit(covariance.freedom, 0.5 + level / 2) * error
-        off = (covariance.draws(seed) - covariance.values)[:, finite]
+        point = stdtrit(covariance.freedom, 0.975) * error
+        off = (covariance.draws() - covariance.values)[:, finite]
         size = np.abs(np.einsum("vnd,bd->bvn", slope, off))
         ratio = (size / np.maximum(error, 1e-300)).max(axis=1)
-        return point, np.quantile(ratio, level, axis=0) * error
+        return point, np.quantile(ratio, 0.95, axis=0) * error
 
     def _slopes(self, w: Array) -> Array:
         """Derivatives (V, n, D) of each joint's curve in the free parameters."""
@@ -272,7 +273,7 @@ def _estimates(
 
 def recordings_own(dataset: Dataset) -> Array:
     """What the recordings' own parameters add to the table's base parameters (nb,), on average."""
-    return np.asarray(plant_of(dataset).p).mean(axis=0) - _table_base(dataset)
+    return np.asarray(plant_of(dataset).p).mean(axis=0) - dataset.mechanism.nominal_base
 
 
 def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -283,14 +284,9 @@ def own_base(dataset: Dataset, parameters: Mapping[str, float]) -> dict[str, flo
     return dict(zip(dataset.mechanism.base_names, map(float, p), strict=True))
 
 
-def _table_base(dataset: Dataset) -> Array:
-    mechanism = dataset.mechanism
-    return mechanism.nominal_base
-
-
 def _nominal(parameter: Parameter, dataset: Dataset, shift: float) -> float | None:
     if parameter.block == "inertia":
-        return float(_table_base(dataset)[parameter.place[0]] + shift)
+        return float(dataset.mechanism.nominal_base[parameter.place[0]] + shift)
     if parameter.block == "actuator":
         value = getattr(dataset.recordings[0].servo, parameter.name, None)
         return None if value is None else float(value)

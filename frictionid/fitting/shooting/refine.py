@@ -178,7 +178,7 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
     law_friction = as_given(fitted, start)
     covariance = _with_held(covariance, stage)
-    return Fit(law_friction, covariance.each, diagnostics, fitted, estimate.mechanism)
+    return Fit(law_friction, covariance.each, diagnostics, fitted)
 
 
 def _with_held(covariance: Covariance, stage: Stage) -> Covariance:

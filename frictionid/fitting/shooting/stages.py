@@ -258,8 +258,7 @@ def _following(stage: Stage) -> Stage:
     off = [abs(u.neutral - v.neutral) / u.size for u, v in zip(held, stage.held, strict=True)]
     if max(off, default=0.0) < _FOLLOWS:
         return stage
-    of_friction = [u for u in held if u.parameter.block == "friction"]
-    _, friction = at_neutral((), stage.friction, of_friction)
+    _, friction = at_neutral((), stage.friction, held)
     return solved(stage._replace(friction=friction, held=held))
 
 

@@ -100,8 +100,8 @@ def _predicted(
 def cost_of(prediction: WindowPrediction, out: Array, sigma: Array, huber: float) -> float:
     """Cost of all windows but those left `out` (W,), tapered as `_taper` says."""
     lost = _lost_cost(prediction, huber)
-    u = _taper(_costs(prediction, sigma, huber), lost)
-    plain = np.minimum(_costs(prediction, sigma, huber), _HALF * lost)
+    costs = _costs(prediction, sigma, huber)
+    u, plain = _taper(costs, lost), np.minimum(costs, _HALF * lost)
     tapered = (1.0 - _HALF) * lost * (u - 2 * u**3 / 3 + u**5 / 5)
     return float((plain + tapered)[~out].sum())
 

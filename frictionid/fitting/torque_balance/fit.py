@@ -182,7 +182,6 @@ def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) ->
             dropped=dropped,
         ),
         friction,
-        estimate.mechanism,
     )
 
 
@@ -220,7 +219,7 @@ def _at_neutral(solution: TorqueSolution) -> TorqueSolution:
     solution = holding_unknown(solution, _local_cost, holding)[0]
     friction = solution.estimate.friction
     held = followed(friction, solution.held)
-    friction = at_neutral((), friction, [u for u in held if u.parameter.block == "friction"])[1]
+    _, friction = at_neutral((), friction, held)
     return solution._replace(estimate=solution.estimate._replace(friction=friction), held=held)
 
 
