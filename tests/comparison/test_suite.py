@@ -204,7 +204,8 @@ identifier = {kind = "stribeck_asymmetric"}
     => kind = 'stribeck_asymmetric' is unknown; known: .*'stribeck'
 recipe = {states = {kind = "savgol", order = -1, window = 1}}
     => order = -1, which must be at least 1
-recipe = {velocity_threshold = -0.1} => 'mine': velocity_threshold = -0\.1 must not be negative
+recipe = {velocity_threshold = -0.1}
+    => 'mine': velocity_threshold: it should be greater than or equal to 0, not -0\.1
 name = ".." => name: .*pattern
 identifier = {kind = "none", name = "../x"} => \[1\]\.name: .*pattern
 identifier = {kind = "none"} => two identifiers are called 'none'
@@ -216,7 +217,7 @@ datasets = [{path = "tiny"}, {path = "tiny"}] => two data sets are called 'tiny'
 datasets = [{path = "tiny"}, {path = "other", tests = ["tiny"]}] => two data sets are called 'tiny'
 identifier = {kind = "stribek"} => kind = 'stribek' is unknown; did you mean 'stri
 recipe = {states = {kind = "kalman"}} => 'kalman' is unknown; known: 'backw
-recipe = {scheme = "rk4"} => 'mine': scheme = 'rk4' is unknown; known are euler
+recipe = {scheme = "rk4"} => 'mine': scheme: it should be 'euler' or 'integral'
 recipes.0.name = "studi" => 'studi' is unknown; did you mean 'study'
 identifier = {kind = "none", name = "x", recipes = ["studi"]}
     => 'x': the suite has no recipe 'studi'; did you mean 'study'

@@ -6,12 +6,13 @@ STUDY is the recipe of the study [DeMeester2020], INTEGRAL the default.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from dataclasses import replace
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.config import NotNegative, validated
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
 from frictionid.data.signals import Signal, taken
@@ -26,10 +27,8 @@ from ..identifier import Identifier
 from .one_step_fit import checked_fit, one_step_fit
 from .residual import Problem, euler_problem, integral_problem, mask_stiction
 
-SCHEMES = ("euler", "integral")
 
-
-@dataclass(frozen=True)
+@validated
 class Recipe:
     """How a one-step problem is made: estimated states and a scheme, "euler" or "integral".
 
@@ -39,23 +38,13 @@ class Recipe:
 
     name: str
     states: Estimator
-    scheme: str
-    velocity_threshold: float | None = 0.0
+    scheme: Literal["euler", "integral"]
+    velocity_threshold: NotNegative | None = 0.0
     needs_intervals: ClassVar[bool] = False
     calibrated: ClassVar[None] = None
     corrects: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
-            raise InputError(
-                f"recipe {self.name!r}: scheme = {self.scheme!r} is unknown; "
-                f"known are {', '.join(SCHEMES)}"
-            )
-        if self.velocity_threshold is not None and self.velocity_threshold < 0:
-            raise InputError(
-                f"recipe {self.name!r}: velocity_threshold = {self.velocity_threshold} must not be "
-                "negative"
-            )
         if self.scheme == "integral" and isinstance(self.states, Backward):
             raise InputError(
                 f"recipe {self.name!r}: backward differences lag half a sample, which makes the "

@@ -16,7 +16,7 @@ from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, neare
 
 from ..gauss_newton import MAD, Conditions, minimum
 from ..neutral import Unknown
-from ..one_step.linearised import torque_gradient
+from ..one_step.linearised import Linearised
 from ..parameters.parameter_block import (
     Estimate,
     FreeBlock,
@@ -163,7 +163,9 @@ class TorqueProblem:
         for free in self.blocks:
             at = range(free.columns.start, free.columns.stop)
             if free.block.enters == "friction":
-                slope = self._friction_slopes(estimate)
+                friction = estimate.friction
+                law = Linearised(friction.law, balance.problem)
+                slope = law.slopes(np.reshape(friction.theta, (1, -1)))[0]
                 for k, p in zip(at, free.parameters, strict=True):
                     acts = estimate.mechanism.friction_map[p.place[0]]
                     out[:, :, k] = -slope[:, p.place[0], p.place[1], None] * acts
@@ -188,14 +190,6 @@ class TorqueProblem:
                 which = [p.place[0] for p in free.parameters]
                 rows[:, :, free.columns] = -balance.wrench.regressor[:, :, which]
         return np.concatenate([out, rows], axis=1)
-
-    def _friction_slopes(self, estimate: Estimate) -> Array:
-        """Derivatives (K, m, P) of the mean friction at each place in its own parameters."""
-        friction, problem = estimate.friction, self.balance.problem
-        batch = friction.law, np.asarray(friction.theta)[None]
-        at_nodes = torque_gradient(type(friction)(*batch), problem)[0]
-        S, n, P = at_nodes.shape
-        return problem.mean(at_nodes.reshape(S, n * P)).reshape(len(problem.r), n, P)
 
 
 _ROUNDS = 4  # of weights
