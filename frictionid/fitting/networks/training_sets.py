@@ -96,6 +96,11 @@ class WeightedRows:
         return weights * (e * e).sum(-1)
 
 
+def _taken(values: Tensor, nodes: Tensor) -> Tensor:
+    """Values at nodes (F, ...), from those of all folds in one series."""
+    return values.index_select(0, nodes.flatten()).unflatten(0, nodes.shape)
+
+
 class SequenceTrainingSet:
     """Pieces of recordings under weights (F, K): `burn_in` samples, then `targets` rows that count.
 
@@ -121,9 +126,9 @@ class SequenceTrainingSet:
 
     def cost(self, theta: Tensor, items: Tensor) -> Tensor:
         """Mean weighted squares (F,) of the rows of the pieces (F, B)."""
-        read = self._taken(self.read, self.samples[items])  # (F, B, T, n, a)
-        points = self.points[items]
-        z, share, sign = (self._taken(s, points) for s in (self.z, self.share, self.sign))
+        read = _taken(self.read, self.samples[items] + self.first)  # (F, B, T, n, a)
+        points = self.points[items] + self.first
+        z, share, sign = (_taken(s, points) for s in (self.z, self.share, self.sign))
         torque = self._level(theta, read, z, share) * sign
         width = self.per_sample * (self.rows_per_item - 1) + 1
         mean = sum(
@@ -132,11 +137,6 @@ class SequenceTrainingSet:
         )
         squares = self.rows.squares(self.targets[items], mean)
         return squares.sum((1, 2)) / (items.shape[1] * self.rows_per_item)
-
-    def _taken(self, values: Tensor, nodes: Tensor) -> Tensor:
-        """Values at nodes (F, ...) of each fold, from those of all folds in one series."""
-        flat = (nodes + self.first).flatten()
-        return values.index_select(0, flat).unflatten(0, nodes.shape)
 
     def _level(self, theta: Tensor, read: Tensor, z: Tensor, share: Tensor) -> Tensor:
         """Level (F, B, points, n); cells of odd laws read the motion and its mirror image."""
@@ -209,8 +209,7 @@ class RowTrainingSet:
 
     def _torque(self, theta: Tensor, nodes: Tensor) -> Tensor:
         """Torque (F, N, n) at nodes (F, N)."""
-        flat = (nodes + self.first).flatten()
-        z, share, sign = (s.index_select(0, flat).unflatten(0, nodes.shape) for s in self.features)
+        z, share, sign = (_taken(s, nodes + self.first) for s in self.features)
         level: Tensor = self.law.level(theta[:, None], z, share)
         return level * sign
 

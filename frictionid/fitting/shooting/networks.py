@@ -121,13 +121,17 @@ class TorqueSamples:
     path: tuple[Inputs, ...]
     dt: Array
 
+    def memory(self, friction: Friction) -> Memory:
+        """What friction remembers, (N, n) each."""
+        z = friction.law.start(friction.theta, self.path[0])
+        for x in self.path[1:]:
+            z = friction.law.advance(friction.theta, x, z, self.dt)
+        return z
+
     def torque(self, friction: Friction) -> Array:
         """Torques (N, n) [N m]."""
-        law, theta = friction.law, friction.theta
-        z = law.start(theta, self.path[0])
-        for x in self.path[1:]:
-            z = law.advance(theta, x, z, self.dt)
-        return np.asarray(law.torque(theta, self.path[-1], z))
+        torque = friction.law.torque(friction.theta, self.path[-1], self.memory(friction))
+        return np.asarray(torque)
 
     def slopes(self, friction: Friction) -> Array:
         """Their derivatives (N, n, P) in each joint's own numbers."""
@@ -135,11 +139,9 @@ class TorqueSamples:
         law: Any = friction.law  # of `on_arrays`, which gives it the derivatives asked for here
         if not law.has_memory:
             return np.asarray(law.gradient(theta, self.path[0]))
-        z = law.start(theta, self.path[0])
         if law.reads_window:
-            for x in self.path[1:]:
-                z = law.advance(theta, x, z, self.dt)
-            return np.asarray(law.slopes(theta, self.path[-1], z)[0])
+            return np.asarray(law.slopes(theta, self.path[-1], self.memory(friction))[0])
+        z = law.start(theta, self.path[0])
         return np.asarray(law.gradient_along(theta, self.path, z, self.dt))
 
 
