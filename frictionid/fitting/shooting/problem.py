@@ -112,14 +112,15 @@ class ShootingProblem:
         drive = drive_of(intervals, estimate.calibration, estimate.mechanism)
         changes = changes_of(intervals, estimate, self.blocks, drive)
         drive = drive._replace(changes=tuple(changes))
-        feedback = self._feedback(estimate, drive)
+        feedback = drive.loop and drive.loop.late
         model = self._model(estimate, plant)
         pieces = self._pieces(estimate, replace(plant, feedback=feedback))
         for count in np.unique(pieces[rows]):
             alike = rows[pieces[rows] == count]
             size = len(alike) * nodes.shape[1] * (nodes.shape[1] + self.count)
             for part in np.array_split(alike, max(1, -(-size // NUMBERS))):
-                start = State(nodes[part, :n], nodes[part, n : 2 * n], self._memory(nodes[part]))
+                memory = memory_of(nodes[part], estimate.mechanism)
+                start = State(nodes[part, :n], nodes[part, n : 2 * n], memory)
                 here = model._replace(plant=self._plant_at(estimate, plant, part, feedback))
                 motor = self._motor_torque(estimate, drive, part, int(count))
                 longest = float(intervals.dt[part].max()) / count
@@ -165,9 +166,6 @@ class ShootingProblem:
         later = np.minimum(rows + 1, len(self.intervals.dt) - 1)
         return np.where(self.intervals.joined[later], later, rows)
 
-    def _memory(self, nodes: Array) -> tuple[Array, ...]:
-        return memory_of(nodes, self.intervals.dataset.mechanism)
-
     def _entering(self, enters: str) -> list[Parameter]:
         return [p for free in self.blocks if free.block.enters == enters for p in free.parameters]
 
@@ -193,13 +191,6 @@ class ShootingProblem:
         plant = calibrated_plant(self.intervals.dataset, estimate.calibration)
         # only bearing loads need the physical parameters
         return plant if estimate.friction.law.uses_load else replace(plant, parameters={})
-
-    def _feedback(self, estimate: Estimate, drive: Drive) -> Array | None:
-        """Stiffness and damping (K, 2, n) of servos in each interval."""
-        if drive.loop is None:
-            return None
-        calibration = estimate.calibration
-        return calibration.gain * drive.loop.late(float(calibration.delay))
 
     def _plant_at(
         self, estimate: Estimate, plant: Plant, rows: Array, feedback: Array | None
@@ -268,11 +259,11 @@ class ShootingProblem:
             scale = (calibration.gain * driven * each)[:, None]
             by = np.append(by, (up.mean - down.mean)[:, None] * scale, axis=1)
             moment_by = np.append(moment_by, (up.moment - down.moment)[:, None] * scale, axis=1)
-        motor, feedback = MotorTorque(u, by, moment, moment_by), self._feedback(estimate, drive)
-        if feedback is None:
+        motor = MotorTorque(u, by, moment, moment_by)
+        if loop is None:
             return motor
-        motor = self._with_offsets(motor, feedback[rows, 0] * driven)
-        return self._damped(estimate, feedback[rows], motor, rows, edges)
+        motor = self._with_offsets(motor, loop.late[rows, 0] * driven)
+        return self._damped(estimate, loop.late[rows], motor, rows, edges)
 
     def _with_offsets(self, motor: MotorTorque, K: Array) -> MotorTorque:
         """The torque of intervals, with derivatives -K (k, n) by free offsets of angles."""

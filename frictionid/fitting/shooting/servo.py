@@ -55,19 +55,16 @@ class Change(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Servos in closed loop in K intervals, before gain and bias.
+    """Servos in closed loop in K intervals.
 
-    feedback (K, 2, n) : K and B; q, w (K, n) : recorded motion in the middle of each
+    feedback (K, 2, n) : K and B, before the gain; q, w (K, n) : recorded motion in the middle of
+    each; late (K, 2, n) : stiffness and damping of controllers that see q - delay w, with the gain
     """
 
     feedback: Array
     q: Array
     w: Array
-
-    def late(self, delay: float) -> Array:
-        """Feedback (K, 2, n) of controllers that see q - delay w."""
-        K, B = np.moveaxis(self.feedback, 1, 0)
-        return np.stack([K, B - delay * K], axis=1)
+    late: Array
 
 
 class Drive(NamedTuple):
@@ -138,7 +135,9 @@ def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Lo
             q[rows] = seen + motion.play_at(then)
             feedback[rows] = servo.at(then).linear(seen, w[rows]).feedback * motors
             feedback[rows, 1] -= servo.delay * feedback[rows, 0]
-    return Loop(feedback, q, w)
+    K, B = np.moveaxis(feedback, 1, 0)
+    late = np.stack([K, B - float(calibration.delay) * K], axis=1)
+    return Loop(feedback, q, w, calibration.gain * late)
 
 
 def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) -> SignalIntegrals:
