@@ -18,7 +18,7 @@ from frictionid.friction.law import check_temperature
 
 from ..gauss_newton import Conditions, minimum
 from ..identifier import Identifier
-from ..one_step.linearised import Given, Linearised, Ranges
+from ..one_step.linearised import Linearised, Ranges
 from ..one_step.one_step_fit import spread_of
 from ..one_step.residual import Problem, huber_factors, normalised
 from .harmonics import by_evidence
@@ -74,7 +74,7 @@ class LeastSquares(Identifier):
         check_temperature(self.law, problem.nodes.inputs.temperature, fitted=True)
         weights = normalised(weights, problem)
         form, absent = by_evidence(self.law, problem, weights, self.equal)
-        settings = Given(self.bounds, self.prior, self.equal)
+        settings = self.bounds, self.prior, self.equal
         law = Linearised.within(form, problem, weights, settings)
         law = law if absent is None else law.decided(absent)
         return replace(law.friction(self._fitted(law, weights)), law=form)

@@ -14,7 +14,7 @@ from frictionid.friction.laws import Spline
 from ..gauss_newton import box_step
 from ..identifier import Identifier
 from ..one_step.grams import check_linear, columns, grams
-from ..one_step.linearised import Given, Linearised, Ranges
+from ..one_step.linearised import Linearised, Ranges
 from ..one_step.residual import Problem, data_range, normalised
 from .initial_guess import check_rows
 from .least_squares import LeastSquares
@@ -58,9 +58,7 @@ class Linear(Identifier):
 
     def fit(self, problem: Problem, weights: Array, seed: int) -> Friction:
         weights = normalised(weights, problem)
-        law = Linearised.within(
-            self.law, problem, weights, Given(self.bounds, self.prior, self.equal)
-        )
+        law = Linearised.within(self.law, problem, weights, (self.bounds, self.prior, self.equal))
         A = columns(law.law, problem)
         size = np.abs(A[..., :-1]).reshape(*problem.r.shape, problem.r.shape[-1], -1)
         check_rows(law, weights, size.max(axis=(1, 3)) > 0)

@@ -23,14 +23,8 @@ _ROWS, _MANY = 20_000, 4  # at a time, of so many parameters at most
 
 
 Ranges = Mapping[str, tuple[float, float]]  # by parameter name
-
-
-class Given(NamedTuple):
-    """Bounds, and means and standard deviations of priors, by parameter name; equal joints."""
-
-    bounds: Ranges
-    prior: Ranges
-    equal: Groups = ()
+# Bounds, means and standard deviations of priors, and equal joints.
+Given = tuple[Ranges, Ranges, Groups]
 
 
 class Linearised(NamedTuple):

@@ -43,15 +43,9 @@ _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero
 _PARTS = 8  # of an interval, in which the torque goes from line to line
 
 
-class Change(NamedTuple):
-    """Integrals of A with E parameters above and below their values.
-
-    share (E, n) : one over how far these are apart, at the joints whose torque each changes
-    """
-
-    above: SignalIntegrals
-    below: SignalIntegrals
-    share: Array
+# Integrals of A with E parameters above and below their values, and shares (E, n): one over how far
+# these are apart, at the joints whose torque each changes.
+Change = tuple[SignalIntegrals, SignalIntegrals, Array]
 
 
 class Loop(NamedTuple):
@@ -119,7 +113,7 @@ def _change(
     share = np.zeros((len(group), intervals.n))
     for row, at, apart in zip(share, joints, np.subtract(above, below), strict=True):
         row[at] = 1.0 / apart
-    return Change(up, down, share)
+    return up, down, share
 
 
 def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Loop:

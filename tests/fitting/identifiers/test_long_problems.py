@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.fitting.identifiers import LeastSquares, least_squares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step import linearised
-from frictionid.fitting.one_step.linearised import Given, Linearised
+from frictionid.fitting.one_step.linearised import Linearised
 from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 
 
@@ -18,7 +18,7 @@ from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
 def test_stretches_change_no_number(law, joints, monkeypatch):
     problem = synthetic_problem(joints)
     weights = np.random.default_rng(0).uniform(0, 1, (3, len(problem.r)))
-    fit = Linearised.within(law, problem, weights, Given({}, {}))
+    fit = Linearised.within(law, problem, weights, ({}, {}, ()))
     theta = np.random.default_rng(1).uniform(0.1, 1.0, (3, joints * len(law.names)))
     whole = fit.normal_equations(theta, fit.residual(theta), weights)
     monkeypatch.setattr(linearised, "_ROWS", 37)
