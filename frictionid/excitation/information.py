@@ -28,7 +28,7 @@ from frictionid.data.signals import Signal
 from frictionid.data.state_estimators import States
 from frictionid.fitting.one_step.residual import (
     Problem,
-    integral_problem,
+    one_step_problem,
     stiction_mask,
     stiction_projector,
 )
@@ -172,7 +172,7 @@ class Concatenated:
     def problem_at(self, q: Array, w: Array) -> Problem:
         """One-step problem of other angles and velocities."""
         states = States(self.recording.angle.time, q, w)
-        return integral_problem(self.plant, (self.recording,), (states,))
+        return one_step_problem("integral", self.plant, (self.recording,), (states,))
 
     @cached_property
     def mask(self) -> Array:

@@ -36,7 +36,7 @@ from frictionid.excitation.information import (
 from frictionid.excitation.signals import smoother_gains
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
-from frictionid.fitting.one_step.residual import integral_problem, mask_stiction
+from frictionid.fitting.one_step.residual import mask_stiction, one_step_problem
 from frictionid.friction import along
 from frictionid.friction.laws import CoulombViscous
 from frictionid.mechanics import Plant, acrobot, linear_axis
@@ -243,10 +243,12 @@ def test_derivatives_by_parameters_are_those_of_numeric_differences():
     )
 
     def residual(theta, p):
-        problem = integral_problem(replace(one, p=p[None]), (recording,), (States(e.images, q, w),))
+        problem = one_step_problem(
+            "integral", replace(one, p=p[None]), (recording,), (States(e.images, q, w),)
+        )
         return problem.residual(along(replace(e.friction, theta=theta), problem.nodes))
 
-    problem = integral_problem(one, (recording,), (States(e.images, q, w),))
+    problem = one_step_problem("integral", one, (recording,), (States(e.images, q, w),))
     left = residual(e.friction.theta, e.plant.p)
     for i in range(e.plant.p.size):
         step = 1e-6 * e.plant.p[i] * np.eye(e.plant.p.size)[i]

@@ -8,7 +8,7 @@ from frictionid.check.motion import motions_of, unit_rows
 from frictionid.data.integrals import integrals_of
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal
-from frictionid.fitting.one_step.residual import integral_problem
+from frictionid.fitting.one_step.residual import one_step_problem
 from frictionid.mechanics import Plant, double_pendulum, pendulum
 from frictionid.mechanics.plant import (
     interval_mean,
@@ -55,7 +55,7 @@ def test_windows_of_check_sum_up_the_rows_of_the_one_step_problem(hold):
     motions = motions_of(recordings)
     rows = unit_rows(machine, motions)
     mean = rows.means(integrals_of([torque, torque])) - rows.required(plant.p)
-    problem = integral_problem(plant, recordings, [m.states for m in motions])
+    problem = one_step_problem("integral", plant, recordings, [m.states for m in motions])
     impulse = problem.dt[:, None] * np.linalg.solve(problem.G, problem.r[..., None])[..., 0]
     for k in (0, 7, len(mean) - 1):
         inside = (problem.recording == rows.recording[k]) & (problem.time > rows.start[k] - 1e-9)

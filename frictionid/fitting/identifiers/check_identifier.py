@@ -16,7 +16,7 @@ from frictionid.friction.laws import Stribeck
 from frictionid.mechanics import Plant, double_pendulum, pendulum
 
 from ..identifier import Identifier
-from ..one_step.residual import Problem, integral_problem
+from ..one_step.residual import Problem, one_step_problem
 
 _RATE = 50.0  # [Hz]
 _SAMPLES = 45
@@ -54,7 +54,7 @@ def synthetic_problem(joints: int, noise: float = _NOISE) -> Problem:
         Recording(f"{i}", Signal(s.time, s.q), Signal(s.time, np.cos(3 * s.q)))
         for i, s in enumerate(states)
     ]
-    problem = _warmed(integral_problem(plant, recordings, states, history=4))
+    problem = _warmed(one_step_problem("integral", plant, recordings, states, history=4))
     torque = along(true_friction(joints), problem.nodes)
     explained = times(problem.G, problem.mean(torque))
     return replace(problem, r=explained + noise * rng.standard_normal(problem.r.shape))

@@ -25,7 +25,7 @@ from frictionid.mechanics import Mechanism, Plant
 from ..fit import Fit
 from ..identifier import Identifier
 from .one_step_fit import checked_fit, one_step_fit
-from .residual import Problem, euler_problem, integral_problem, mask_stiction
+from .residual import Problem, mask_stiction, one_step_problem
 
 
 @validated
@@ -135,7 +135,6 @@ def problem_of(
     """
     if states is None:
         states = states_of(dataset, recipe.states, sample_time)
-    make = euler_problem if recipe.scheme == "euler" else integral_problem
     if all(len(s.time) < 2 for s in states):
         raise InputError(
             f"data set {dataset.name!r}: samples {sample_time} s apart leave no interval of any "
@@ -143,7 +142,7 @@ def problem_of(
         )
     lost = 1 if isinstance(recipe.states, Backward) else 0
     before = [max(_samples(history, s.time), 1) - lost for s in states]
-    return make(plant, dataset.recordings, states, before)
+    return one_step_problem(recipe.scheme, plant, dataset.recordings, states, before)
 
 
 def _samples(seconds: float, time: Array) -> int:

@@ -112,39 +112,6 @@ class Problem:
         return self.r - times(self.G, self.mean(torque))
 
 
-def euler_problem(
-    plant: Plant,
-    recordings: Sequence[Recording],
-    states: Sequence[States],
-    history: int | Sequence[int] = 0,
-) -> Problem:
-    """Problem of the study's explicit Euler step [DeMeester2020], one node at the interval's start.
-
-    r = w0 + M0^-1 (h0 + B u) dt - w1,  G = M0^-1 dt, with u the mean torque of the interval.
-    """
-    pairs = enumerate(zip(recordings, states, strict=True))
-    parts = [_euler_rows(plant[i], *pair) for i, pair in pairs]
-    return _assemble(parts, (1.0,), 1, history, states)
-
-
-def integral_problem(
-    plant: Plant,
-    recordings: Sequence[Recording],
-    states: Sequence[States],
-    history: int | Sequence[int] = 0,
-) -> Problem:
-    """Problem of the momentum balance over each interval, by Simpson's rule on estimated motion.
-
-    M1 w1 - M0 w0 = integral of (dL/dq + B u - Tf) dt, see `mechanics.momentum_balance`. The
-    midpoints follow from the estimated states alone, so that r does not depend on friction. The
-    states must be smoothed: backward differences lag half a sample, which is worse here than in
-    `euler_problem`.
-    """
-    pairs = enumerate(zip(recordings, states, strict=True))
-    parts = [_integral_rows(plant[i], *pair) for i, pair in pairs]
-    return _assemble(parts, SIMPSON, 2, history, states)
-
-
 def data_range(problem: Problem, weights: Array) -> DataRange:
     """Speeds (F, n) that the rows with weights (F, K) resolve, and what is usual in them."""
     slowest, fastest = speed_range(problem, weights)
@@ -275,14 +242,34 @@ def _integral_rows(plant: Plant, recording: Recording, states: States) -> _Rows:
     return nodes, at, r, G, states.time[:-1], dt
 
 
-def _assemble(
-    parts: Sequence[_Rows],
-    coefficients: tuple[float, ...],
-    per_sample: int,
-    history: int | Sequence[int],
+# Rows of a recording, coefficients of the nodes of each, and nodes for each sample.
+_SCHEMES = {"euler": (_euler_rows, (1.0,), 1), "integral": (_integral_rows, SIMPSON, 2)}
+
+
+def one_step_problem(
+    scheme: str,
+    plant: Plant,
+    recordings: Sequence[Recording],
     states: Sequence[States],
+    history: int | Sequence[int] = 0,
 ) -> Problem:
-    """One problem of all recordings, without gaps and the first `history` rows of each."""
+    """One problem of all recordings by a scheme, without gaps and the first `history` rows of each.
+
+    "euler" : the study's explicit Euler step [DeMeester2020], one node at the interval's start.
+
+        r = w0 + M0^-1 (h0 + B u) dt - w1,  G = M0^-1 dt, with u the mean torque of the interval
+
+    "integral" : the momentum balance over each interval, by Simpson's rule on estimated motion.
+
+        M1 w1 - M0 w0 = integral of (dL/dq + B u - Tf) dt, see `mechanics.momentum_balance`
+
+    Its midpoints follow from the estimated states alone, so that r does not depend on friction. The
+    states must be smoothed: backward differences lag half a sample, which is worse here than in an
+    Euler step.
+    """
+    rows_of, coefficients, per_sample = _SCHEMES[scheme]
+    pairs = enumerate(zip(recordings, states, strict=True))
+    parts = [rows_of(plant[i], *pair) for i, pair in pairs]
     before = [history] * len(parts) if isinstance(history, int) else list(history)
     inputs, node_times, *_ = zip(*parts, strict=True)
     first = np.cumsum([0, *map(len, node_times)])

@@ -1,5 +1,7 @@
 """Laws of one-step problems: the true friction leaves nothing, whatever acts enters affinely."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
@@ -14,9 +16,8 @@ from frictionid.data.state_estimators import States
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step
 from frictionid.fitting.one_step.residual import (
-    euler_problem,
-    integral_problem,
     mask_stiction,
+    one_step_problem,
     stiction_mask,
 )
 from frictionid.friction import Friction, along, at_rest, memory_along
@@ -24,7 +25,7 @@ from frictionid.friction.laws import CoulombViscous, FilmLag, Stribeck
 from frictionid.mechanics import Plant, acrobot, double_pendulum
 
 MACHINE = double_pendulum()
-PROBLEMS = {"euler": euler_problem, "integral": integral_problem}
+PROBLEMS = {name: partial(one_step_problem, name) for name in ("euler", "integral")}
 SMOOTH = Friction(CoulombViscous(width=4.0), np.array([[0.1, 0.02], [0.05, 0.01]]))
 SHARP = Friction(Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]]))
 LAG = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
@@ -96,7 +97,7 @@ def test_the_residual_of_the_true_friction_vanishes_with_the_order_of_the_rule(n
 
 def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measurement():
     recording, states = made_up(np.random.default_rng(2))
-    problem = euler_problem(plant_of(1), [recording], [states])
+    problem = PROBLEMS["euler"](plant_of(1), [recording], [states])
     begin = State(states.q[:-1], states.w[:-1])
     dt = np.diff(states.time)[:, None]
     u = averages(recording.torque, states.time)
@@ -108,7 +109,7 @@ def test_the_euler_residual_is_the_prediction_of_an_euler_step_minus_the_measure
 def test_the_integral_residual_is_the_momentum_balance():
     recording, states = made_up(np.random.default_rng(4))
     plant = plant_of(1)[0]
-    problem = integral_problem(plant_of(1), [recording], [states])
+    problem = PROBLEMS["integral"](plant_of(1), [recording], [states])
     residual = problem.residual(along(SHARP, problem.nodes))
     u = averages(recording.torque, states.time)
     for k in (0, 7, 28):
@@ -138,7 +139,7 @@ def test_joints_without_motor_feel_no_torque(build):
 def test_G_is_what_an_impulse_of_friction_does(build):
     recording, states = made_up(np.random.default_rng(9))
     problem = build(plant_of(1), [recording], [states])
-    at = states.q[:-1] if build is euler_problem else states.q[1:]
+    at = states.q[:-1] if build is PROBLEMS["euler"] else states.q[1:]
     M = plant_of(1)[0].mechanism.inertia(plant_of(1).p[0], at)
     dt = np.diff(states.time)
     assert_allclose(problem.G, inverse(M) * dt[:, None, None], rtol=1e-12)
@@ -207,7 +208,7 @@ def test_no_row_bridges_a_gap_and_all_others_stay_as_they_are(build):
 
 def test_nodes_are_in_order_and_rows_find_theirs():
     recordings, states = three(np.random.default_rng(13))
-    problem = integral_problem(plant_of(3), recordings, states, history=2)
+    problem = PROBLEMS["integral"](plant_of(3), recordings, states, history=2)
     nodes = problem.nodes
     assert_array_equal(np.diff(nodes.first), [23, 49, 35])
     assert nodes.per_sample == 2 and len(nodes.time) == nodes.first[-1]
@@ -230,7 +231,7 @@ def test_nodes_are_in_order_and_rows_find_theirs():
 def test_laws_see_torque_and_bearing_load_at_their_nodes():
     recording, states = made_up(np.random.default_rng(16))
     plant = plant_of(1)[0]
-    nodes = integral_problem(plant_of(1), [recording], [states]).nodes
+    nodes = PROBLEMS["integral"](plant_of(1), [recording], [states]).nodes
     assert_array_equal(nodes.inputs.u[1::2], averages(recording.torque, states.time))
     assert_array_equal(nodes.inputs.u[::2], sample(recording.torque, states.time))
     assert_array_equal(nodes.inputs.load, plant.load(*nodes.inputs[:3]))
