@@ -57,11 +57,6 @@ class Unknown(NamedTuple):
     off: float
 
     @property
-    def held(self) -> Parameter:
-        """The parameter at its neutral value."""
-        return self.parameter._replace(value=self.neutral, tolerance=0.0)
-
-    @property
     def sentence(self) -> str:
         """What was done, for people."""
         p = self.parameter
@@ -360,7 +355,10 @@ def with_held(
     no, yes = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     return replace(
         covariance,
-        parameters=(*covariance.parameters, *(u.held for u in held)),
+        parameters=(
+            *covariance.parameters,
+            *(u.parameter._replace(value=u.neutral, tolerance=0.0) for u in held),
+        ),
         values=np.append(covariance.values, [u.neutral for u in held]),
         matrix=matrix,
         bound=np.append(covariance.bound, no),

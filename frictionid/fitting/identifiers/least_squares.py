@@ -156,7 +156,8 @@ class LeastSquares(Identifier):
             with suppress(InputError):  # what all rows determine, some may not
                 theta = self._fitted(few, normalised(weights[:, ::step], few.problem))
                 return theta, theta
-        theta, stepped = map(law.tied, best_initial_guess(law.untied, weights))
+        guess = best_initial_guess(law._replace(tie=None), weights)  # of each joint by itself
+        theta, stepped = map(law.tied, guess)
         return theta, stepped
 
 

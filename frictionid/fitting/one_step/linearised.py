@@ -57,11 +57,6 @@ class Linearised(NamedTuple):
         held = replace(limits, low=low, high=high, deviation=deviation, size=size)
         return self._replace(constraints=held)
 
-    @property
-    def untied(self) -> Linearised:
-        """The same with parameters of its own for each joint."""
-        return self._replace(tie=None)
-
     def tied(self, theta: Array) -> Array:
         """Parameters (F, N) of equal joints: the means of those (F, n P) that each has by itself.
 

@@ -32,7 +32,9 @@ from .sample_intervals import Intervals
 from .servo import has_actuator
 from .settings import DEFAULT_BLOCKS, Settings
 
-_BLOCKS = ("inertia", "delay", "gain", "bias", "offset", "target_delay", "backlash", "envelope")
+# Parts of a calibration that may correct the data, under the names of the blocks that free them.
+PARTS = ("inertia", "delay", "gain", "bias", "offset")
+_BLOCKS = (*PARTS, "target_delay", "backlash", "envelope")
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,10 +195,6 @@ def with_folds(fits: Sequence[Fit]) -> Fit:
     calibrations = [f.calibration for f in frictions if f.calibration is not None]
     folds = replace(frictions[-1], theta=theta, calibration=stack_calibrations(calibrations))
     return replace(fits[-1], folds=folds)
-
-
-# Parts of a calibration that may correct the data, under the names of the blocks that free them.
-PARTS = ("inertia", "delay", "gain", "bias", "offset")
 
 
 @dataclass(frozen=True)

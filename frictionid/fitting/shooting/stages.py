@@ -275,6 +275,7 @@ def prepare_fit(
     use : (K,) true for the intervals that may be used, all by default
     curves : whether a static network is fitted as a curve
     """
+    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     settings = settings.at(float(np.median(intervals.dt)))
     estimate, blocks = _begin(friction, intervals, blocks, use, curves)
     check_blocks(blocks, estimate, intervals)
@@ -287,7 +288,7 @@ def _begin(
     friction: Friction,
     intervals: Intervals,
     blocks: Sequence[ParameterBlock],
-    use: Array | None,
+    use: Array,
     curves: bool = True,
 ) -> tuple[Estimate, Sequence[ParameterBlock]]:
     """The estimate that a fit begins with; of a network also the blocks of its combinations."""
@@ -295,7 +296,6 @@ def _begin(
     base = mechanism.base(mechanism.nominal(friction.parameters))
     calibration = friction.calibration or Calibration.ideal(mechanism.n)
     calibration = calibration if calibration.base is not None else replace(calibration, base=base)
-    use = np.ones(len(intervals.dt), dtype=bool) if use is None else use
     network = friction.law.is_network
     friction = with_units_of(mechanism, on_arrays(friction))
     if friction.constraints is None and not network:
