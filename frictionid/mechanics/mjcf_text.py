@@ -333,15 +333,11 @@ def _links(mechanism: Mechanism, values: Mapping[str, float]) -> Links:
 
 def _inertial(inertia: Array, name: str) -> tuple[Array, float, Array]:
     """Centre of mass (3,), mass and inertia (6,) about it, of parameters (10,) about the joint."""
-    mass = inertia[0]
-    centre = inertia[1:4] / mass if mass > 0 else np.zeros(3)
-    about_centre = matrix_of(inertia[4:]) - mass * (
-        centre @ centre * np.eye(3) - np.outer(centre, centre)
-    )
-    axes = np.linalg.eigvalsh(about_centre)
-    short = _LEAST + 1e-12 * np.trace(about_centre) - min(axes[0], axes[0] + axes[1] - axes[2])
+    mass, (centre, about_centre) = inertia[0], _about_centre(inertia)
+    short = _LEAST + 1e-12 * np.trace(about_centre) + _lacking(about_centre)
     # what MuJoCo asks of rounded numbers: no inertia at all, or a plate's, is a little more
     if mass < 0 or short > _LEAST + _SHARE * max(np.trace(about_centre), inertia[4::3].sum(), 0.0):
+        axes = np.linalg.eigvalsh(about_centre)
         raise InputError(
             f"{name}: mass {mass:.4g} kg and inertias {_text(axes.round(9))} kg m^2 about its "
             "centre of mass are those of no body, which MJCF cannot hold: correct its parameters"
@@ -349,6 +345,34 @@ def _inertial(inertia: Array, name: str) -> tuple[Array, float, Array]:
     about_centre = about_centre + max(short, 0.0) * np.eye(3)
     six = about_centre[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return centre, max(float(mass), _LEAST), six
+
+
+def _about_centre(inertia: Array) -> tuple[Array, Array]:
+    """Centre of mass (3,), and inertia (3, 3) about it."""
+    mass = inertia[0]
+    c = inertia[1:4] / mass if mass > 0 else np.zeros(3)
+    return c, matrix_of(inertia[4:]) - mass * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+def _lacking(about_centre: Array) -> float:
+    """What each principal moment lacks to be that of a body; negative where nothing."""
+    axes = np.linalg.eigvalsh(about_centre)
+    return -float(min(axes[0], axes[0] + axes[1] - axes[2]))
+
+
+def lacking_inertias(mechanism: Mechanism, parameters: Mapping[str, float]) -> Array:
+    """What the inertias (n,) of links lack to be those of bodies, over those about their joints.
+
+    Negative where nothing.
+
+    Raises
+    ------
+    InputError
+        For what MJCF cannot hold.
+    """
+    inertia = _links(mechanism, mechanism.nominal(parameters)).tree.inertia
+    lacking = np.array([_lacking(_about_centre(x)[1]) for x in inertia])
+    return lacking / np.maximum(inertia[:, 4::3].sum(axis=1), _LEAST)
 
 
 def _quaternion(R: Array) -> Array:

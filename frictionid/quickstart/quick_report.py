@@ -186,6 +186,11 @@ def verdict(result: Quick) -> list[str]:
             if measure.is_torque
             else f"{best.name} predicts best; {chosen.name} is {words} times as far off (80 %)."
         )
+    if min(c.error for c in result.candidates) < best.error:
+        out.append(
+            "The table's errors are of all motion together; the rule compares mean errors of each "
+            "recording, of each fold where these are fewer than three, all with the same weight."
+        )
     unsure = [c for c in result.candidates if c.standing == "undecided"]
     if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
         out.append(f"These data cannot tell whether {', '.join(simpler)} would do.")

@@ -117,6 +117,14 @@ def test_no_friction_does_not_read_as_no_law(found, worse, sentence):
     assert sentence in verdict(replace(result, candidates=tuple(candidates)))
 
 
+def test_it_is_said_why_another_law_than_that_of_the_smallest_error_is_best(found):
+    result, _ = found
+    said = "The table's errors are of all motion together; the rule compares mean errors"
+    assert said not in " ".join(verdict(result))
+    worst = [replace(c, error=1.0 if c.standing == "best" else c.error) for c in result.candidates]
+    assert said in " ".join(verdict(replace(result, candidates=tuple(worst))))
+
+
 def test_the_picture_is_one_and_always_the_same(found):
     result, _ = found
     picture = png(lambda: quick_figure(result))

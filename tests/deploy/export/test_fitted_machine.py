@@ -11,7 +11,7 @@ from fixtures import driven_wrist as wrist
 import frictionid as fid
 from frictionid.deploy.export.export import writer_of
 from frictionid.deploy.export.exported import ExportSettings, exported
-from frictionid.deploy.export.formats.mujoco import fitted_bodies
+from frictionid.deploy.export.formats.mujoco import fitted_bodies, physical_parameters
 from frictionid.deploy.export.nearest import kept_inertias
 from frictionid.mechanics import configurations
 from frictionid.mechanics.mjcf_text import mjcf_of
@@ -52,6 +52,17 @@ def dynamics(text, q, w):
         mujoco.mj_fullM(model, state, M[k])
         h[k] = -state.qfrc_bias
     return M, h
+
+
+def test_masses_and_inertias_with_base_parameters_are_those_of_bodies():
+    """Also where the nearest ones are not: the second link's mass lies too far out."""
+    nominal = {"m1": 0.61, "m2": 0.63, "r1": 0.275, "r2": 0.166, "I1": 0.0547, "I2": 0.0252}
+    true = {"m1": 0.49, "m2": 0.57, "r1": 0.22, "r2": 0.187, "I1": 0.042, "I2": 0.0208}
+    arm = fid.mechanisms.double_pendulum(**nominal, l1=0.3, Ir=6e-5, gr=6.0)
+    base = np.asarray(arm.base(arm.nominal(true | {"l1": 0.28, "Ir": 9.4e-5})))
+    values = physical_parameters(arm, base)
+    np.testing.assert_allclose(arm.base(values), base, rtol=1e-8)
+    assert_same(mjcf_of(arm, values), arm, base)
 
 
 def assert_same(text, arm, base):

@@ -18,7 +18,7 @@ from frictionid.arrays import Array
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
-from frictionid.mechanics.mjcf_text import mjcf_of
+from frictionid.mechanics.mjcf_text import lacking_inertias, mjcf_of
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_bodies
 
 from ..exported import ExportedFriction, ExportSettings, Written
@@ -48,14 +48,15 @@ from ..xml_text import (
 from . import python
 
 _EXACT = 1e-9
+_ROUND = 0.01  # of the inertia about a link's joint, that it has at least about its centre of mass
 
 
 def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     """Physical parameters with these base parameters (nb), near the mechanism's own.
 
     Motion shows the base parameters only; of the many masses, lengths and inertias that have them,
-    these differ little from the nominal ones, in proportion. Parameters that are zero stay zero,
-    and gravity stays.
+    these differ little from the nominal ones, in proportion, and are those of bodies where any of
+    these are. Parameters that are zero stay zero, and gravity stays.
 
     Raises
     ------
@@ -81,14 +82,21 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     def off(x: Array) -> Array:
         return (mechanism.base(values(x)) - base) / size
 
+    def off_and_lacking(x: Array) -> Array:
+        lacking = lacking_inertias(mechanism, values(x))
+        return np.concatenate([off(x), np.maximum(lacking + _ROUND, 0.0)])
+
     # Gauss-Newton by minimum norm: of all solutions near the start, one that changes little
-    solution = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    if np.abs(solution.fun).max() > _EXACT:
+    x = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    if np.abs(off(x)).max() > _EXACT:
         raise InputError(
             f"{mechanism.kind}: no positive masses, lengths and inertias have the model's base "
             "parameters; name an MJCF (--into), and correct its inertias by the model's"
         )
-    return values(solution.x)
+    if lacking_inertias(mechanism, values(x)).max() > _EXACT:
+        bodies = least_squares(off_and_lacking, x, xtol=1e-10, ftol=1e-15, gtol=1e-12)
+        x = bodies.x if np.abs(bodies.fun).max() <= _EXACT else x
+    return values(x)
 
 
 _FIRM = 1e6  # how much more base parameters count than staying near the nominal bodies
