@@ -113,7 +113,8 @@ def machine(name: str) -> Machine:
     path = model_path(Path(f"machine:{name}"))
     card: dict[str, Any] = read_json(path)["machine"]
     mechanism, drive = card.pop("mechanism"), card.pop("drive")
-    numbers: dict[str, Any] = {k: np.asarray(v, dtype=float)[()] for k, v in (drive or {}).items()}
+    stated = {k: v for k, v in (drive or {}).items() if v is not None}
+    numbers: dict[str, Any] = {k: np.asarray(v, dtype=float)[()] for k, v in stated.items()}
     nearest, held = card.pop("nearest", None), card.pop("held_out")
     listed: dict[str, Any] = {key: tuple(card.pop(key)) for key in ("joints", "recordings")}
     return Machine(
