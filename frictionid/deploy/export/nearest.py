@@ -97,7 +97,7 @@ def differs(model: ExportedFriction, held: Friction) -> bool:
     """Whether a friction is another one than the model's, beyond rounding."""
     if is_coulomb_viscous(model.law):
         return model.law.sharpened() == model.law
-    if model.law.has_memory or follows_more(model.friction):
+    if model.law.has_memory or model.nearest is not None or follows_more(model.friction):
         return True
     w, torque, _ = sliding(model)
     off = np.abs(curves(held, w) - torque)

@@ -81,6 +81,15 @@ def test_a_card_has_the_friction_of_its_recordings_where_there_are_no_data(tmp_p
     assert model.actuator_gainprm[0, 0] == card.drive.kp[0]
 
 
+def test_every_card_with_a_mechanism_is_a_file_that_mujoco_reads(tmp_path):
+    cards = [card for card in map(fid.machine, fid.machines().index) if card.mechanism is not None]
+    assert len(cards) > 5
+    for card in cards:
+        fid.export(card, "mujoco", tmp_path / f"{card.name}.xml")
+        model = mujoco.MjModel.from_xml_path(str(tmp_path / f"{card.name}.xml"))
+        assert model.nv == card.mechanism.n
+
+
 def test_a_servo_for_isaac_has_its_gains_its_limit_and_its_delay(servo):
     friction = replace(FRICTION, calibration=calibrated(1, target_delay=0.012))
     text = isaac(exported(friction, ("hip",), (5.0,), servo), ExportSettings()).files[".py"]
