@@ -36,16 +36,21 @@ _FEW = 4  # stretches before which nothing has converged
 _REACH = 1.96  # standard errors of a 95 % band
 
 
-def drawn_by_noise(said: Changes, effects: Sequence[Effect]) -> Array:
-    """What recordings say (D,) of all effects together, beyond what they say of friction alone."""
+def drawn_by_noise(said: Changes, effects: Sequence[Effect]) -> tuple[Array, Array]:
+    """What recordings say (D,) of all effects together, beyond what they say of friction alone.
+
+    With its covariance (D, D), that of a difference from an efficient estimate [Hausman1978].
+    """
     prior = np.diag([e.size**-2.0 for e in effects])
     scores = np.linalg.solve(said.inverse, said.value[..., None]).sum(axis=0)[:, 0]
     curvature = (np.linalg.inv(said.inverse) - prior).sum(axis=0)
     friction = np.flatnonzero([e.name in PARTS for e in effects])
-    out = np.asarray(np.linalg.solve(curvature + prior, scores))
-    alone = np.ix_(friction, friction)
-    out[friction] -= np.linalg.solve((curvature + prior)[alone], scores[friction])
-    return out
+    covariance, alone = np.linalg.inv(curvature + prior), np.ix_(friction, friction)
+    without = np.linalg.inv((curvature + prior)[alone])
+    out = covariance @ scores
+    out[friction] -= without @ scores[friction]
+    covariance[alone] -= without
+    return out, covariance
 
 
 class Live(NamedTuple):
@@ -91,8 +96,9 @@ class LiveFriction:
         The model, its speeds and noise.
     peak : array, shape (m,)
         From which on a stretch is disturbed.
-    drawn : array, shape (D,)
-        What recordings without contact say beyond friction alone, by the noise of their motion.
+    drawn, uncertain : arrays, shapes (D,) and (D, D)
+        What recordings without contact say beyond friction alone, by the noise of their motion, and
+        its covariance, which no length of a stream takes away.
     within : float
         Half-width of the band, over the usual friction, at which an estimate has converged.
     """
@@ -101,6 +107,7 @@ class LiveFriction:
     reference: Reference
     peak: Array
     drawn: Array
+    uncertain: Array
     within: float = 0.05
 
     def torque_of(self, chunk: Chunk) -> Signal:
@@ -109,10 +116,15 @@ class LiveFriction:
 
     def start(self) -> Live:
         """Nothing said so far."""
+        prior, n = self._prior, len(self.reference.speeds)
+        return Live(0, prior, np.zeros(len(prior)), 0.0, np.zeros((2, n)), 0, 0.0)
+
+    @property
+    def _prior(self) -> Array:
+        """Precision (D, D) of what the model knows."""
         effects = self.reference.effects
         size = np.array([e.size * (1.0 if e.name in PARTS else _KNOWN) for e in effects])
-        n = len(self.reference.speeds)
-        return Live(0, np.diag(size**-2.0), np.zeros(len(size)), 0.0, np.zeros((2, n)), 0, 0.0)
+        return np.diag(size**-2.0)
 
     def added(self, live: Live, chunk: Chunk) -> Live:
         """With what a stretch says.
@@ -162,8 +174,10 @@ class LiveFriction:
     def _total(self, live: Live) -> tuple[Array, Array]:
         """Changes (n,) of friction at the usual speed over the model's, and half their bands."""
         n, parts = len(self.reference.speeds), len(PARTS)
-        covariance = np.linalg.inv(live.precision)
-        value = covariance @ live.pull
+        curvature = live.precision - self._prior
+        less = np.linalg.inv(np.eye(len(curvature)) + curvature @ self.uncertain)
+        covariance = np.linalg.inv(less @ curvature + self._prior)
+        value = covariance @ less @ live.pull
         rows = np.zeros((n, len(value)))
         for j, weights in enumerate(total_weights(self.reference.speeds)):
             rows[j, parts * j : parts * (j + 1)] = weights

@@ -74,8 +74,8 @@ def watch_of(friction: Friction, dataset: Dataset, response: float, rate: float)
     prepared = prepared_data(dataset)
     reference = reference_of(prepared, friction)
     quiet, _ = recording_changes(prepared, reference, ())
-    drawn = drawn_by_noise(quiet, reference.effects)
-    live = LiveFriction(dataset, reference, quiet.disturbed, drawn)
+    drawn, uncertain = drawn_by_noise(quiet, reference.effects)
+    live = LiveFriction(dataset, reference, quiet.disturbed, drawn, uncertain)
     return Watch(dataset, momentum_observer, band, live)
 
 

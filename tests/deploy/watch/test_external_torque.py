@@ -270,6 +270,19 @@ def test_a_stretch_that_is_mostly_disturbed_says_nothing(watch, quiet):
     assert live.added(said, sound._replace(torque=sound.torque - pushes[:, None])) is said
 
 
+def test_no_length_of_a_stream_tells_what_the_quiet_recordings_do_not(watch, quiet):
+    """How noise draws gain, masses and friction together: an error that all stretches share."""
+    live = watch.friction
+    said = start = live.start()
+    for r in quiet.recordings:
+        said = live.added(said, part(samples_of(r), 0, 1001))
+    curvature, most = said.precision - start.precision, 1e6
+    longer = said._replace(precision=start.precision + most * curvature, pull=most * said.pull)
+    near, far = live.estimate(said), live.estimate(longer)
+    assert (np.abs(far.share - near.share) < near.band).all()
+    assert (near.band / 3 < far.band).all() and (far.band < near.band).all()
+
+
 def test_an_estimate_that_moved_over_half_of_the_data_has_not_converged(watch, quiet):
     """Also in the moment in which the next half begins."""
     live = watch.friction
