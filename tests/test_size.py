@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 564_605, 389, 573, 73
-TEST_TOKENS, WORDS = 426_796, 27_939
+TEST_TOKENS, WORDS = 427_337, 27_937
 
 
 def tokens(path):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
+from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import (
     COLUMNS,
     OTHERS,
@@ -132,16 +133,20 @@ DAMAGES = {
 }
 
 
+def assert_table_refused(folder, content, words):
+    with assert_refused(words) as caught:
+        load(folder, a_csv=content)
+    assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
+
+
 @pytest.mark.parametrize(("content", "words"), DAMAGES.items())
 def test_a_damaged_table_is_one_clear_line(tmp_path, content, words):
-    with assert_refused(words) as caught:
-        load(tmp_path, a_csv=content)
-    assert "a.csv" in str(caught.value) or "'a'" in str(caught.value)
+    assert_table_refused(tmp_path, content, words)
 
 
 @mistakes(ROWS)
 def test_a_damaged_row_is_one_clear_line(tmp_path, wrong, words):
-    test_a_damaged_table_is_one_clear_line(tmp_path, table(*wrong.split(" / ")), words)
+    assert_table_refused(tmp_path, table(*wrong.split(" / ")), words)
 
 
 def test_rows_whose_time_does_not_increase_are_counted_and_all_listed_ones_may_go(tmp_path):
@@ -193,16 +198,27 @@ def test_a_number_too_large_for_its_unit_is_refused(tmp_path):
 # --- Whatever comes: success or an InputError -----------------------------------------------------
 
 
-def try_to_load(document=None, **tables):
-    """True where a data set of finite angles was read, False where it was refused in one line."""
+def outcome(document=None, **tables):
+    """The data set that was read, or the words in which it was refused."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            found = load(Path(folder), document, **tables)
+            return load(Path(folder), document, **tables)
         except InputError as error:
-            assert len(str(error).splitlines()) == 1
-            return False
-    assert all(np.isfinite(recording.angle.value).all() for recording in found.recordings)
-    return True
+            return str(error)
+
+
+def is_harmless(found):
+    """Whether an outcome is a refusal in one line, or a data set of finite angles."""
+    if isinstance(found, str):
+        return len(found.splitlines()) == 1
+    return all(np.isfinite(recording.angle.value).all() for recording in found.recordings)
+
+
+def try_to_load(document=None, **tables):
+    """True where a data set was read, False where it was refused in one line."""
+    found = outcome(document, **tables)
+    assert is_harmless(found), found
+    return not isinstance(found, str)
 
 
 CELLS = st.sampled_from(["", "nan", "NaN", "inf", "-1e999", "abc", "1_0", "\x00", "0x1", "١"])
@@ -232,9 +248,25 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     assert try_to_load(a_csv=columns) == needed.issubset(columns)
 
 
+@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
+@given(data=st.data())
+def test_damaged_bytes_are_refused_or_harmless(ending, data):
+    text = csv_bytes(motion())
+    packed = {"csv": text, "csv_gz": gzip.compress(text, mtime=0)}
+    content = packed.get(ending) or parquet_bytes(motion())
+    tables = {f"a_{ending}": data.draw(damaged(content))}
+    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **tables))
+
+
 @given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
 def test_junk_is_refused(content, ending):
     assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
+
+
+@given(st.data())
+def test_damaged_toml_is_refused_or_harmless(data):
+    content = tomli_w.dumps(full_description()).encode()
+    assert is_harmless(outcome(data.draw(damaged(content))))
 
 
 VALUES = st.recursive(
@@ -265,7 +297,7 @@ def test_any_value_in_any_place_of_the_description_is_refused_or_harmless(data):
         text = tomli_w.dumps(document).encode()
     except (TypeError, UnicodeEncodeError):
         return
-    try_to_load(text)
+    assert is_harmless(outcome(text))
 
 
 def full_description():
