@@ -97,7 +97,8 @@ def solve(
         stage is left then, from its states, and of the same windows without those that it left out
         for good; by default the fit begins with the smoothed motion
     """
-    lengths, leading, solution = problem.settings.windows, _leading(problem), None
+    settings, leading, solution = problem.settings, _leading(problem), None
+    lengths = settings.windows if settings.growing else settings.windows[-1:]
     stages = [(lengths[-1], problem)]
     if ended is None:
         nodes, sigma, total = problem.initial_nodes(estimate), _initial_noise(problem, use), 0

@@ -123,8 +123,8 @@ class Shooting:
 
     blocks : what is free: friction, and the delay where a motor's torque is sampled
     settings : windows, noise, iterations
-    start : the recipe whose friction it begins with; beside what is free, its calibration does not
-        count
+    start : the recipe whose friction it begins with, and of its calibration the parts that are free;
+        shorter windows need not lead there then
     held : calibration of another fit, held but for the blocks that are free, which it informs
     """
 
@@ -158,8 +158,12 @@ class Shooting:
         if identifier.fixed:
             return self.start.fit(identifier, data, seed)
         first, _ = self.start.friction_of(identifier, data, seed)
-        first = replace(first, calibration=None)
-        return refine_folds(first, data.intervals, self, data.interval_weights)
+        recipe = self
+        if first.calibration is not None:
+            freed = tuple(block.name for block in self.blocks)
+            first = replace(first, calibration=part_of_calibration(first.calibration, freed))
+            recipe = replace(self, settings=replace(self.settings, growing=False))
+        return refine_folds(first, data.intervals, recipe, data.interval_weights)
 
 
 def refine_folds(

@@ -176,7 +176,8 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     limits = (*words, *limits_of_data(solution, covariance))
     limits = (*limits, *(u.sentence for u in stage.held))
     diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
-    law_friction = as_given(fitted, start)
+    given = stage.network or as_given(estimate.friction, start)
+    law_friction = replace(given, calibration=estimate.calibration, parameters={})
     covariance = _with_held(covariance, stage)
     return Fit(law_friction, covariance.each, diagnostics, fitted)
 

@@ -55,6 +55,7 @@ class Stage(NamedTuple):
 
     use : (K,) true for the intervals that may be used
     tried : parameters that have been held, or were shown to be needed
+    network : with the weights that give where it ended, of a network
     """
 
     friction: Friction
@@ -66,6 +67,7 @@ class Stage(NamedTuple):
     dropped: tuple[Dropped, ...] = ()
     held: tuple[Unknown, ...] = ()
     tried: tuple[Key, ...] = ()
+    network: Friction | None = None
 
     @property
     def solution(self) -> Solution:
@@ -124,7 +126,7 @@ def _with_network(stage: Stage) -> Stage:
         estimate = end._replace(friction=estimate.friction)
         ended = solve(problem, estimate, stage.use, stage.solution)
         stage = stage._replace(friction=network, ended=ended)
-    return stage
+    return stage._replace(network=network)
 
 
 def begun(stage: Stage) -> Stage:

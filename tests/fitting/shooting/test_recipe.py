@@ -11,8 +11,8 @@ from fixtures.refusals import assert_refused
 from fixtures.result_folders import leave_blank
 from numpy.testing import assert_allclose
 
-from frictionid.comparison.cross_validate import Benchmark, run
-from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of, recipes_of
+from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
+from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipe_of, recipes_of
 from frictionid.evaluation import Protocol, Split, make_folds
 from frictionid.fitting.identifiers import Frictionless, LeastSquares
 from frictionid.fitting.parameters import DelayBlock, FrictionBlock, InertiaBlock
@@ -57,6 +57,19 @@ def test_it_predicts_better_than_the_one_step_fit_that_it_began_with(result):
     assert scores[0] < scores[1]
     errors = [np.abs(r.overall.theta - TRUE).max() for r in (result, before)]
     assert errors[0] < errors[1]
+
+
+def test_a_fit_that_begins_with_its_calibration_ends_alike_and_sooner():
+    begun = replace(BOTH, start=CALIBRATED)
+    data = prepare_benchmark(benchmark(), [BOTH, begun]).training
+    soon, late = (r.fit(LeastSquares(CoulombViscous()), data, 0) for r in (begun, BOTH))
+    assert_allclose(soon.friction.theta, late.friction.theta, rtol=0.01)
+    for part in ("delay", "base"):
+        ends = [getattr(fit.friction.calibration, part) for fit in (soon, late)]
+        assert_allclose(*ends, rtol=0.01)
+    # a window with a kink that only one of them leaves out
+    assert_allclose(soon.folds.theta, late.folds.theta, rtol=0.05)
+    assert soon.diagnostics.iterations < 0.8 * late.diagnostics.iterations
 
 
 def test_a_fold_is_blind_to_the_recordings_that_it_holds_out(result):
