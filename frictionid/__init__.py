@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from frictionid.api.suggest import suggest_trajectories as suggest_trajectories
     from frictionid.api.suites import run_suite as run_suite
     from frictionid.api.suites import tune as tune
-    from frictionid.comparison.fit_model import fit_model as fit_model
     from frictionid.data.readers.dataset import load_dataset as load_dataset
     from frictionid.data.recordings import Dataset as Dataset
     from frictionid.data.recordings import Recording as Recording
@@ -61,8 +60,6 @@ if TYPE_CHECKING:
     from frictionid.deploy.watch.external import external_torque as external_torque
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
-    from frictionid.evaluation.folds import make_folds as make_folds
-    from frictionid.evaluation.predicted_motion import predicted_motion as predicted_motion
     from frictionid.evaluation.prepared import Protocol as Protocol
     from frictionid.fitting.identifier import Identifier as Identifier
     from frictionid.fitting.identifiers import LeastSquares as LeastSquares

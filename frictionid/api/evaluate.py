@@ -179,7 +179,8 @@ def predict(
     Returns
     -------
     DataFrame
-        As `frictionid.predicted_motion` gives it.
+        Columns recording, start_s, time_s, ahead_s; for each joint j the angle predicted qj, the
+        velocity predicted wj (not of whole recordings) and the angle measured measured_qj; SI.
 
     Raises
     ------

@@ -8,12 +8,13 @@ from fixtures import compared
 import frictionid
 from frictionid.api.models import identifier_of
 from frictionid.comparison.usual_method import usual_recipe
+from frictionid.evaluation import make_folds
 
 
 def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
     data = frictionid.load_dataset("acrobot_clean")
     data = replace(data, recordings=data.recordings[:6])
-    folds = frictionid.make_folds(data.recordings, frictionid.Split(count=3))
+    folds = make_folds(data.recordings, frictionid.Split(count=3))
     models = {"coulomb": frictionid.LeastSquares(frictionid.CoulombViscous())}
     protocol = frictionid.Protocol(horizons=(0.5,))
     before = compared.compare(data, models, folds, protocol=protocol)
