@@ -123,8 +123,8 @@ class Shooting:
 
     blocks : what is free: friction, and the delay where a motor's torque is sampled
     settings : windows, noise, iterations
-    start : the recipe whose friction it begins with, and of its calibration the parts that are free;
-        shorter windows need not lead there then
+    start : the recipe whose friction it begins with, and of its calibration the parts that are
+        free; where it has one, no shorter windows lead there
     held : calibration of another fit, held but for the blocks that are free, which it informs
     """
 

@@ -176,10 +176,10 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     limits = (*words, *limits_of_data(solution, covariance))
     limits = (*limits, *(u.sentence for u in stage.held))
     diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
-    given = stage.network or as_given(estimate.friction, start)
-    law_friction = replace(given, calibration=estimate.calibration, parameters={})
+    friction = stage.network or as_given(estimate.friction, start)
+    friction = replace(friction, calibration=estimate.calibration, parameters={})
     covariance = _with_held(covariance, stage)
-    return Fit(law_friction, covariance.each, diagnostics, fitted)
+    return Fit(friction, covariance.each, diagnostics, fitted)
 
 
 def _with_held(covariance: Covariance, stage: Stage) -> Covariance:

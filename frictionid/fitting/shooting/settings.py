@@ -35,8 +35,8 @@ class Settings:
 
     windows : lengths [s] of the windows, one stage after the other (5, 10 and 20 samples at 60 Hz);
         left as they are, they have no fewer samples than at 30 Hz where these are farther apart
-    growing : whether shorter windows lead to the last ones; where a fit begins with a calibrated one,
-        none do
+    growing : whether shorter windows lead to the last ones; where a fit begins with a calibration
+        of the same recordings, none do
     iterations : at most so many in the last stage; the others, which only lead there, have 4
     tolerance : a stage ends when no parameter moves by more than this share of its standard error
     huber : residuals beyond so many standard deviations count less
