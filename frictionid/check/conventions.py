@@ -166,9 +166,7 @@ def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Conv
 def scores(measured: Measured) -> list[Scored]:
     """All conventions with their scores, the data as given first."""
     acting = [
-        j not in measured.dead
-        and bool(any(r.torque.value[:, j].any() for r in measured.dataset.recordings))
-        for j in range(measured.mechanism.n)
+        j not in measured.dead and bool(acts) for j, acts in enumerate(measured.dataset.actuated)
     ]
     mechanism = measured.mechanism
     candidates = list(

@@ -163,8 +163,7 @@ def _torque_left(friction: Friction, prepared: Prepared) -> Iterable[tuple[Any, 
 
 def _as_logged(dataset: Dataset) -> bool:
     """Whether a servo's held targets are taken to act when they are logged."""
-    servos = [r.servo for r in dataset.recordings if r.servo is not None]
-    return any(holds(s.goal) and s.target_delay == 0 for s in servos)
+    return any(holds(s.goal) and s.target_delay == 0 for s in dataset.servos)
 
 
 def _equality(
@@ -217,7 +216,7 @@ def with_smoothing_bias(
             "bias: it is that of the intervals of a one-step fit, and this one has none: give a "
             "law with parameters, and no calibration; the intervals of shooting have no such bias"
         )
-    if any(r.servo is not None for r in dataset.recordings):
+    if dataset.servos:
         raise InputError("bias: it is known of recorded torques, not of servos: fit by shooting")
     if isinstance(identifier, LeastSquares):  # harmonics that were chosen stay
         identifier = replace(identifier, law=friction.law)

@@ -40,8 +40,8 @@ def usual_method(dataset: Dataset, identifier: Identifier) -> str:
     network = getattr(law, "is_network", False)
     if not identifier.uses_mechanism or (network and law.has_memory):
         return "one_step"
-    driven = np.any([np.any(r.torque.value, axis=0) for r in dataset.recordings], axis=0)
-    if dataset.mechanism.n < _ARM or not (driven.all() and torque_is_sampled(dataset)):
+    driven = dataset.actuated.all() and torque_is_sampled(dataset)
+    if dataset.mechanism.n < _ARM or not driven:
         return "shooting"
     return "one_step" if network else "inverse_dynamics"
 

@@ -261,7 +261,7 @@ def variations_of(dataset: Dataset, settings: SensitivitySettings) -> tuple[Vari
     for name in names:
         dataset.mechanism.check_name(name)
     turns = dataset.mechanism.position_units[0] == "rad"
-    moves = any(np.any(r.torque.value) for r in dataset.recordings)
+    moves = dataset.actuated.any()
     several = len(dataset.recordings) > 1
     return (
         NOMINAL,

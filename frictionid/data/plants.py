@@ -113,8 +113,7 @@ def refuse_torques(dataset: Dataset) -> None:
     """
     for sentence in torque_without_motor(dataset).values():
         raise InputError(f"data set {dataset.name!r}: {sentence}; {NO_MOTOR_REMEDY}")
-    acts = any(np.any(r.torque.value) for r in dataset.recordings)
-    if dataset.torque_at == "link" and acts:
+    if dataset.torque_at == "link" and dataset.actuated.any():
         raise InputError(f"data set {dataset.name!r}: {LINK_TORQUE}; {LINK_TORQUE_REMEDY}")
 
 

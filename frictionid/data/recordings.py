@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from frictionid.arrays import Array
 from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism, as_mechanism
@@ -196,6 +197,16 @@ class Dataset:
     def scales(self) -> JointScales:
         """Size and speeds of each joint by its measured positions, see `joint_scales`."""
         return joint_scales(self.mechanism.position_units, [r.angle for r in self.recordings])
+
+    @property
+    def actuated(self) -> Array:
+        """Whether each joint (n,) has a torque, somewhere not zero."""
+        return np.any([np.any(r.torque.value, axis=0) for r in self.recordings], axis=0)
+
+    @property
+    def servos(self) -> tuple[Servo, ...]:
+        """Servos of the recordings that have one."""
+        return tuple(r.servo for r in self.recordings if r.servo is not None)
 
     def __repr__(self) -> str:
         recordings = self.recordings

@@ -161,10 +161,9 @@ def servos_of(dataset: Dataset) -> tuple[Servo, ...]:
 
     Recordings without servo among others have one that makes their torque, whatever the motion.
     """
-    recordings = dataset.recordings
-    if all(r.servo is None for r in recordings):
+    if not dataset.servos:
         return ()
-    return tuple(r.servo or open_loop(r.torque) for r in recordings)
+    return tuple(r.servo or open_loop(r.torque) for r in dataset.recordings)
 
 
 def _play(
@@ -346,9 +345,8 @@ def preceding_samples(
     edges = part.time[:, None] + part.dt[:, None] * share
     u = pieces_of(drive.torque, part.recording, edges).mean
     loop = None if drive.loop is None else drive.loop.feedback[index]
-    driven = np.array([np.any(r.torque.value, axis=0) for r in dataset.recordings]).any(axis=0)
     sigma = 1.4826 * np.median(np.abs(intervals.before - intervals.q), axis=0)
-    return SampleWindows(part, windows, u * driven, np.maximum(sigma, 1e-6), loop)
+    return SampleWindows(part, windows, u * dataset.actuated, np.maximum(sigma, 1e-6), loop)
 
 
 def estimate_initial_states(

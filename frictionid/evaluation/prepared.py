@@ -7,15 +7,16 @@ problems and initial states when they are first asked for, and keeps them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import NotNegative, Positive, validated
 from frictionid.data.calibration import Calibration, calibrated_dataset, calibrated_plant
 from frictionid.data.plants import plant_of, refuse_torques, unit_inertia_plant
 from frictionid.data.recordings import Dataset
@@ -53,7 +54,7 @@ from .initial_states import (
 )
 
 
-@dataclass(frozen=True)
+@validated
 class Protocol:
     """Horizons of the rollouts [s], `every` how many seconds one starts, and what comes before.
 
@@ -71,33 +72,14 @@ class Protocol:
     0.25
     """
 
-    horizons: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0)
-    every: float = 0.25
-    history: float = 0.15
-    sample_time: float | None = None
+    horizons: Annotated[tuple[Positive, ...], Field(min_length=1)] = (0.1, 0.25, 0.5, 1.0)
+    every: Positive = 0.25
+    history: NotNegative = 0.15
+    sample_time: Positive | None = None
     whole: bool = False
-    initial_states: str = "filter"
+    initial_states: Literal["filter", "model"] = "filter"
     true_initial_states: bool = False
     loops: HysteresisSettings | None = None
-
-    def __post_init__(self) -> None:
-        if not self.horizons:
-            raise InputError("horizons must name at least one time ahead, e.g. [0.5]")
-        for horizon in self.horizons:
-            _check("horizons", horizon, math.isfinite(horizon) and horizon > 0, "positive seconds")
-        _check("every", self.every, math.isfinite(self.every) and self.every > 0, "positive [s]")
-        fine = math.isfinite(self.history) and self.history >= 0
-        _check("history", self.history, fine, "0 s or more, and finite")
-        is_estimator = self.initial_states in ("filter", "model")
-        _check("initial_states", self.initial_states, is_estimator, '"filter" or "model"')
-        apart = self.sample_time
-        if apart is not None:
-            _check("sample_time", apart, math.isfinite(apart) and apart > 0, "positive [s]")
-
-
-def _check(name: str, value: float | str, fine: bool, rule: str) -> None:
-    if not fine:
-        raise InputError(f"{name}: {value} must be {rule}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,8 +329,7 @@ _SWINGING = 2  # joints of what no controller must hold
 def is_arm(dataset: Dataset) -> bool:
     """Whether a controller held the machine that is in no recording: many joints, all driven."""
     mechanism = dataset.mechanism
-    servo = any(r.servo is not None for r in dataset.recordings)
-    return mechanism.n > _SWINGING and all(mechanism.driven) and not servo
+    return mechanism.n > _SWINGING and all(mechanism.driven) and not dataset.servos
 
 
 def protocol_for(protocol: Protocol, held: Sequence[tuple[Dataset, Folds | None]]) -> Protocol:

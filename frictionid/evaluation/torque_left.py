@@ -38,8 +38,7 @@ _COMPLETE = 0.5  # of the usual length: shorter windows, at gaps and ends of fol
 
 def has_torque(dataset: Dataset) -> bool:
     """Whether torques were measured: some are not zero, and none follows from a servo's voltage."""
-    torque = any(np.any(r.torque.value) for r in dataset.recordings)
-    return torque and all(r.servo is None for r in dataset.recordings)
+    return bool(dataset.actuated.any()) and not dataset.servos
 
 
 def row_torques(problem: Problem, residual: Array, use: Array) -> Array:

@@ -234,7 +234,7 @@ class Fit:
             clusters=covariance.clusters,
             singular_values=covariance.singular,
             undetermined=covariance.undetermined,
-            driven=any(bool(np.any(r.torque.value)) for r in dataset.recordings),
+            driven=bool(dataset.actuated.any()),
             bands=self._bands(BEYOND * grid),
         )
 

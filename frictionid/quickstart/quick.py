@@ -113,7 +113,7 @@ def plan_for(dataset: Dataset) -> Plan:
     """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled."""
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
-    driven = torque_is_sampled(dataset) or any(r.servo for r in dataset.recordings)
+    driven = torque_is_sampled(dataset) or dataset.servos
     laws = (law for law in BY_ANGLES.laws if driven or law.kind != "motor_load")
     return BY_ANGLES._replace(laws=tuple(laws))
 

@@ -141,13 +141,13 @@ good.json good.json --horizons 0.1  => TOML .* a model stands before the data
 good.json tiny --horizons ''        => --horizons '' must be positive seconds
 good.json tiny --horizons 0.1,x     => must be positive seconds with commas
 good.json tiny --horizons 0.1,      => must be positive seconds with commas
-good.json tiny --horizons -0.1      => horizons: -0\.1 must be positive
-good.json tiny --horizons 0         => horizons: 0\.0 must be positive
+good.json tiny --horizons -0.1      => horizons\[0\]: .* greater than 0, not -0\.1
+good.json tiny --horizons 0         => horizons\[0\]: .* greater than 0, not 0\.0
 good.json tiny --horizons nan       => --horizons 'nan' must be positive seconds
 good.json tiny --horizons inf       => --horizons 'inf' must be positive seconds
 good.json tiny --horizons 0.1,9     => no recording holds .* a rollout of 9 s
 good.json tiny --horizons 0.001     => sampled finely enough .* 0\.001 s
-good.json tiny --horizons 0.1 --sample-time 0  => sample_time: 0\.0 must be positive
+good.json tiny --horizons 0.1 --sample-time 0  => sample_time: .* greater than 0, not 0\.0
 good.json tiny --horizons 0.1 --sample-time 99 => lower sample_time
 """
 
@@ -184,7 +184,7 @@ FIT = r"""
 --identifier stribeck --set kind=none       => --set kind: is no setting
 --identifier stribeck --recipe integrl      => recipe 'integrl' is unknown; did you mean 'integral'
 --identifier stribeck --recipe ''           => recipe '' is unknown; known: 'study', 'integral'
---identifier stribeck --sample-time -1      => sample_time: -1\.0 must be positive
+--identifier stribeck --sample-time -1      => sample_time: .* greater than 0, not -1\.0
 --identifier stribeck --sample-time 99      => lower sample_time
 """
 

@@ -195,10 +195,10 @@ identifier = {width = 0.1} => the key 'identifiers\[1\]\.kind' is missing
 recipes.0 = {name = "mine"} => 'mine' is unknown; .*needs states
 identifier = {kind = "published"} => 'published': the key 'file' is missing
 recipe = {states = {}} => recipe 'mine', states: the key 'kind' is missing
-horizons = [] => horizons must name at least one
+horizons = [] => horizons: it should have at least 1 item, not \[\]
 horizons = [nan] => horizons\[0\]: .*finite.*, not nan
-every = 0.0 => every: 0\.0 must be positive
-history = -1 => history: -1.0 must be 0 s or more
+every = 0.0 => every: it should be greater than 0, not 0\.0
+history = -1 => history: it should be greater than or equal to 0, not -1
 folds.count = 1 => folds: count = 1 must be at least 2
 identifier = {kind = "stribeck_asymmetric"}
     => kind = 'stribeck_asymmetric' is unknown; known: .*'stribeck'

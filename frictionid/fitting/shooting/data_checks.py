@@ -46,7 +46,7 @@ def check_blocks(
     everything = len(estimate.mechanism.base_names)
     scale = len(parameters.get("inertia", ())) == everything and "friction" in parameters
     informed = any(np.isfinite(p.tolerance) for group in parameters.values() for p in group)
-    torque = any(np.any(r.torque.value) for r in intervals.dataset.recordings)
+    torque = intervals.dataset.actuated.any()
     remedy = (
         "fix one base parameter that you are sure of, such as "
         f"{estimate.mechanism.base_names[-1]!r}, or give a prior"

@@ -74,7 +74,7 @@ class Drive(NamedTuple):
 
 def drive_of(intervals: Intervals, calibration: Calibration, mechanism: Mechanism) -> Drive:
     """The torque of the recordings' servos, where there are any, else the logged one."""
-    if all(r.servo is None for r in intervals.dataset.recordings):
+    if not intervals.dataset.servos:
         return Drive(intervals.torque)
     loop = loop_of(intervals, calibration, mechanism.motors)
     return Drive(torques_of(intervals, calibration, loop.feedback), loop)
@@ -228,7 +228,7 @@ def with_servo(estimate: Estimate, dataset: Dataset, blocks: Sequence[ParameterB
     names = {b.name for b in blocks if b.enters == "actuator"}
     if not names:
         return estimate
-    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    servos = dataset.servos
     where = f"data set {dataset.name!r}, block {min(names)!r}"
     remedy = "leave the block out, and free 'gain' for a wrong torque constant"
     if not servos:

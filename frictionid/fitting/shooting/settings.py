@@ -90,7 +90,7 @@ def torque_is_sampled(dataset: Dataset) -> bool:
 
 def targets_are_held(dataset: Dataset) -> bool:
     """Whether servos alone drive, by targets that are held from one sample to the next."""
-    servos = [r.servo for r in dataset.recordings if r.servo is not None]
+    servos = dataset.servos
     return bool(servos) and all(holds(s.goal) for s in servos) and not torque_is_sampled(dataset)
 
 

@@ -280,7 +280,7 @@ def check_blocks(
             )
         if names.count(block) > 1:
             raise InputError(f"block {block!r} is given twice")
-    torque = any(np.any(r.torque.value) for r in balance.dataset.recordings)
+    torque = bool(balance.dataset.actuated.any())
     base = estimate.mechanism.base_names
     free = {b.name: b.parameters(estimate) for b in blocks}
     informed = any(np.isfinite(p.tolerance) for group in free.values() for p in group)
