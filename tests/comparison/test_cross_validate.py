@@ -190,7 +190,7 @@ def test_smoothed_states_go_with_either_scheme(states):
 
 ABSURD = {
     "long horizons": ({"protocol": Protocol(horizons=(9.0,))}, "9.15 s of motion"),
-    "long history": ({"protocol": Protocol(history=1e300)}, "no recording"),
+    "long history": ({"protocol": Protocol(history=1e19)}, "no recording"),
     "long sample time": ({"protocol": Protocol(sample_time=9.0)}, "lower sample_time"),
     "few blocks": (
         {"split": Split(count=60, kind="blocks"), "protocol": Protocol(horizons=(0.4,))},

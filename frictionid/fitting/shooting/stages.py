@@ -126,6 +126,8 @@ def _with_network(stage: Stage) -> Stage:
         estimate = end._replace(friction=estimate.friction)
         ended = solve(problem, estimate, stage.use, stage.solution)
         stage = stage._replace(friction=network, ended=ended)
+    else:
+        network = as_given(stage.solution.estimate.friction, stage.friction)
     return stage._replace(network=network)
 
 
