@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace as with_changes
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from joblib import cpu_count
 
@@ -56,7 +56,7 @@ def compare(
     *,
     horizons: Sequence[float] | None = None,
     tests: Sequence[DatasetLike] = (),
-    initial_states: str = "filter",
+    initial_states: Literal["filter", "model"] = "filter",
     sample_time: float | None = None,
     whole: bool = False,
     jobs: int = 1,

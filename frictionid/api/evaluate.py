@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 
@@ -43,7 +43,7 @@ def evaluate(
     *,
     sample_time: float | None = None,
     whole: bool = False,
-    initial_states: str = "filter",
+    initial_states: Literal["filter", "model"] = "filter",
 ) -> pd.DataFrame:
     """Scores of fitted models on all recordings of a data set, one step ahead and over seconds.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -190,7 +190,7 @@ class Fit:
         *,
         sample_time: float | None = None,
         whole: bool = False,
-        initial_states: str = "filter",
+        initial_states: Literal["filter", "model"] = "filter",
     ) -> pd.DataFrame:
         """Scores on other data, one step ahead and over seconds; see `frictionid.evaluate`.
 

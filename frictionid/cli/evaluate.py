@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from .options import (
     DatasetPath,
@@ -22,7 +23,7 @@ def evaluate(
     sample_time: float | None = None,
     law: list[str] | None = None,
     whole: bool = False,
-    initial_states: str = "filter",
+    initial_states: Literal["filter", "model"] = "filter",
     json: bool = False,
     replace: bool = False,
     trust: bool = False,
