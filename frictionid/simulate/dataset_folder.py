@@ -44,15 +44,14 @@ def load_rig(path: str | Path) -> Rig:
     return rig_of(_beside(document, Path(path).parent), str(path))
 
 
-def _beside(document: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The document with the files of its mechanisms from a folder."""
-    out = dict(document)
-    for name in ("mechanism", "true_mechanism"):
-        table = out.get(name)
-        if isinstance(table, dict):
-            files = {k: str(folder / str(table[k])) for k in ROBOT_FILES if k in table}
-            out[name] = {**table, **files}
-    return out
+def _beside(value: Any, folder: Path) -> Any:
+    """A document whose files, of mechanisms and of torques, are those of a folder."""
+    if isinstance(value, list):
+        return [_beside(entry, folder) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    files = (*ROBOT_FILES, "file")
+    return {k: str(folder / str(v)) if k in files else _beside(v, folder) for k, v in value.items()}
 
 
 def rig_of(document: dict[str, Any], file: str) -> Rig:
@@ -118,17 +117,15 @@ def _unknown_keys(table: Any, kind: Any, place: str) -> Iterator[tuple[str, str,
 
 def _chosen(hint: Any, table: Any) -> Any:
     """The dataclass of a table, among those of a type hint."""
-    kinds = [hint] if is_dataclass(hint) else list(_dataclasses(hint))
-    named = [d for d in kinds if isinstance(table, dict) and _kind(d) == table.get("kind")]
-    return named[0] if named else None
+    kinds = _dataclasses(hint) if isinstance(table, dict) else ()
+    return next((d for d in kinds if _kind(d) == table.get("kind")), None)
 
 
 def _dataclasses(hint: Any) -> Iterator[Any]:
+    if is_dataclass(hint):
+        yield hint
     for part in get_args(hint):
-        if is_dataclass(part):
-            yield part
-        else:
-            yield from _dataclasses(part)
+        yield from _dataclasses(part)
 
 
 def _kind(cls: Any) -> Any:

@@ -95,10 +95,10 @@ def _command(rig: Rig, run: Run, seed: int, end: float) -> Signal:
     """Logged torque of all joints, held between its samples."""
     count = int(np.floor(end * rig.drive.rate + 1e-9)) + 1
     time = np.arange(count) / rig.drive.rate
-    driven = np.flatnonzero(nominal_mechanism(rig).driven)
-    value = np.zeros((count, nominal_mechanism(rig).n))
+    mechanism = nominal_mechanism(rig)
+    value = np.zeros((count, mechanism.n))
     generator = _generator(seed, run, "torque")
-    for joint, torque in zip(driven, run.torques, strict=False):
+    for joint, torque in zip(np.flatnonzero(mechanism.driven), run.torques, strict=False):
         value[:, joint] = torque.values(time, generator)
     return Signal(time, np.round(value, COMMAND_DECIMALS), hold="previous")
 

@@ -1,4 +1,4 @@
-"""Torque commands of the simulated drive: wave forms, and a position controller.
+"""Torque commands of the simulated drive: wave forms, tables, and a position controller.
 
 Under the controller torque follows from the motion: a robot's drives sample the angles, compute
 
@@ -9,6 +9,7 @@ and hold it until the next sample.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -16,8 +17,10 @@ from pydantic import Field
 
 from frictionid.arrays import times
 from frictionid.config import NotNegative, Positive, validated
-from frictionid.data.signals import Array
+from frictionid.data.readers.table import read_table, signal_of
+from frictionid.data.signals import Array, sample
 from frictionid.errors import InputError
+from frictionid.files import read_bytes
 from frictionid.mechanics import Plant
 from frictionid.progress import report_step
 
@@ -142,7 +145,29 @@ class Noise(Command):
         return np.clip(half * wave, -self.amplitude, self.amplitude)
 
 
-AnyCommand = Annotated[Sine | Chirp | Steps | Multisine | Noise, Field(discriminator="kind")]
+@validated
+class Table(Command):
+    """Torque of a table with `time` [s], as `frictionid suggest` writes it.
+
+    Each value is held to the next; after the last there is none.
+
+    file : of the table, from the folder of the rig.toml; column : [N m]
+    """
+
+    file: str
+    column: str = "u1"
+    kind: Literal["table"] = "table"
+
+    def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
+        table = read_table(read_bytes(Path(self.file)), self.file, ["time", self.column])
+        torque = signal_of(table, "time", [self.column], hold="previous")
+        # times may be rounded in the table
+        return sample(torque, time + 1e-6)[:, 0] * (time < torque.time[-1] + 1e-6)
+
+
+AnyCommand = Annotated[
+    Sine | Chirp | Steps | Multisine | Noise | Table, Field(discriminator="kind")
+]
 
 
 @validated

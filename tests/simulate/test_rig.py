@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import tomli_w
 from fixtures.mistakes import mistakes
@@ -18,6 +19,7 @@ from fixtures.true_curves import plain_friction
 from frictionid.data.integrals import averages
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal, holds
+from frictionid.report.experiment_design import DECIMALS, csv_of
 from frictionid.simulate import (
     Camera,
     Chirp,
@@ -178,6 +180,20 @@ def test_frequencies_are_those_asked_for():
     halves = np.diff(time[crossings])
     assert 0.5 / halves[:3].mean() == pytest.approx(0.5, rel=0.1)
     assert 0.5 / halves[-9:].mean() == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_table_plays_what_suggest_writes_sample_for_sample_then_nothing(tmp_path):
+    wave = np.round(0.1 * np.random.default_rng(0).standard_normal(91), DECIMALS)
+    frame = pd.DataFrame({"time": np.arange(91) / 60, "u2": wave})
+    (tmp_path / "signal.csv").write_text(csv_of(frame))
+    document = copy.deepcopy(DOCUMENT) | {"camera": {"samples": 121}}
+    document["recordings"][0]["torques"] = [{"kind": "table", "file": "signal.csv", "column": "u2"}]
+    (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
+    torque = simulate(load_rig(tmp_path / "rig.toml")).recordings[0].torque.value
+    assert np.array_equal(torque[:, 1], np.append(wave, np.zeros(30))) and not torque[:, 0].any()
+    (tmp_path / "signal.csv").unlink()
+    with assert_refused("signal.csv cannot be read"):
+        simulate(load_rig(tmp_path / "rig.toml"))
 
 
 # Files
