@@ -36,7 +36,7 @@ from ..pooling.models import place_of
 SETTLING = 12.0  # over the rate [s]: what the filters forget of their start by
 _QUICK = 6.0  # times the rate, that of the first filter
 _GAP = 6.0  # over the rate [s]: between samples farther apart nothing is known
-# An angle jumps, as where an encoder is set anew or wraps, that moves so many times faster than
+# An angle jumps, as where an encoder is set anew, that moves so many times faster than
 # ever before, and so far in one interval [rad or m].
 _JUMP, _FAR = 10.0, 0.1
 

@@ -141,6 +141,11 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
     stretch, live, estimate = stream.stretch, stream.live, None
     both = joined(stretch, new)
+    steps = np.diff(both.angle, axis=0) / (2 * np.pi)
+    turns = np.array(watch.dataset.mechanism.position_units) == "rad"
+    wraps = np.round(steps) * (np.abs(steps) < 1.5) * turns  # more is an encoder that is set anew
+    both.angle[1:] -= 2 * np.pi * np.cumsum(wraps, axis=0)
+    new = part(both, len(stretch.time))
     torque = interval_torques(watch.friction.torque_of(both), both.time)[-len(new.time) :]
     state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
     anew = np.flatnonzero(np.diff(said.begin, prepend=stream.state.begin))

@@ -229,6 +229,24 @@ def test_a_jump_ends_a_stretch_of_the_live_estimate(watch, quiet, jumped, tmp_pa
     assert ends[0].seconds - 1.1 < ends[1].seconds < ends[0].seconds
 
 
+@pytest.mark.parametrize("low", [0.0, -np.pi / 4], ids=["0 to 2 pi", "-pi / 4 to 7 pi / 4"])
+def test_angles_that_wrap_at_a_turn_say_what_others_do(watch, quiet, tmp_path, low):
+    (r, *_) = quiet.recordings
+    angle = (r.angle.value - low) % (2 * np.pi) + low
+    assert np.ptp(angle) > np.pi
+    said = []
+    for value in r.angle.value, angle:
+        place = tmp_path / str(len(said))
+        run = replace(r, angle=r.angle._replace(value=value))
+        write_dataset(replace(quiet, recordings=(run,)), place)
+        (table,) = place.glob("*.csv")
+        said.append(list(watched(watch, place, in_pieces(table.read_bytes(), 1500), 0.0)))
+    torques = [np.concatenate([seen.torque for seen in each]) for each in said]
+    np.testing.assert_allclose(*torques, atol=1e-5, equal_nan=True)
+    shares = [[seen.estimate.share for seen in each if seen.estimate] for each in said]
+    np.testing.assert_allclose(*shares, atol=1e-3)
+
+
 def samples_of(recording):
     return Chunk(recording.angle.time, recording.angle.value, recording.torque.value)
 
