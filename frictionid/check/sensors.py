@@ -19,11 +19,11 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
+from frictionid.fitting.shooting.data_checks import wraps
 
 from .findings import Finding, finding
 from .motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
 
-TURN = 2 * np.pi
 READINGS = 5  # fewest equal readings
 # Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding,
 # and by this many times the second difference that 99 % of the other samples stay below.
@@ -39,31 +39,25 @@ WORSE, LARGE, FITS = 3.5, 0.4, 0.5
 def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     """Data set without jumps of a whole turn, and a finding for each joint that had them.
 
-    An angle is wrapped where it jumps by more than half a turn between neighbouring samples and
-    yet never leaves a span of one turn.
-
     Examples
     --------
     >>> from frictionid.mechanics import pendulum
     >>> from frictionid.data.recordings import Recording
     >>> from frictionid.data.signals import Signal
     >>> time = np.arange(50) * 0.02
-    >>> angle = (4.0 * time[:, None] + np.pi) % TURN - np.pi
+    >>> angle = (4.0 * time[:, None] + np.pi) % (2 * np.pi) - np.pi
     >>> recording = Recording("r", Signal(time, angle), Signal(time, 0 * angle))
     >>> wrapped = Dataset("a", pendulum(), (recording,))
     >>> mended, findings = unwrapped(wrapped)
     >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), findings[0].kind
     (3.92, 'wrapped_angle')
     """
-    span = np.ptp(np.concatenate([r.angle.value for r in dataset.recordings]), axis=0)
     jumps = np.zeros(dataset.mechanism.n, int)
-    turns = np.array([unit == "rad" for unit in dataset.mechanism.position_units])
     recordings = []
-    for recording in dataset.recordings:
-        value = recording.angle.value
-        hits = (np.abs(np.diff(value, axis=0)) > np.pi) & (span <= TURN + 0.1) & turns
+    for recording, hits in zip(dataset.recordings, wraps(dataset), strict=True):
         if hits.any():
             jumps += hits.sum(0)
+            value = recording.angle.value
             mended = np.where(hits.any(0), np.unwrap(value, axis=0), value)
             recording = replace(recording, angle=recording.angle._replace(value=mended))
         recordings.append(recording)

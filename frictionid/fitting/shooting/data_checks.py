@@ -5,9 +5,11 @@ from dataclasses import replace
 from math import lgamma
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
 from frictionid.arrays import Array
+from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import of_parts, turns_of
 from frictionid.friction.provenance import OddRecording
@@ -17,7 +19,6 @@ from ..parameters.parameter_block import Estimate, Parameter, ParameterBlock
 from .sample_intervals import Intervals, cut_windows
 from .solution import Solution
 
-_TURN = 2 * np.pi
 _FEW = 4  # windows: of fewer, no interval is worth the name
 _STILL = 10.0  # [noise]: a joint that moves less does not move
 _MAD = 1.4826  # standard deviation over median absolute deviation, of normal noise
@@ -122,7 +123,7 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
         Saying which.
     """
     mechanism = intervals.dataset.mechanism
-    _check_unwrapped(intervals)
+    _check_unwrapped(intervals.dataset)
     _check_length(intervals, len(parameters), seconds)
     still = _still(intervals)
     for parameter in parameters:
@@ -135,17 +136,26 @@ def check_data(intervals: Intervals, parameters: Sequence[Parameter], seconds: f
             )
 
 
-def _check_unwrapped(intervals: Intervals) -> None:
-    values = [r.angle.value for r in intervals.dataset.recordings]
+def wraps(dataset: Dataset) -> list[NDArray[np.bool_]]:
+    """At which steps (T - 1, n) of each recording an angle is wrapped at a turn.
+
+    It jumps by more than half a turn and yet never leaves a span of one.
+    """
+    values = [r.angle.value for r in dataset.recordings]
     span = np.ptp(np.concatenate(values), axis=0)
-    turns = np.array([u == "rad" for u in intervals.dataset.mechanism.position_units])
-    for recording, value in zip(intervals.dataset.recordings, values, strict=True):
-        jumps = (np.abs(np.diff(value, axis=0)) > _TURN / 2) & (span <= _TURN + 0.1) & turns
+    turns = np.array([unit == "rad" for unit in dataset.mechanism.position_units])
+    within = (span <= 2 * np.pi + 0.1) & turns
+    return [(np.abs(np.diff(value, axis=0)) > np.pi) & within for value in values]
+
+
+def _check_unwrapped(dataset: Dataset) -> None:
+    for recording, jumps in zip(dataset.recordings, wraps(dataset), strict=True):
         if jumps.any():
             k, j = np.argwhere(jumps)[0]
+            low, high = recording.angle.value[k : k + 2, j]
             raise InputError(
                 f"recording {recording.name!r}: angle {j + 1} jumps by "
-                f"{value[k + 1, j] - value[k, j]:+.2f} rad at {recording.angle.time[k]:.2f} s and "
+                f"{high - low:+.2f} rad at {recording.angle.time[k]:.2f} s and "
                 "never leaves one turn: it is wrapped at half a turn; unwrap it (numpy.unwrap)"
             )
 
