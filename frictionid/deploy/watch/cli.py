@@ -3,18 +3,20 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from time import sleep
 from typing import Annotated, Any
 
 import typer
 
 from frictionid.cli.options import PresentOrNone, PresentPath
+from frictionid.cli.progress import is_quiet
 
 
 def watch(
     model: PresentPath,
     dataset: Path,
     *,
-    follow: PresentOrNone = None,
+    follow: Path | None = None,
     port: str = "",
     baud: Annotated[int, typer.Option(min=1)] = 115200,
     header: str = "",
@@ -32,7 +34,7 @@ def watch(
     Parameters
     ----------
     dataset : Data set of the machine: its columns, and recordings without contact.
-    follow : Table that is being written (CSV).
+    follow : Table that is being written, or will be (CSV).
     port : Serial port that sends such a table.
     baud : Of the port.
     header : First line of the table, where the stream has none.
@@ -67,10 +69,16 @@ def watch(
 
 
 def _source(follow: Path | None, port: str, baud: int) -> Callable[[], bytes]:
+    from frictionid.files import regular_file
+
     from .stream import bytes_of_file
 
     if follow is not None:
-        return bytes_of_file(follow)
+        if not follow.exists() and not is_quiet():
+            print(f"watch: {follow} is not there yet, waiting; Ctrl-C ends it", file=sys.stderr)
+        while not follow.exists():
+            sleep(0.1)
+        return bytes_of_file(regular_file(follow))
     from frictionid.errors import InputError
     from frictionid.rig.log import Port, UnpluggedError
 
