@@ -55,9 +55,10 @@ def export(
     named = tuple(name.strip() for name in joints.split(",") if name.strip())
     chosen = ExportSettings(name, precision, present(into), named, randomise, seed)
     data = None if dataset is None else fid.load_dataset(dataset, trust=trust)
-    done = fid.export(
-        model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
-    )
+    with heard(f"exporting ({model.name})"):
+        done = fid.export(
+            model, to, out, data=data, temperature=temperature, settings=chosen, replace=replace
+        )
     numbers = {name: getattr(done, name) for name in ("lost", "notes", "cost", "round_trip")}
     show("\n".join((*done.lost, *done.notes)), numbers, done.paths, json=json)
 

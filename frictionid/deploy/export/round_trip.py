@@ -10,6 +10,7 @@ from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import memory_at
+from frictionid.progress import report_step
 
 from .exported import ExportedFriction
 from .nearest import Replay, reaching, replayed
@@ -98,6 +99,7 @@ def run_by_engine(
     bent = [(int(a), place[int(engine.actuator_trnid[a, 0])]) for a in bristles]
     step, out, state = float(engine.opt.timestep), np.empty_like(initial.q), mujoco.MjData(engine)
     for s in range(len(initial.q)):
+        report_step("run in MuJoCo", len(initial.q) - s)
         recording = model.data.recordings[initial.recording[s]]
         clock = _clock(initial, s)
         count = int(np.ceil((clock[-1] - clock[0]) / step - 1e-9))

@@ -1,5 +1,6 @@
 """A fitted machine in a file: its bodies have the base parameters, and what is left is said."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from frictionid.deploy.export.nearest import kept_inertias
 from frictionid.mechanics import configurations
 from frictionid.mechanics.mjcf_text import mjcf_of
 from frictionid.mechanics.rigid_body.rigid_body_tree import moments_of, pseudo_inertia
+from frictionid.progress import listening
 
 
 @pytest.fixture(scope="module")
@@ -93,8 +95,20 @@ def test_of_base_parameters_that_no_bodies_have_the_nearest_are_written_and_name
 
 
 def test_a_fit_to_an_arm_is_written_as_mjcf_with_its_inertias(fit, data, tmp_path):
-    made = fit.export("mujoco", tmp_path / "arm.xml")
+    """What runs is said on the way: it takes seconds."""
+    steps = []
+    with listening(lambda what, left: steps.append((what, left))):
+        made = fit.export("mujoco", tmp_path / "arm.xml")
+    assert steps[0] == ("masses and inertias", 1) and steps[-1] == ("run in MuJoCo", 1)
     assert_same(made.paths[0].read_text(), data.mechanism, np.asarray(fit.calibration.base))
+
+
+def test_the_command_shows_what_runs(fit, tmp_path, run, monkeypatch):
+    fit.save(tmp_path / "arm.json")
+    titles = []
+    monkeypatch.setattr("frictionid.deploy.cli.heard", lambda t: titles.append(t) or nullcontext())
+    assert run(tmp_path, "export arm.json --to c --out friction.c")[0] == 0
+    assert titles == ["exporting (arm.json)"]
 
 
 @pytest.mark.parametrize("to", ["mujoco", "urdf"])

@@ -20,6 +20,7 @@ from frictionid.friction import Friction
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mjcf_text import lacking_inertias, mjcf_of
 from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree, nearest_bodies
+from frictionid.progress import report_step
 
 from ..exported import ExportedFriction, ExportSettings, Written
 from ..expressions import rendered
@@ -288,6 +289,7 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
     calibration = model.friction.calibration
     if model.data is not None and calibration is not None and calibration.base is not None:
         notes.append("masses and inertias are such that the model's base parameters hold")
+        report_step("masses and inertias", 1)
         if isinstance(mechanism, RigidBodyTree):
             mechanism, parameters, lost = fitted_bodies(mechanism, calibration.base)
         else:
