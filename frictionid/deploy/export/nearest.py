@@ -159,7 +159,10 @@ def kept_inertias(model: ExportedFriction, target: str) -> list[str]:
         if e.block == "inertia" and e.nominal is not None and not e.holds(e.nominal)
     ]
     rows = base_differences([row for _, row in sorted(apart)], "described")
-    said = f"{target} keeps its own masses and inertias, the model has others: {rows}"
+    said = (
+        f"{target} keeps its own masses and inertias, the model has others: {rows}; "
+        "--to mujoco without --into writes them"
+    )
     return [said] if apart else []
 
 

@@ -53,16 +53,11 @@ _ROUND = 0.01  # of the inertia about a link's joint, that it has at least about
 
 
 def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
-    """Physical parameters with these base parameters (nb), near the mechanism's own.
+    """Physical parameters with these base parameters (nb), or the nearest, near the nominal ones.
 
     Motion shows the base parameters only; of the many masses, lengths and inertias that have them,
-    these differ little from the nominal ones, in proportion, and are those of bodies where any of
+    these differ little from its own, in proportion, and are those of bodies where any of
     these are. Parameters that are zero stay zero, and gravity stays.
-
-    Raises
-    ------
-    InputError
-        Where no positive parameters have them.
 
     Examples
     --------
@@ -75,7 +70,7 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
     nominal = mechanism.nominal()
     names = [k for k, v in nominal.items() if v and k not in ("g", "gr", "gravity")]
     start = np.array([nominal[k] for k in names])
-    size = np.maximum(np.abs(base), 1e-3 * np.abs(base).max())
+    size = _size(base)
 
     def values(x: Array) -> dict[str, float]:
         return nominal | dict(zip(names, map(float, start * np.exp(x)), strict=True))
@@ -89,14 +84,9 @@ def physical_parameters(mechanism: Mechanism, base: Array) -> dict[str, float]:
 
     # Gauss-Newton by minimum norm: of all solutions near the start, one that changes little
     x = least_squares(off, np.zeros(len(names)), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    if np.abs(off(x)).max() > _EXACT:
-        raise InputError(
-            f"{mechanism.kind}: no positive masses, lengths and inertias have the model's base "
-            "parameters; name an MJCF (--into), and correct its inertias by the model's"
-        )
     if lacking_inertias(mechanism, values(x)).max() > _EXACT:
         bodies = least_squares(off_and_lacking, x, xtol=1e-10, ftol=1e-15, gtol=1e-12)
-        x = bodies.x if np.abs(bodies.fun).max() <= _EXACT else x
+        x = bodies.x if np.abs(bodies.fun).max() <= max(_EXACT, np.abs(off(x)).max()) else x
     return values(x)
 
 
@@ -104,27 +94,31 @@ _FIRM = 1e6  # how much more base parameters count than staying near the nominal
 _REACHED = 1e-6  # of a base parameter
 
 
-def fitted_bodies(
-    mechanism: RigidBodyTree, base: Array
-) -> tuple[RigidBodyTree, dict[str, float], list[str]]:
+def fitted_bodies(mechanism: RigidBodyTree, base: Array) -> tuple[RigidBodyTree, dict[str, float]]:
     """A tree of bodies with these base parameters (nb,), or the nearest that bodies can have.
 
-    Also its parameters, and a sentence on base parameters that no bodies have.
+    Also its parameters.
     """
-    size = np.maximum(np.abs(base), 1e-3 * np.abs(base).max())
-    bodies, rotors = nearest_bodies(mechanism, base, np.diag((_FIRM / size) ** 2))
+    bodies, rotors = nearest_bodies(mechanism, base, np.diag((_FIRM / _size(base)) ** 2))
     mechanism = replace(mechanism, tree=replace(mechanism.tree, inertia=bodies))
     named = zip(mechanism.tree.rotor_names, rotors.tolist(), strict=True)
-    parameters = dict.fromkeys(mechanism.nominal(), 0.0) | dict(named)
-    reached, lost = mechanism.base(parameters), []
-    off = np.abs(reached - base) / size
+    return mechanism, dict.fromkeys(mechanism.nominal(), 0.0) | dict(named)
+
+
+def not_reached(mechanism: Mechanism, parameters: Mapping[str, float], base: Array) -> list[str]:
+    """A sentence on base parameters (nb,) that these parameters do not have."""
+    reached = mechanism.base(parameters)
+    off = np.abs(reached - base) / _size(base)
     rows = list(zip(mechanism.base_names, reached, base, mechanism.base_units, strict=True))
-    if apart := [rows[k] for k in np.argsort(-off) if off[k] > _REACHED]:
-        lost.append(
-            f"no bodies have the model's base parameters: {base_differences(apart, 'written')}; "
-            "fit with --consistent, which finds some that have"
-        )
-    return mechanism, parameters, lost
+    apart = [rows[k] for k in np.argsort(-off) if off[k] > _REACHED]
+    said = f"no bodies have the model's base parameters: {base_differences(apart, 'written')}"
+    if isinstance(mechanism, RigidBodyTree):
+        said += "; fit with --consistent, which finds some that have"
+    return [said] if apart else []
+
+
+def _size(base: Array) -> Array:
+    return np.maximum(np.abs(base), 1e-3 * np.abs(base).max())
 
 
 # tendons stand for parts that turn with several joints, such as motors on moving links
@@ -288,12 +282,14 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
     parameters: Mapping[str, float] = model.friction.parameters
     calibration = model.friction.calibration
     if model.data is not None and calibration is not None and calibration.base is not None:
-        notes.append("masses and inertias are such that the model's base parameters hold")
         report_step("masses and inertias", 1)
         if isinstance(mechanism, RigidBodyTree):
-            mechanism, parameters, lost = fitted_bodies(mechanism, calibration.base)
+            mechanism, parameters = fitted_bodies(mechanism, calibration.base)
         else:
             parameters = physical_parameters(mechanism, calibration.base)
+        lost = not_reached(mechanism, parameters, calibration.base)
+        if not lost:
+            notes.append("masses and inertias are such that the model's base parameters hold")
     used = {k: v for k, v in parameters.items() if k in mechanism.nominal()}
     step = _FINEST if passive_motor(model.friction, 0) else _FINE
     text = mjcf_of(mechanism, used, timestep=step)
