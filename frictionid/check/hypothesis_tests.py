@@ -32,7 +32,14 @@ from frictionid.check.model_errors import (
     missing_rotors,
     unlogged_torque,
 )
-from frictionid.check.motion import MIN_WINDOWS, WIDTH, Measured, Motion, windows_of
+from frictionid.check.motion import (
+    MIN_WINDOWS,
+    WIDTH,
+    Measured,
+    Motion,
+    motions_of,
+    windows_of,
+)
 from frictionid.check.partial_regression import (
     PARAMETER_PRIOR,
     Nuisance,
@@ -42,6 +49,7 @@ from frictionid.check.partial_regression import (
 )
 from frictionid.data.integrals import SignalIntegrals
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
+from frictionid.data.recordings import Recording
 from frictionid.fitting.one_step.balances import Rows
 
 # Largest delay searched [s]; steps [s] of both searches and of the derivative.
@@ -247,6 +255,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
     if not fitting:  # else the joints may be swapped
         findings += _motor_findings(measured)
     findings = findings or _unexplained_findings(rows, torque, corrected.nominal)
+    findings = _exchanged_findings(measured, conventions[0].score) or findings
     return replace(
         tests,
         measured=corrected,
@@ -315,6 +324,18 @@ def _delay_findings(delay: Delay | None, interval: float) -> Iterator[Finding]:
         {**words, "size": size, "word": "after" if delay.seconds > 0 else "before"},
         level="unusable" if size > UNUSABLE_DELAY else "",
     )
+
+
+def _exchanged_findings(measured: Measured, score: float) -> list[Finding]:
+    """A finding where the balance holds once the columns of angles and torques change places."""
+    logged = measured.dataset.recordings
+    if score < UNEXPLAINED or min(len(r.torque.time) for r in logged) < MIN_WINDOWS:
+        return []
+    recordings = [Recording(r.name, r.torque, r.angle) for r in logged]
+    exchanged = replace(measured.dataset, recordings=tuple(recordings))
+    best = min(s.score for s in scores(Measured.of_dataset(exchanged, motions_of(recordings))))
+    numbers = {"score": best, "given": score}
+    return [finding("exchanged_columns", numbers)] if best < UNEXPLAINED - 1.0 else []
 
 
 def _unexplained_findings(rows: Rows, torque: Array, nominal: Array) -> list[Finding]:

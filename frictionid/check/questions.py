@@ -21,7 +21,7 @@ from .regression import Estimate, row_rms
 from .torque_source import TorqueSource
 
 # Findings beside which an estimate is only right if nothing else is wrong.
-RIVALS = frozenset({"load", "unknown_cause", "zero_torque", "constant_angle"})
+RIVALS = frozenset({"load", "unknown_cause", "exchanged_columns", "zero_torque", "constant_angle"})
 
 
 class Question(NamedTuple):

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
+from fixtures.true_curves import plain_friction
 
 from frictionid import load_dataset
 from frictionid.check import check
 from frictionid.check.log_faults import in_seconds
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
+from frictionid.simulate import Camera, Multisine, Rig, Run, simulate
 
 PENDULUM = {"kind": "pendulum", "parameters": {"mass": 1.0, "length": 0.3}}
 
@@ -102,6 +104,21 @@ def test_torques_in_another_unit_are_told(acrobot, factor, kind):
     assert f"{max(factor, 1 / factor):g} times too" in verdict.findings[0].text
     (gain,) = [i for i in verdict.identifiable if i.what == "torque gain"]
     assert gain.reason.startswith(("1.0", "0.9"))  # the other checks use corrected data
+
+
+@pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])
+def test_columns_of_angle_and_torque_that_are_exchanged_are_named(factor):
+    torque = (Multisine(1.2, (0.4, 0.9, 1.6)),)
+    runs = tuple(Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))
+    machine, friction = {"kind": "pendulum", "parameters": {}}, plain_friction(0.1, 0.02)
+    dataset = simulate(Rig("p", machine, friction, Camera(900, 60.0, 1e-3), runs, substeps=4))
+    exchanged = tuple(
+        Recording(r.name, r.torque, r.angle._replace(value=factor * r.angle.value))
+        for r in dataset.recordings
+    )
+    named = [f.kind for f in check(replace(dataset, recordings=exchanged, truth=None)).findings]
+    assert named[0] == "exchanged_columns" and "unknown_cause" not in named
+    assert "exchanged_columns" not in [f.kind for f in check(dataset).findings]
 
 
 def test_a_single_recording_with_another_sign_is_named(acrobot):
