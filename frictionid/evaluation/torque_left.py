@@ -29,6 +29,7 @@ from .prepared import Prepared, prepared_for, with_calibration
 from .score_frame import Score
 
 LEFT, NOMINAL, MEASURED = "torque_left", "torque_left_nominal", "torque_measured"
+NOISE = "torque_left_noise"
 _WINDOW = 0.05  # [s]
 _NOTHING = 1e-300
 _JUMP, _NEAR = 3.0, 2  # times the largest measured torque; windows beside
@@ -169,7 +170,7 @@ def _together(squares: Array, mixed: bool) -> float:
 
 
 def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Iterator[Score]:
-    """Torque that the mechanism leaves without friction, see `frictionid.evaluation.torque_left`.
+    """Torque that the mechanism leaves without friction, and at most noise of the angles alone.
 
     prepared : the uncorrected data; folds : on the rows that they hold out, on all by default
     """
@@ -177,10 +178,20 @@ def nominal_torque_scores(prepared: Prepared, folds: Folds | None = None) -> Ite
     if has_torque(prepared.dataset):
         held = np.zeros(len(problem.r), dtype=int)
         held = held if folds is None else folds.held_out(problem.recording, problem.time)
-        torque = row_torques(problem, problem.r[:, : mechanism.n], held >= -1)
-        windows = torque_windows(torque, problem, held, mechanism)
-        scores = torque_scores(windows, mechanism, NOMINAL)
-        yield from (score for score in scores if score.score == NOMINAL and score.fold == "all")
+        left = {NOMINAL: problem.r[:, : mechanism.n], NOISE: _velocity_noise(prepared)}
+        for name, residual in left.items():
+            torque = row_torques(problem, residual, held >= -1)
+            windows = torque_windows(torque, problem, held, mechanism)
+            scores = torque_scores(windows, mechanism, name)
+            yield from (score for score in scores if score.score == name and score.fold == "all")
+
+
+def _velocity_noise(prepared: Prepared) -> Array:
+    """What noise alone would leave (K, n) [rad/s], were it free from sample to sample: at most."""
+    problem, n = prepared.integral, prepared.plant.mechanism.n
+    size = np.array([np.broadcast_to(states.noise, n) for states in prepared.smoothed])
+    draw = np.random.default_rng(0).standard_normal((len(problem.r) + 1, n))
+    return np.diff(draw, axis=0) * size[problem.recording]
 
 
 def torque_left(friction: Friction, prepared: Prepared) -> Iterator[Score]:
@@ -220,16 +231,18 @@ def _balance(friction: Friction, prepared: Prepared) -> tuple[Problem, Array]:
 _FRAME = (
     *((MEASURED, "rms"), (LEFT, "rms"), (LEFT, "share")),
     *((NOMINAL, "rms"), (NOMINAL, "share")),
+    (NOISE, "share"),
 )
-COLUMNS = ("joint", "unit", "measured_rms", "left_rms", "left", "nominal_rms", "nominal")
+COLUMNS = ("joint", "unit", "measured_rms", "left_rms", "left", "nominal_rms", "nominal", "noise")
 
 
 def torque_frame(scores: Iterable[Sequence[Any]]) -> pd.DataFrame:
     """Torque left by the scores of one model: a line for each joint, and one for all; or none.
 
     Joints that never slide are left out. Columns: joint, unit, measured_rms, left_rms, left,
-    nominal_rms, nominal (without friction, by the mechanism as the data set has it); `left` and
-    `nominal` are shares of the measured torque.
+    nominal_rms, nominal (without friction, by the mechanism as the data set has it), noise (what
+    that of the angles alone leaves, at most); `left`, `nominal`, `noise` are shares of the measured
+    torque.
     """
     values = {
         (s.score, s.statistic, s.joint): s

@@ -240,7 +240,8 @@ def torque_table(
         cells = [_share(*pair) for pair in zip(frame["left"], frame["left_rms"], strict=True)]
         parts.append((Column(name), cells))
     label = f"torque-{title}" if title else "torque"
-    return by_columns(f"{title}: {_WORDS}." if title else f"Torque left: {_WORDS}.", label, parts)
+    caption = f"{title or 'Torque left'}: {_WORDS}{_noise(first)}."
+    return by_columns(caption, label, parts)
 
 
 def torque_sentence(frames: Mapping[str, pd.DataFrame]) -> str:
@@ -249,9 +250,18 @@ def torque_sentence(frames: Mapping[str, pd.DataFrame]) -> str:
     shares = {name: share for name, share in shares.items() if share >= 0}
     if not shares:
         return ""
-    nominal = next(frame["nominal"].iloc[-1] for frame in frames.values() if len(frame))
+    first = next(frame for frame in frames.values() if len(frame))
+    nominal = _percent(first["nominal"].iloc[-1])
     each = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
-    return f"torque left, of the measured rms: {each}; no friction, nominal {_percent(nominal)}"
+    return (
+        f"torque left, of the measured rms: {each}; no friction, nominal {nominal}{_noise(first)}"
+    )
+
+
+def _noise(frame: pd.DataFrame) -> str:
+    """What noise leaves of the torque, where that is known."""
+    share = frame["noise"].iloc[-1]
+    return f"; noise of the angles alone leaves up to {_percent(share)}" if share > 0 else ""
 
 
 def torque_frames(data: SummaryData) -> dict[str, pd.DataFrame]:

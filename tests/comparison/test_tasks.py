@@ -266,7 +266,7 @@ def test_scores_have_the_documented_columns_and_one_row_for_each_key(place):
     assert set(table["score"]) == {
         *("one_step_euler", "one_step_integral", "rollout_angle", "rollout_angle_truth"),
         *("curve_error", "n_parameters", "effective_parameters", "dissipated_energy"),
-        *("torque_left", "torque_left_nominal", "torque_measured"),
+        *("torque_left", "torque_left_nominal", "torque_left_noise", "torque_measured"),
     }
     statistics = "mean rms median q90 diverged count ratio share"
     assert set(table["statistic"]) == set(statistics.split())

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -17,6 +18,7 @@ from frictionid.evaluation import (
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, NoFriction
+from frictionid.simulate import Camera, Drive, Multisine, Rig, Run, simulate
 
 NOISE = 0.01  # of each motor's torque
 TRUTH = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=1)
@@ -42,6 +44,18 @@ def left(data, theta):
 def test_the_true_friction_leaves_less_than_the_noise(data):
     # 9 of 10 samples within a window: noise averages out, reversals do not count
     assert (left(data, TRUTH)["left"] < NOISE).all()
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(60.0, 5e-4), (60.0, 1.5e-3), (200.0, 2e-3)])
+def test_what_the_true_friction_leaves_is_at_most_what_noise_of_the_angles_does(rate, noise):
+    torque = (Multisine(1.2, (0.7, 1.1, 1.6)),)
+    runs = tuple(Run(f"{i}", (0.2 * i,), torques=torque) for i in range(3))
+    machine = {"kind": "pendulum", "parameters": {"mass": 0.5, "length": 0.3}}
+    camera, drive = Camera(int(12 * rate), rate, noise), Drive(rate=rate)
+    true = plain_friction(0.1, 0.02)
+    rig = Rig("p", machine, true, camera, runs, drive=drive, substeps=4)
+    frame = left(simulate(rig), np.array([[0.1, 0.02]]))
+    assert 0.02 < frame["left"]["all"] < 1.1 * frame["noise"]["all"] < 1.8 * frame["left"]["all"]
 
 
 def test_without_friction_all_of_it_is_left(data):
