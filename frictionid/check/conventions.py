@@ -130,6 +130,9 @@ def hypotheses(
     ):
         if joints.any():
             yield Convention(kind, words, np.diag(np.where(joints, unit, 1.0)), eye)
+    if gears is not None and not gears.angles and not np.array_equal(gears.turns, eye):
+        words = 'angles are those of the motors, not of the joints (motor.angle = "motor")'
+        yield Convention("motor_angles", words, np.linalg.inv(gears.turns), eye)
     yield Convention(_NONE, "no torque acts", eye, 0.0 * eye)
     turns = any(np.asarray(driven) & ~slides)
     for name, large in TORQUE_UNITS.items() if turns else ():

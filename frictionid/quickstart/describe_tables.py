@@ -257,6 +257,8 @@ def _corrected(draft: Draft, dataset: Dataset, *, blind: bool) -> Draft:
 def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
     """The [motor] table with another zero or gear; None where that is not what is wrong."""
     motor, n = dict(draft.motor), len(best.angle)
+    if best.kind == "motor_angles":
+        return {**motor, "angle": "motor"}
     gear = np.broadcast_to(np.asarray(motor.get("gear", 1.0), dtype=float), n)
     flips = np.diag(best.angle)
     if best.kind == "flipped_gear" and np.array_equal(best.angle, np.diag(flips)):

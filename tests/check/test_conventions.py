@@ -11,6 +11,7 @@ from fixtures.true_curves import plain_friction
 from frictionid import load_dataset
 from frictionid.check import check
 from frictionid.check.log_faults import in_seconds
+from frictionid.data.readers.column_toml import Gears
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.simulate import Camera, Multisine, Rig, Run, simulate
@@ -106,19 +107,35 @@ def test_torques_in_another_unit_are_told(acrobot, factor, kind):
     assert gain.reason.startswith(("1.0", "0.9"))  # the other checks use corrected data
 
 
-@pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])
-def test_columns_of_angle_and_torque_that_are_exchanged_are_named(factor):
+@pytest.fixture(scope="module")
+def pendulum() -> Dataset:
     torque = (Multisine(1.2, (0.4, 0.9, 1.6)),)
     runs = tuple(Run(f"{k}", (0.3 * k,), torques=torque) for k in range(3))
     machine, friction = {"kind": "pendulum", "parameters": {}}, plain_friction(0.1, 0.02)
-    dataset = simulate(Rig("p", machine, friction, Camera(900, 60.0, 1e-3), runs, substeps=4))
+    return simulate(Rig("p", machine, friction, Camera(900, 60.0, 1e-3), runs, substeps=4))
+
+
+@pytest.mark.parametrize("turns", [-50.0, 57.0], ids=str)
+def test_angles_of_geared_motors_are_told_from_those_of_joints(pendulum, turns):
+    """A gear of 57 looks like degrees, which is said beside it."""
+    recordings = tuple(
+        Recording(r.name, r.angle._replace(value=turns * r.angle.value), r.torque)
+        for r in pendulum.recordings
+    )
+    gears = Gears(np.array([[turns]]), np.zeros(1), angles=False, torques=True)
+    (said,) = check(replace(pendulum, recordings=recordings, truth=None, gears=gears)).findings
+    assert "motor.angle" in said.text and ("in degrees" in said.text) == (turns == 57.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])
+def test_columns_of_angle_and_torque_that_are_exchanged_are_named(pendulum, factor):
     exchanged = tuple(
         Recording(r.name, r.torque, r.angle._replace(value=factor * r.angle.value))
-        for r in dataset.recordings
+        for r in pendulum.recordings
     )
-    named = [f.kind for f in check(replace(dataset, recordings=exchanged, truth=None)).findings]
+    named = [f.kind for f in check(replace(pendulum, recordings=exchanged, truth=None)).findings]
     assert named[0] == "exchanged_columns" and "unknown_cause" not in named
-    assert "exchanged_columns" not in [f.kind for f in check(dataset).findings]
+    assert "exchanged_columns" not in [f.kind for f in check(pendulum).findings]
 
 
 def test_a_single_recording_with_another_sign_is_named(acrobot):

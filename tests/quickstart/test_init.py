@@ -7,6 +7,7 @@ from functools import partial
 from importlib import import_module
 
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
 from fixtures.mistakes import mistakes
@@ -148,6 +149,18 @@ def test_a_terminal_is_asked_for_what_is_missing(call, tmp_path, monkeypatch):
     monkeypatch.setattr(command.typer, "prompt", prompt)
     assert call("init arm")[0] == 0
     assert len(asked) == len(answers)
+    same_motion(tmp_path / "arm")
+
+
+def test_positions_of_the_motor_are_told_by_the_motion(call, tmp_path):
+    for path in (tmp_path / "arm").glob("*.csv"):
+        table = pd.read_csv(path)
+        table.assign(pos_deg=GEAR * table["pos_deg"]).to_csv(path, index=False)
+    code, out, _ = call(f"init arm {INIT} {MOTOR}")
+    assert code == 0 and "corrected: angles are those of the motors" in out
+    assert (
+        tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())["motor"]["angle"] == "motor"
+    )
     same_motion(tmp_path / "arm")
 
 
