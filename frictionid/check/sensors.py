@@ -52,19 +52,14 @@ def unwrapped(dataset: Dataset) -> tuple[Dataset, list[Finding]]:
     >>> float(mended.recordings[0].angle.value[-1, 0].round(6)), findings[0].kind
     (3.92, 'wrapped_angle')
     """
-    jumps = np.zeros(dataset.mechanism.n, int)
-    recordings = []
+    jumps, recordings = np.zeros(dataset.mechanism.n), []
     for recording, hits in zip(dataset.recordings, wraps(dataset), strict=True):
-        if hits.any():
-            jumps += hits.sum(0)
-            value = recording.angle.value
-            mended = np.where(hits.any(0), np.unwrap(value, axis=0), value)
-            recording = replace(recording, angle=recording.angle._replace(value=mended))
-        recordings.append(recording)
-    findings = [
-        finding("wrapped_angle", {"jumps": float(jumps[j])}, joint=int(j) + 1)
-        for j in np.flatnonzero(jumps)
-    ]
+        jumps += hits.sum(0)
+        value = recording.angle.value
+        mended = np.where(hits.any(0), np.unwrap(value, axis=0), value)
+        recordings.append(replace(recording, angle=recording.angle._replace(value=mended)))
+    wrapped = [(int(j) + 1, {"jumps": float(jumps[j])}) for j in np.flatnonzero(jumps)]
+    findings = [finding("wrapped_angle", numbers, joint=joint) for joint, numbers in wrapped]
     return replace(dataset, recordings=tuple(recordings)), findings
 
 

@@ -30,6 +30,7 @@ from .live import Estimate, Live, LiveFriction, drawn_by_noise
 from .momentum_observer import MomentumObserver, State
 from .stream import Chunk, chunks_of, joined, lines_of, part, sound_chunk
 
+_TURN = 2 * np.pi
 _STRETCH, _LAST = 5.0, 1.0  # [s] that the live estimate takes at a time, and at least at the end
 
 
@@ -141,10 +142,10 @@ def _stepped(watch: Watch, stream: _Stream, new: Chunk) -> tuple[_Stream, Seen]:
     """The stream after new samples, and what these say."""
     stretch, live, estimate = stream.stretch, stream.live, None
     both = joined(stretch, new)
-    steps = np.diff(both.angle, axis=0) / (2 * np.pi)
-    turns = np.array(watch.dataset.mechanism.position_units) == "rad"
-    wraps = np.round(steps) * (np.abs(steps) < 1.5) * turns  # more is an encoder that is set anew
-    both.angle[1:] -= 2 * np.pi * np.cumsum(wraps, axis=0)
+    turns = np.diff(both.angle, axis=0) / _TURN
+    turns *= np.array(watch.dataset.mechanism.position_units) == "rad"
+    wraps = np.round(turns) * (np.abs(turns) < 1.5)  # more: an encoder that is set anew
+    both.angle[1:] -= _TURN * np.cumsum(wraps, axis=0)
     new = part(both, len(stretch.time))
     torque = interval_torques(watch.friction.torque_of(both), both.time)[-len(new.time) :]
     state, said = watch.momentum_observer.advance(stream.state, new.time, new.angle, torque)
