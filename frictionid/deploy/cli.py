@@ -185,7 +185,7 @@ def baseline(
     shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
     lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]
     for joint, share in shares.items():
-        lines.append(f"friction of {joint} scatters by {100.0 * share:.2g} % between them")
+        lines.append(f"friction of {joint} scatters by {100.0 * share:.3g} % between them")
     numbers = {"recordings": healthy.names, "scatter": shares}
     show("\n".join(lines), numbers, [out], json=json)
 
