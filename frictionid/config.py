@@ -205,7 +205,7 @@ def mistake(invalid: ValidationError) -> str:
         return error["msg"] if is_worded else f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     reason = re.sub("valid (tuple|array)", "valid list", reason)
-    reason = re.sub(r"\w+ (should .* item).* after validation, not \d+", r"it \1", reason)
+    reason = re.sub(r"\w+ (should .* items?) after validation, not \d+", r"it \1", reason)
     if error["type"] in _TABLES:  # pydantic's words name our classes
         reason = "it should be one table of keys and values"
     if error["type"] == "value_error" and reason.startswith(f"{place[1:]}: "):

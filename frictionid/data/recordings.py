@@ -55,14 +55,10 @@ class Recording:
         `hold` says otherwise.
     velocity : Signal, n columns [rad/s], or None
         Measured velocity, where there is one.
-    parameters : mapping of str to float
-        Parameters of the mechanism that differ in this recording (such as an exchangeable mass).
-    covariates : mapping of str to Signal
-        Other measured quantities, in the unit of the file (temperature, voltage).
-    truth : TrueMotion or None
-        The noise-free motion, for simulated recordings.
-    servo : Servo or None
-        Controller and motors that make the torque, where known; `torque` follows from the motion.
+    parameters : those of the mechanism that differ in this recording, such as an exchangeable mass
+    covariates : other measured quantities, in the unit of the file (temperature, voltage)
+    truth : the noise-free motion, of simulated recordings
+    servo : controller and motors that make the torque, where known; `torque` follows from motion
     base_motion, base_wrench : Signal or None
         Of a floating base: 9 columns, see `with_base_motion`; forces and moments on it [N],
         [N m] beside gravity, at its origin in its frame, where known.
@@ -135,22 +131,14 @@ class Dataset:
     Attributes
     ----------
     name : str
-    mechanism : Mechanism
-        The nominal one; a [mechanism] table (kind, parameters and options) becomes one.
-    recordings : tuple of Recording
-        At least one, with different names and equally many joints.
-    hashes : mapping of str to str
-        SHA-256 of each file that was read, under its name.
-    origin : mapping of str to str
-        Description, origin, licence and citation.
-    truth : mapping or None
-        The [truth] table, for simulated recordings.
-    columns : FrameColumns or None
-        What the columns of its frames were, so that further frames are read alike.
-    gears : Gears or None
-        Gears between the motors that columns were of and the joints.
-    torque_at : "motor", "link" or "command"
-        What the torques are, see `from_frames`.
+    mechanism : the nominal one; a [mechanism] table (kind, parameters and options) becomes one
+    recordings : at least one, with different names and equally many joints
+    hashes : SHA-256 of each file that was read, under its name
+    origin : description, origin, licence and citation
+    truth : the [truth] table, of simulated recordings
+    columns : what those of its frames were, so that further frames are read alike
+    gears : between the motors that columns were of and the joints
+    torque_at : "motor", "link" or "command": what the torques are, see `from_frames`
     """
 
     name: str
