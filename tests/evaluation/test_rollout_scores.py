@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import (
@@ -185,17 +186,17 @@ def test_torques_and_angles_of_a_start_are_those_that_follow_it():
         np.testing.assert_array_equal(starts.truth[: last + 1, s], true)
 
 
-REFUSED = {
-    "too long": ((0.1, 1.4), r"no recording holds 1\.55 s of motion.*rollout of 1\.4 s: choose"),
-    "all too long": ((30.0,), r"no recording holds 30\.15 s"),
-    "between two samples": ((0.004,), r"sampled finely enough for a rollout of 0\.004 s"),
-}
+REFUSED = r"""
+horizons = [0.1, 1.4] => no recording holds 1\.55 s of motion.*rollout of 1\.4 s: choose
+horizons = [30.0] => no recording holds 30\.15 s
+horizons = [0.004] => sampled finely enough for a rollout of 0\.004 s
+"""
 
 
-@pytest.mark.parametrize(("horizons", "words"), REFUSED.values(), ids=REFUSED.keys())
-def test_a_horizon_that_no_start_reaches_is_refused(horizons, words):
+@mistakes(REFUSED)
+def test_a_horizon_that_no_start_reaches_is_refused(wrong, words):
     with assert_refused(words):
-        prepare(dataset(), Protocol(horizons=horizons))
+        prepare(dataset(), Protocol(**changes(wrong)))
 
 
 def test_a_short_recording_beside_long_ones_is_left_out():

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from fixtures.sines import sines, torque_without_friction
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
@@ -33,17 +35,11 @@ def dataset(tmp_path_factory):
     arm = urdf(path, coupled={"motor": {"bend": 1.0, "turn": -0.8}})
     arm = arm.with_values({"rotor_motor": 0.3})
     t = np.arange(0.0, 10.0, 0.002)
-    q, w, a = np.zeros((3, len(t), 2))
-    for j, parts in enumerate((((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))):
-        for size, rate in parts:
-            q[:, j] += size * np.sin(rate * t + j)
-            w[:, j] += size * rate * np.cos(rate * t + j)
-            a[:, j] -= size * rate**2 * np.sin(rate * t + j)
+    q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
     A = arm.friction_map
     v = w @ A.T
     friction = (TRUE[:, 0] * np.sign(v) + TRUE[:, 1] * v) @ A
-    M, h = arm.dynamics(arm.base({}), q, w)
-    u = np.einsum("kij,kj->ki", M, a) - h + friction
+    u = torque_without_friction(arm, q, w, a) + friction
     noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
     return Dataset("wrist", arm, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),))
 
@@ -86,18 +82,18 @@ def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(dataset):
     assert (balance.resolving(fast).slowest > 0.4).all()
 
 
-@pytest.mark.parametrize(
-    ("coupled", "expected"),
-    [
-        ("motor", "must be a table"),
-        ({"motor": {"bend": 1.0}}, "two joints or more"),
-        ({"bend": {"bend": 1.0, "turn": 1.0}}, "name of a joint"),
-        ({"motor": {"bend": 1.0, "trun": 1.0}}, "'trun'.*turn"),
-        ({"motor": {"bend": 1.0, "turn": 0.0}}, "not zero"),
-    ],
-)
-def test_a_coupling_that_is_none_is_said_in_a_line(tmp_path, coupled, expected):
+WRONG = """
+coupled = "motor" => must be a table
+coupled = {motor = {bend = 1.0}} => two joints or more
+coupled = {bend = {bend = 1.0, turn = 1.0}} => name of a joint
+coupled = {motor = {bend = 1.0, trun = 1.0}} => 'trun'.*turn
+coupled = {motor = {bend = 1.0, turn = 0.0}} => not zero
+"""
+
+
+@mistakes(WRONG)
+def test_a_coupling_that_is_none_is_said_in_a_line(tmp_path, wrong, words):
     path = tmp_path / "wrist.urdf"
     path.write_text(ARM)
-    with assert_refused(expected):
-        urdf(path, coupled=coupled)
+    with assert_refused(words):
+        urdf(path, **changes(wrong))

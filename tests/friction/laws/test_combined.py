@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 
 from frictionid.comparison.fit_model import fit_model
@@ -164,15 +165,15 @@ def test_truth_in_truth_out():
     assert_recovered(Sum(), theta)
 
 
-@pytest.mark.parametrize(
-    ("laws", "words"),
-    [
-        (("dahl", "stribeck"), "'dahl' has a memory"),
-        (("stribeck", "coulomb_viscous"), "'coulomb_viscous' adds nothing to the laws before it"),
-        (("none", "stribeck"), "'none' adds nothing"),
-        (("stribeck",), "at least 2 items"),
-    ],
-)
-def test_what_is_no_sum_is_refused(laws, words):
+NO_SUM = """
+laws = ["dahl", "stribeck"] => 'dahl' has a memory
+laws = ["stribeck", "coulomb_viscous"] => 'coulomb_viscous' adds nothing to the laws before it
+laws = ["none", "stribeck"] => 'none' adds nothing
+laws = ["stribeck"] => at least 2 items
+"""
+
+
+@mistakes(NO_SUM)
+def test_what_is_no_sum_is_refused(wrong, words):
     with assert_refused(words):
-        Sum(laws)
+        Sum(**changes(wrong))

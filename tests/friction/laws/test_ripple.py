@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 
 from frictionid.fitting.identifiers import LeastSquares
@@ -87,17 +88,17 @@ def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_i
     np.testing.assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"base": "coulomb"}, "Ripple: base: it should be 'coulomb_viscous'.*, not 'coulomb'"),
-        ({"harmonics": ()}, "harmonics: .*at least 1 item"),
-        ({"harmonics": (1, 1)}, r"harmonics = \[1, 1\] must differ"),
-        ({"harmonics": (0, 1)}, r"harmonics\[0\]: it should be greater than or equal to 1"),
-        ({"harmonics": (0.5,)}, r"harmonics\[0\]: it should be a valid integer"),
-        ({"gear": 0.0}, "gear: it should be greater than 0, not 0.0"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with assert_refused(rule):
-        Ripple(**settings)
+WRONG = r"""
+base = "coulomb" => Ripple: base: it should be 'coulomb_viscous'.*, not 'coulomb'
+harmonics = [] => harmonics: .*at least 1 item
+harmonics = [1, 1] => harmonics = \[1, 1\] must differ
+harmonics = [0, 1] => harmonics\[0\]: it should be greater than or equal to 1
+harmonics = [0.5] => harmonics\[0\]: it should be a valid integer
+gear = 0.0 => gear: it should be greater than 0, not 0.0
+"""
+
+
+@mistakes(WRONG)
+def test_settings_that_mean_nothing_are_refused(wrong, words):
+    with assert_refused(words):
+        Ripple(**changes(wrong))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from scipy.interpolate import BSpline
 
@@ -103,21 +104,21 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     np.testing.assert_allclose(curve, curve[0])
 
 
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"knots": (1.0,)}, "knots: .*at least 2 items"),
-        ({"knots": (1.0, "fast")}, r"knots\[1\]: it should be a valid number"),
-        ({"knots": (0.0, 1.0)}, r"knots\[0\]: it should be greater than 0"),
-        ({"knots": (1.0, 1.0)}, r"knots = \[1.0, 1.0\] rad/s must increase"),
-        ({"degree": 4}, "degree: it should be less than or equal to 3, not 4"),
-        ({"degree": True}, "degree: it should be a valid integer, not True"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with assert_refused(rule):
-        Spline(**settings)
+WRONG = r"""
+knots = [1.0] => knots: .*at least 2 items
+knots = [1.0, "fast"] => knots\[1\]: it should be a valid number
+knots = [0.0, 1.0] => knots\[0\]: it should be greater than 0
+knots = [1.0, 1.0] => knots = \[1.0, 1.0\] rad/s must increase
+degree = 4 => degree: it should be less than or equal to 3, not 4
+degree = true => degree: it should be a valid integer, not True
+"""
+
+
+@mistakes(WRONG)
+def test_settings_that_mean_nothing_are_refused(wrong, words):
+    with assert_refused(words):
+        Spline(**changes(wrong))
     document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
-    document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
-    with assert_refused(rule):
+    document["law"] |= changes(wrong)
+    with assert_refused(words):
         read_model(document, LAWS, "model.json")
