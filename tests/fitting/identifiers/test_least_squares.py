@@ -43,10 +43,10 @@ def fit(law, problem, weights, robust=None, **settings):
 class Drag(Law):
     """coulomb tanh(w/0.1) + drag |w|^power sgn(w): not linear, without a gradient."""
 
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "drag", "power")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "1")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
+    names = ("coulomb", "drag", "power")
+    units = ("N m", "N m", "1")
+    bounds = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
+    initial = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
 
     def torque(self, theta, x, memory):
         shape = np.abs(x.w) ** theta[..., 2] * np.sign(x.w)
