@@ -11,7 +11,6 @@ from fixtures.random_machines import (
     assert_close,
     assert_same_terms,
     drawn,
-    gradient,
     physical,
     random_case,
     states,
@@ -25,16 +24,6 @@ from frictionid.mechanics import acrobot, double_pendulum, pendulum
 @pytest.fixture(params=MECHANISMS)
 def mechanism(request):
     return MECHANISMS[request.param]
-
-
-# ---------------------------------------------------------------- the terms belong together
-
-
-def test_h_is_dl_dq_without_the_change_of_the_mass_matrix(mechanism):
-    p, q, w = random_case(mechanism, 5)
-    t = mechanism.terms(p, q, w)
-    change = gradient(lambda q: times(mechanism.inertia(p, q), w), q)  # d(M w)/dq
-    assert_close(t.h, t.dLdq - np.einsum("...ij,...j", change, w))
 
 
 # ---------------------------------------------------------------- energy
@@ -131,17 +120,6 @@ def test_torch_gives_what_numpy_gives(mechanism):
     assert all(isinstance(x, torch.Tensor) and x.dtype == torch.float64 for x in out)
     assert_same_terms(mechanism.terms(mechanism.base(v), q, w), type(out)(*map(np.asarray, out)))
     assert_close(mechanism.load(tv, tq, tw, tu).numpy(), mechanism.load(v, q, w, u))
-
-
-def test_autograd_of_the_lagrangian_gives_momentum_and_dl_dq(mechanism):
-    p, q, w = map(torch.from_numpy, random_case(mechanism, 24))
-    q.requires_grad_()
-    w.requires_grad_()
-    t = mechanism.terms(p, q, w)
-    energy_q, momentum = torch.autograd.grad(t.energy.sum(), (q, w), retain_graph=True)
-    (twice_kinetic_q,) = torch.autograd.grad((t.momentum * w).sum(), q)
-    assert_close(momentum.numpy(), t.momentum.detach().numpy())
-    assert_close((twice_kinetic_q - energy_q).numpy(), t.dLdq.detach().numpy())
 
 
 def test_gradients_pass_from_the_motion_to_the_physical_parameters():
