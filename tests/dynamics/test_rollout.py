@@ -89,16 +89,6 @@ def test_held_torques_on_an_uneven_clock_are_followed_exactly():
         np.testing.assert_allclose([motion.q[k + 1, 0], motion.w[k + 1, 0]], y, rtol=0, atol=1e-6)
 
 
-def test_an_interval_cut_in_two_gives_the_same_motion():
-    start, u = starts(np.random.default_rng(4))
-    friction = Friction(CoulombViscous(), np.array([[0.0, 0.02], [0.0, 0.01]]))
-    whole = rollout(PLANT, friction, start, u, EVEN, refine=4)
-    halves = rollout(
-        PLANT, friction, start, np.repeat(u, 2, axis=0), np.full(2 * T, 1 / 120), refine=4
-    )
-    np.testing.assert_allclose(halves.q[::2], whole.q, rtol=0, atol=1e-5)
-
-
 def test_finer_substeps_change_a_second_by_little():
     plant = Plant.from_parameters(acrobot(), {})
     rng = np.random.default_rng(5)
@@ -234,13 +224,6 @@ def test_a_motion_that_diverges_is_nan_from_there_on_and_alone(name, method):
         assert np.isnan(motion.q[first:, k]).all() and np.isnan(motion.w[first:, k]).all()
     others = [0, 1, 3, 5, 6]
     np.testing.assert_array_equal(motion.q[:, others], calm.q[:, others])
-
-
-def test_negative_friction_diverges_without_a_warning():
-    driving = Friction(CoulombViscous(), np.array([[0.0, -5.0], [0.0, -5.0]]))
-    start, u = starts(np.random.default_rng(14))
-    motion = rollout(PLANT, driving, start, u, EVEN)
-    assert np.isnan(motion.q[-1]).all() and np.isfinite(motion.q[0]).all()
 
 
 def test_arguments_are_left_as_they_were():
