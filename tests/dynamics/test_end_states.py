@@ -40,7 +40,7 @@ CASES = {
     "robot, stribeck": (robot(seed=2, n=4), known.Stribeck(symmetric=False), STRIBECK),
     "robot, load": (robot(seed=5, n=3), known.LoadDependent(), [0.3, 0.1, 0.01]),
     "robot, load of coupled gears": (
-        replace(robot(seed=5, n=3), coupled=(("both", (1.0, 1.0, 0.0)),)),
+        replace(robot(seed=5, n=2), coupled=(("both", (1.0, 1.0)),)),
         known.LoadDependent(stribeck=True),
         [0.5, 0.3, 0.5, 0.15, 0.01],
     ),

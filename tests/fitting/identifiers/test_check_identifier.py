@@ -42,8 +42,8 @@ OURS = [
     *(SINDy(PEAKS, search_sets=False), SINDy(PEAKS, optimizer="sr3"), SINDy(PEAKS, ensemble=3)),
     Regressor(KNeighborsRegressor(5), ("w", "q", "u")),
     CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,), iterations=10),
-    Network(MLP((4,)), epochs=3, inputs="all", members=2),
-    Network(FREE, epochs=3, batch=40, targets=12),
+    Network(MLP((4,)), epochs=2, inputs="all", members=2),
+    Network(FREE, epochs=2, batch=40, targets=20),
 ]
 
 
@@ -56,8 +56,8 @@ def test_identifiers_keep_to_the_contract(identifier):
 QUICK = {"epochs": 2}
 NETWORKS = ("mlp", "lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm")
 SETTINGS = {
-    "gear_load": {"moment": 0.1, "iterations": 10},
-    **dict.fromkeys(("lugre", "film_lag"), {"iterations": 10}),
+    "gear_load": {"moment": 0.1, "iterations": 5},
+    **dict.fromkeys(("dahl", "film_lag", "lugre", "play"), {"iterations": 5}),
     "mlp": {"hidden": [6], "iterations": 10},
     "sklearn": {"estimator": "kernel_ridge"},
     **dict.fromkeys(("lstm", "window_mlp", "blackbox_mlp", "blackbox_lstm"), QUICK),

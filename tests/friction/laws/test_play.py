@@ -135,9 +135,9 @@ def servo_logs(servo, seconds):
 
 def test_a_simulated_servo_with_friction_behind_a_gap():
     servo = ServoPendulum(gap=GAP, delay=0.0, held=True)
-    truth = np.array([servo.coulomb, servo.viscous, GAP])
+    data, truth = servo_logs(servo, 2.5), np.array([servo.coulomb, servo.viscous, GAP])
     for method, within in (("one_step", 0.15), ("shooting", 0.03)):
-        fit = fid.fit(servo_logs(servo, 4.0), "play", method=method)
+        fit = fid.fit(data, "play", method=method)
         friction = fit.frame[fit.frame.block == "friction"]
         np.testing.assert_allclose(friction.value, truth, rtol=within)
     assert not fit.convergence.warnings
