@@ -82,16 +82,18 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
-    data = dataset()
-    rows, *_ = score_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
+    coefficients = (0.0, 0.004, 0.03)
+    rows, *_ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
     squares = []
-    for recording, s in zip(data.recordings, prepared.smoothed, strict=True):
+    for recording, label, s in zip(
+        dataset().recordings, folds.labels, prepared.smoothed, strict=True
+    ):
         dt, q, w = np.diff(s.time), s.q[:, 0], s.w[:, 0]
         middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
         middle_w = 1.5 * np.diff(q) / dt - (w[1:] + w[:-1]) / 4
 
-        def force(q, w):
-            return -GRAVITY * np.sin(q) - 0.01 * w
+        def force(q, w, c=coefficients[label[0]]):
+            return -GRAVITY * np.sin(q) - c * w
 
         mean = force(q[:-1], w[:-1]) + 4 * force(middle_q, middle_w) + force(q[1:], w[1:])
         predicted = w[:-1] + (mean / 6 + recording.torque.value[:-1, 0]) * dt / INERTIA
@@ -99,18 +101,6 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
         squares.append(((predicted - w[1:]) ** 2)[use])
     found = select(rows, score="one_step_integral", statistic="rms")
     assert found["all", "all"] == pytest.approx(np.sqrt(np.concatenate(squares).mean()), rel=1e-9)
-
-
-def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
-    base = [0.0, 0.0, 0.0]
-    rows, *_ = score_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
-    for fold in range(3):
-        other = [*base[:fold], 0.5, *base[fold + 1 :]]
-        changed, *_ = score_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
-        for score in ("one_step_euler", "one_step_integral", "rollout_angle"):
-            before, after = (select(r, score=score, statistic="median") for r in (rows, changed))
-            differ = {key for key in before if before[key] != after[key]}
-            assert differ == {(str(fold), "all"), ("all", "all"), ("all", "1")}
 
 
 def test_norms_are_over_the_joints():

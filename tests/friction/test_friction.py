@@ -123,15 +123,6 @@ def test_along_is_a_plain_loop_over_each_recording(friction, per_sample):
     np.testing.assert_allclose(along(friction, nodes), loop(friction, nodes), rtol=0, atol=1e-14)
 
 
-def test_each_recording_is_as_if_alone(friction):
-    nodes = series(np.random.default_rng(7))
-    together = along(friction, nodes)
-    for begin, end in zip(nodes.first[:-1], nodes.first[1:], strict=True):
-        part = slice(begin, end)
-        own = Nodes(at(nodes.inputs, part), nodes.time[part], np.array([0, end - begin]))
-        np.testing.assert_array_equal(together[part], along(friction, own))
-
-
 def test_folds_along_nodes_are_each_fold_alone(friction):
     rng = np.random.default_rng(9)
     nodes = series(rng)
