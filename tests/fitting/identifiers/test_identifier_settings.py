@@ -1,7 +1,5 @@
 """Settings of identifiers by name: they are those of laws and fits, and bad ones are refused."""
 
-from dataclasses import replace
-
 import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
@@ -27,7 +25,6 @@ from frictionid.friction.laws import (
     WindowMLP,
 )
 
-FREE = LSTM(free=True, dissipative=False, monotone_tail=False)
 LIBRARY = Library(velocities=(1.0, 2.0), harmonics=(1,))
 CHOSEN = [
     ("none", {}, Frictionless()),
@@ -77,9 +74,18 @@ kind = "lstm"; free = true => add dissipative = false
 kind = "lstm"; epochs = 0 => epochs
 kind = "lstm"; rate = 0.0 => rate
 kind = "lstm"; device = "tpu" => device
+kind = "lstm"; sample_time = 0.0 => sample_time
+kind = "lstm"; free = true; dissipative = false; monotone_tail = false; odd = true => odd
+kind = "lstm"; targets = 0 => targets
+kind = "lstm"; burn_in = -1 => burn_in
 kind = "mlp"; hidden = [] => hidden
 kind = "mlp"; hidden = [0] => hidden
+kind = "mlp"; hidden = [2.5] => hidden
 kind = "mlp"; width = 0.0 => width
+kind = "mlp"; shape = "step" => shape
+kind = "mlp"; nodes = 1 => nodes
+kind = "mlp"; prior_deviations = [] => prior_deviations
+kind = "mlp"; share = 0.9 => share
 kind = "mlp"; rate = 0.1; solver = "levenberg_marquardt" => rate = 0.1 needs solver = "adam"
 kind = "mlp"; compile = true => compile = true needs solver = "adam"
 kind = "mlp"; device = "cuda" => device = "cuda" needs solver = "adam"
@@ -88,6 +94,9 @@ kind = "mlp"; inputs = "both" => inputs
 kind = "window_mlp"; samples = 0 => samples
 kind = "window_mlp"; members = 0 => members
 kind = "window_mlp"; batch = 0.5 => batch
+kind = "window_mlp"; sample_time = -1.0 => sample_time
+kind = "window_mlp"; presliding = -0.01 => presliding
+kind = "window_mlp"; share = 0.0 => share
 kind = "blackbox_mlp"; width = -1.0 => width
 kind = "sindy"; optimizer = "lasso" => optimizer.*lasso
 kind = "sindy"; velocities = [1.0, 1.0] => velocities = \[1.0, 1.0\] must differ
@@ -123,24 +132,12 @@ def test_settings_that_mean_nothing_are_refused(wrong, words):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: LSTM(sample_time=0.0),
-        lambda: replace(FREE, odd=True),
-        lambda: Network(LSTM(), targets=0),
-        lambda: Network(LSTM(), burn_in=-1),
         lambda: Network(Stribeck()),
-        lambda: MLP(hidden=(2.5,)),
         lambda: MLP(others=-1),
-        lambda: MLP(shape="step"),
         lambda: CompressedNetwork(MLP(others=1)),
         lambda: CompressedNetwork(Stribeck()),
-        lambda: CompressedNetwork(MLP(), nodes=1),
-        lambda: CompressedNetwork(MLP(), prior_deviations=()),
-        lambda: CompressedNetwork(MLP(), share=0.9),
-        lambda: WindowMLP(sample_time=-1.0),
-        lambda: WindowMLP(presliding=-0.01),
         lambda: Ensemble(members=1),
         lambda: Network(WindowMLP(), inputs="all"),
-        lambda: Network(WindowMLP(), share=0.0),
         lambda: window(Dahl(), (), synthetic_problem(1).nodes),
     ],
 )

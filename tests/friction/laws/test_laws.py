@@ -9,6 +9,7 @@ from fixtures.refusals import assert_refused
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
+    Cogging,
     CoulombViscous,
     Dahl,
     FilmLag,
@@ -17,11 +18,13 @@ from frictionid.friction.laws import (
     LuGre,
     MotorLoad,
     NoFriction,
+    Play,
     Quadratic,
     Ripple,
     Spline,
     Stribeck,
     Sum,
+    Thermal,
     check_law,
 )
 
@@ -41,6 +44,11 @@ LAWS = [
 ]
 REMEMBERING = [FilmLag(), FilmLag(symmetric=False), Dahl(), Dahl(motor_load=True), LuGre()]
 REMEMBERING += [LuGre(symmetric=False)]
+OTHERS = [
+    *(Play(), Play("stribeck", "coulomb_viscous"), Play({"kind": "motor_load", "squared": True})),
+    *(Thermal(base) for base in ("coulomb_viscous", Stribeck(symmetric=False), "quadratic")),
+    *(Cogging((1, 7), 2.0), Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]}))),
+]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 
@@ -57,7 +65,7 @@ def speeds(n=2):
     return at_rest(np.repeat(W[:, None], n, axis=1))
 
 
-@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, Sampled()], ids=str)
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, *OTHERS, Sampled()], ids=str)
 def test_laws_keep_to_the_contract(law):
     check_law(law)
     assert repr(law).startswith(type(law).__name__)
