@@ -4,11 +4,10 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
+from fixtures.servo_logs import by_controller
 
-import frictionid as fid
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.signals import Signal
 from frictionid.evaluation import Protocol, free_run, prepare
@@ -26,14 +25,8 @@ INERTIA = RIG.mass * RIG.length**2
 
 @cache
 def logs(rig=RIG, runs=4, seconds=6.0):
-    frames = {f"{k}": pd.DataFrame(rig.log(P, D, seed=k, seconds=seconds)) for k in range(runs)}
-    return fid.Dataset.from_frames(
-        {k: frame.drop(columns="u") for k, frame in frames.items()},
-        fid.mechanisms.pendulum(mass=rig.mass, length=rig.length),
-        time="t",
-        angle="q",
-        actuator=dict(target="target", output="torque", P=P, D=D, delay=rig.delay),
-    )
+    frames = {f"{k}": rig.log(P, D, seed=k, seconds=seconds) for k in range(runs)}
+    return by_controller(rig, frames, P=P, D=D, delay=rig.delay)
 
 
 def rollouts(data, friction, horizon, states="filter"):

@@ -1,11 +1,11 @@
 """Play: friction behind a gap."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.exact_problems import assert_recovered
 from fixtures.refusals import assert_refused
+from fixtures.servo_logs import by_torque
 
 import frictionid as fid
 from frictionid.dynamics.rollout import rollout
@@ -120,9 +120,7 @@ def test_no_friction_behind_the_gap_is_refused():
 
 
 def servo_logs(servo, seconds):
-    logs = {f"{k}": pd.DataFrame(servo.log(4.0, 0.05, k, seconds)) for k in range(2)}
-    rig = fid.mechanisms.pendulum(mass=servo.mass, length=servo.length)
-    return fid.Dataset.from_frames(logs, rig, time="t", angle="q", torque="u", hold="previous")
+    return by_torque(servo, {f"{k}": servo.log(4.0, 0.05, k, seconds) for k in range(2)})
 
 
 def test_a_simulated_servo_with_friction_behind_a_gap():
