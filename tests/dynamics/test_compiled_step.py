@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from fixtures.random_robots import mechanism as robot
 from fixtures.steps import looped
+from numpy.testing import assert_allclose
 
 from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.compiled.loops import machine_of
@@ -99,8 +100,8 @@ def test_the_motion_is_that_of_arrays(law, mechanism, gains, monkeypatch):
     plant = looped(MECHANISMS[mechanism], STARTS, gains)
     friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
     arrays, fast = both(monkeypatch, plant, friction)
-    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)
+    assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+    assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)
     assert np.array_equal(fast.w == 0.0, arrays.w == 0.0)  # the same joints rest at the same time
 
 
@@ -110,7 +111,7 @@ def test_each_start_has_its_own_machine_and_friction(monkeypatch):
     plant = Plant.from_parameters(machine, masses)
     theta = random.uniform(0.01, 0.05, size=(STARTS, 2, 2))
     arrays, fast = both(monkeypatch, plant, Friction(known.CoulombViscous(), theta))
-    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+    assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
 
 
 def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(

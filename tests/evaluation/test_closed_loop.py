@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.servo_logs import by_controller
+from numpy.testing import assert_allclose
 
 from frictionid.data.calibration import Calibration, calibrated_dataset
 from frictionid.data.signals import Signal
@@ -60,7 +61,7 @@ def test_the_truth_is_found_where_noise_of_recorded_angles_would_pass_for_torque
     true = np.array([0.2, 0.2, INERTIA, 9.81 * RIG.mass * RIG.length, 0.0, 0.010])
     low, high = fit.covariance.interval(0.99).T
     assert ((low <= true) & (true <= high)).all()
-    np.testing.assert_allclose(fit.covariance.values[[0, 2, 3]], true[[0, 2, 3]], rtol=0.1)
+    assert_allclose(fit.covariance.values[[0, 2, 3]], true[[0, 2, 3]], rtol=0.1)
     assert fit.diagnostics.angle_noise[0] == pytest.approx(NOISE, rel=0.05)
 
 
@@ -70,7 +71,7 @@ def test_a_free_run_is_a_prediction_of_the_whole_recording():
     initial = view.initial_states
     motion = predict(view.plant[initial.recording], TRUTH, initial)
     whole = free_run(view.plant, TRUTH, view.trajectory)
-    np.testing.assert_allclose(motion.q, whole[: len(motion.q)], atol=1e-12)
+    assert_allclose(motion.q, whole[: len(motion.q)], atol=1e-12)
 
 
 def test_recordings_with_a_torque_log_beside_servos_keep_it():
@@ -83,8 +84,8 @@ def test_recordings_with_a_torque_log_beside_servos_keep_it():
     alone = rollouts(replace(data, recordings=(logged,)), TRUTH, 0.1)
     closed = rollouts(replace(data, recordings=(first,)), TRUTH, 0.1)
     half = closed.shape[1]
-    np.testing.assert_allclose(mixed[:, :half], closed, atol=1e-6)
-    np.testing.assert_allclose(mixed[:, half:], alone, atol=1e-6)
+    assert_allclose(mixed[:, :half], closed, atol=1e-6)
+    assert_allclose(mixed[:, half:], alone, atol=1e-6)
 
 
 def test_friction_of_gears_sees_the_torque_of_the_closed_loop():
@@ -112,4 +113,4 @@ def test_gain_bias_and_offset_of_a_calibration_are_those_of_the_loop():
         for r in data.recordings
     )
     same = calibrated_dataset(replace(data, recordings=shifted_records), calibration)
-    np.testing.assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)
+    assert_allclose(rollouts(same, TRUTH, 1.0), rollouts(data, TRUTH, 1.0), atol=1e-9)

@@ -17,6 +17,7 @@ from fixtures.tiny_pendulums import (
     recordings,
     shortened,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
@@ -62,7 +63,7 @@ def still(time):
 def test_a_recording_as_long_as_a_horizon_and_what_comes_before_has_one_initial_state():
     data = still(np.arange(46) / 100)
     starts = starts_of(data, horizons=(0.3,), begin=0.15)
-    np.testing.assert_array_equal(starts.index, [15])
+    assert_array_equal(starts.index, [15])
     with assert_refused("no recording holds"):
         starts_of(still(np.arange(45) / 100), horizons=(0.3,), begin=0.15)
 
@@ -113,11 +114,11 @@ def test_starts_know_nothing_of_what_comes_later():
         other = starts_of(replace(data, recordings=late), begin=0.1)
         early = times_of(before, data) < after - 1e-9
         assert early.sum() >= len(late)
-        np.testing.assert_array_equal(before.q[early], other.q[early])
-        np.testing.assert_array_equal(before.w[early], other.w[early])
+        assert_array_equal(before.q[early], other.q[early])
+        assert_array_equal(before.w[early], other.w[early])
         friction = Friction(FilmLag(), np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1)))
         memory, late_memory = (memory_at(friction, starts)[0] for starts in (before, other))
-        np.testing.assert_array_equal(memory[early], late_memory[early])
+        assert_array_equal(memory[early], late_memory[early])
         # and the disturbance is one that is felt
         assert np.abs(before.w[~early] - other.w[~early]).max() > 0.1
         assert np.abs(memory - late_memory)[~early].max() > 0.1
@@ -180,10 +181,10 @@ def test_torques_and_angles_of_a_start_are_those_that_follow_it():
         recording, k = data.recordings[starts.recording[s]], starts.index[s]
         last = starts.last[:, s].max()
         torque, angle = recording.torque.value, recording.angle.value
-        np.testing.assert_allclose(starts.u[:last, s], torque[k : k + last], atol=1e-12)
-        np.testing.assert_array_equal(starts.measured[: last + 1, s], angle[k : k + last + 1])
+        assert_allclose(starts.u[:last, s], torque[k : k + last], atol=1e-12)
+        assert_array_equal(starts.measured[: last + 1, s], angle[k : k + last + 1])
         true = recording.truth.angle.value[k : k + last + 1]
-        np.testing.assert_array_equal(starts.truth[: last + 1, s], true)
+        assert_array_equal(starts.truth[: last + 1, s], true)
 
 
 REFUSED = r"""
@@ -271,7 +272,7 @@ def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
     for s in range(S):
         expected = steps[starts.index[s]]
         for entry, part in zip(found, expected, strict=True):
-            np.testing.assert_allclose(entry[s], part[owner[s], starts.recording[s]], rtol=1e-12)
+            assert_allclose(entry[s], part[owner[s], starts.recording[s]], rtol=1e-12)
     # and that of a scan which stops at the start
     s = int(np.argmax(starts.index))
     first = starts.nodes.first[starts.recording[s]]
@@ -283,7 +284,7 @@ def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
     )
     alone = memory_along(Friction(law, theta[owner[s]]), nodes)[-1]
     for entry, part in zip(found, alone, strict=True):
-        np.testing.assert_allclose(entry[s], part[0], rtol=1e-12)
+        assert_allclose(entry[s], part[0], rtol=1e-12)
 
 
 def test_a_remembering_law_is_predicted_with_the_memory_of_its_start():
@@ -355,7 +356,7 @@ def test_examples_are_predictions_beside_what_was_measured(prepared):
             k = int(np.searchsorted(recording.angle.time, motion["start_s"] - 1e-9))
             T = len(motion["time"])
             assert motion["time"][-1] == pytest.approx(0.3, abs=0.5 / RATE)
-            np.testing.assert_array_equal(motion["measured"], recording.angle.value[k : k + T])
+            assert_array_equal(motion["measured"], recording.angle.value[k : k + T])
             assert np.abs(motion["predicted"] - motion["measured"]).max() < 0.1
             assert np.abs(np.diff(motion["measured"], axis=0)).max() > 0
 

@@ -7,6 +7,7 @@ import pytest
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.evaluation import (
     SCORE_COLUMNS,
@@ -176,16 +177,16 @@ def test_the_grid_has_401_velocities_up_to_q95():
     w = np.random.default_rng(0).normal(size=(999, 2)) * [1.0, 7.0]
     grid = velocity_grid(w)
     assert grid.shape == (401, 2)
-    np.testing.assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
-    np.testing.assert_allclose(grid, -grid[::-1], atol=1e-12)
-    np.testing.assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
+    assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
+    assert_allclose(grid, -grid[::-1], atol=1e-12)
+    assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.07, -1.0])
 def test_the_error_of_a_scaled_curve_is_the_scale(scale):
     grid = velocity_grid(np.random.default_rng(1).normal(size=(50, 2)))
     truth = np.tanh(grid / 0.3) + 0.1 * grid
-    np.testing.assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
+    assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
 
 
 def test_the_error_is_that_of_its_definition_and_blind_to_slow_speeds():
@@ -204,12 +205,12 @@ def test_errors_of_a_batch_are_those_of_each(prepared):
     batch = viscous(0.0, 0.01)
     together = curve_error(curves(batch, prepared.grid), true, prepared.grid)
     each = [curve_error(curves(batch[f], prepared.grid), true, prepared.grid) for f in (0, 1)]
-    np.testing.assert_array_equal(together, each)
+    assert_array_equal(together, each)
 
 
 def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
     w = np.concatenate([r.truth.velocity.value for r in dataset().recordings])
-    np.testing.assert_array_equal(prepared.grid, velocity_grid(w))
+    assert_array_equal(prepared.grid, velocity_grid(w))
     bare = tuple(replace(r, truth=None) for r in dataset().recordings)
     measured = prepare(dataset(recordings=bare, truth=None), PROTOCOL)
     assert measured.grid[-1, 0] == pytest.approx(prepared.grid[-1, 0], rel=0.05)
@@ -217,9 +218,9 @@ def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
 
 def test_the_true_curve_is_that_of_the_simulation(prepared):
     w = prepared.grid[np.abs(prepared.grid[:, 0]) > 0.1]
-    np.testing.assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
+    assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
     truth, fast = true_friction(TRUTH), prepared.grid[np.abs(prepared.grid[:, 0]) > 0.25]
-    np.testing.assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
+    assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():

@@ -5,6 +5,7 @@ import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.fitting.identifiers import LeastSquares
@@ -25,7 +26,7 @@ def dataset(tmp_path_factory):
 def test_places_where_parts_slide_have_names_and_velocities(dataset):
     arm = dataset.mechanism
     assert arm.friction_names == ("one", "two", "three", "turner")
-    np.testing.assert_array_equal(arm.friction_map, [*np.eye(3), [0, -1, 1]])
+    assert_array_equal(arm.friction_map, [*np.eye(3), [0, -1, 1]])
 
 
 def test_the_rotor_of_a_coupled_motor_adds_to_all_its_joints(dataset):
@@ -34,20 +35,20 @@ def test_the_rotor_of_a_coupled_motor_adds_to_all_its_joints(dataset):
     without = arm.inertia(arm.base({"rotor_turner": 0.0}), q)
     row = arm.friction_map[3]
     added = np.broadcast_to(wrist.PARAMETERS["rotor_turner"] * np.outer(row, row), without.shape)
-    np.testing.assert_allclose(arm.inertia(arm.base({}), q) - without, added, atol=1e-12)
+    assert_allclose(arm.inertia(arm.base({}), q) - without, added, atol=1e-12)
 
 
 def test_one_step_finds_the_friction_of_all_four(dataset):
     problem = training_problem(dataset, plant_of(dataset), INTEGRAL, 0.01)
     found = LeastSquares(CoulombViscous()).fit(problem, np.ones((1, len(problem.r))), 0)[0]
-    np.testing.assert_allclose(found.theta, TRUE, rtol=0.03)
+    assert_allclose(found.theta, TRUE, rtol=0.03)
 
 
 def test_inverse_dynamics_finds_the_friction_of_all_four(dataset):
     balance = torque_balance(dataset, states_of(dataset, INTEGRAL.states, None), 0.05, 0.004)
     blocks = (FrictionBlock(), BiasBlock())
     found = fit_torques(LeastSquares(CoulombViscous()), balance, blocks, TorqueSettings())
-    np.testing.assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.02)
+    assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.02)
     names = [p.name for p in found.covariance.parameters if p.block == "friction"]
     assert names[-2:] == ["coulomb of turner", "viscous of turner"]
 

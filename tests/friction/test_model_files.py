@@ -14,6 +14,7 @@ import pytest
 from fixtures import driven_wrist
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_array_equal
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -92,7 +93,7 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
     again = load_model(tmp_path / "deep" / "model.json", LAWS)
     assert again.law == law and hash(again.law) == hash(law)
     assert again.theta.shape == shape
-    np.testing.assert_array_equal(again.theta, theta)
+    assert_array_equal(again.theta, theta)
     assert (again.parameters, again.provenance.notes) == ({"m1": 1 / 3}, {"by": "a test"})
 
 
@@ -121,7 +122,7 @@ def test_a_file_written_by_hand_needs_no_theta_and_no_units():
     document = by_hand(coulomb={"value": 1})
     del document["parameters"], document["provenance"]
     friction = read_model(document, LAWS, "hand.json")
-    np.testing.assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
+    assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
 
 
 def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
@@ -174,7 +175,7 @@ def test_mistakes_are_one_line_with_the_file_and_the_rule(wrong, words, tmp_path
 
 def test_the_unchanged_document_is_none_of_these():
     friction = read_model(written(), LAWS, "model.json")
-    np.testing.assert_array_equal(friction.theta, FRICTION.theta)
+    assert_array_equal(friction.theta, FRICTION.theta)
 
 
 ENTRIES = """
@@ -276,7 +277,7 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
         assert any(np.array_equal(found, m.theta) for m in (last, model))
         last = load_model(path, LAWS)
     save_model(models[1], path, LAWS)
-    np.testing.assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
+    assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["m.json", "m.safetensors"]
 
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.law import smooth_sign
@@ -80,7 +81,7 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
         step = np.zeros(theta.shape, dtype=complex)
         step[..., i] = 1e-30j
         slope = law.torque(theta + step, speeds(), ()).imag / 1e-30
-        np.testing.assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
+        assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
@@ -89,7 +90,7 @@ def test_laws_run_alike_on_torch(law):
     tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
     methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
     for method in (*methods, law.gradient):
-        np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
+        assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
 
 
 @pytest.mark.parametrize("law", REMEMBERING, ids=str)
@@ -105,7 +106,7 @@ def test_laws_with_memory_run_alike_on_torch(law):
         (law.limit(*tensors, same), law.limit(theta, x, memory)),
     ]
     for found, expected in pairs:
-        np.testing.assert_allclose(found.numpy(), expected, rtol=1e-13)
+        assert_allclose(found.numpy(), expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
@@ -124,18 +125,18 @@ def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
     theta = draws(law, np.random.default_rng(2), 20, 1)
     assert (law.torque(theta, speeds(), ()) * W[:, None] >= 0).all()
     still = law.torque(theta[:, 0], at_rest(np.zeros(2)), ())
-    np.testing.assert_array_equal(still, np.zeros((20, 2)))
+    assert_array_equal(still, np.zeros((20, 2)))
 
 
 def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
     theta = np.array([[0.5, 0.25, 2.0, 0.01]])
     curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))
-    np.testing.assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
+    assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
     theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
     curve = Friction(Stribeck(width=1e-6, symmetric=False), theta).curve(
         np.array([-50.0, -1e-3, 1e-3, 50])
     )
-    np.testing.assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
+    assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
 
 
 def test_the_peak_falls_to_exp_minus_one_at_the_stribeck_velocity():
@@ -159,8 +160,8 @@ def test_laws_are_nested_no_friction_in_coulomb_in_stribeck():
 
     coulomb = torque(CoulombViscous(), fc, fv)
     none, flat = torque(CoulombViscous(), 0.0, 0.0), torque(Stribeck(), fc, 0.0, ws, fv)
-    np.testing.assert_allclose(none, torque(NoFriction()), atol=0.0)
-    np.testing.assert_allclose(flat, coulomb, rtol=1e-15)
+    assert_allclose(none, torque(NoFriction()), atol=0.0)
+    assert_allclose(flat, coulomb, rtol=1e-15)
 
 
 def after(law, theta, x):
@@ -182,8 +183,8 @@ def test_turning_the_axis_round_swaps_the_directions(law):
     places = [own.names.index(a + b + other.get(c, c)) for a, b, c in parts]
     torque, limit = after(own, theta, x)
     back, same = after(own, theta[:, places], x._replace(w=-x.w))
-    np.testing.assert_allclose(back, -torque, rtol=1e-13)
-    np.testing.assert_allclose(same, limit, rtol=1e-13)
+    assert_allclose(back, -torque, rtol=1e-13)
+    assert_allclose(same, limit, rtol=1e-13)
 
 
 @SIDED
@@ -193,7 +194,7 @@ def test_with_equal_levels_of_both_directions_it_is_the_symmetric_law(law):
     names = [name.removesuffix("_positive").removesuffix("_negative") for name in own.names]
     alike = theta[:, [plain.names.index(name) for name in names]]
     for found, expected in zip(after(own, alike, x), after(plain, theta, x), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        assert_allclose(found, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

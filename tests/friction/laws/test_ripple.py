@@ -5,6 +5,7 @@ import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
@@ -37,7 +38,7 @@ def drawn(seed=0):
 def test_without_amplitudes_it_is_the_law_below(base):
     law, x = Ripple(base, (1, 2)), drawn()
     plain = base.torque(np.array(THETA[base]), x, ())
-    np.testing.assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
+    assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
 
 
 @EVERY
@@ -50,7 +51,7 @@ def test_the_level_varies_and_viscous_friction_does_not(base):
     level = np.array(THETA[base])
     viscous = level[:, -1] * x.w
     plain = base.torque(level, x, ())
-    np.testing.assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
+    assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
 
 
 @EVERY
@@ -60,7 +61,7 @@ def test_it_repeats_with_each_turn_behind_the_gear_and_not_before(base):
     def torque(turns):
         return law.torque(theta, x._replace(q=x.q + turns * 2 * np.pi), ())
 
-    np.testing.assert_allclose(torque(1 / 7.5), torque(0.0), rtol=1e-9)
+    assert_allclose(torque(1 / 7.5), torque(0.0), rtol=1e-9)
     assert np.abs(torque(0.5 / 7.5) - torque(0.0)).max() > 0.01
 
 
@@ -84,8 +85,8 @@ def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_i
     law = Ripple("stribeck")
     problem = explained_by(Stribeck(), PLAIN)
     found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
-    np.testing.assert_allclose(found[:, -2:], 0.0, atol=1e-6)
-    np.testing.assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
+    assert_allclose(found[:, -2:], 0.0, atol=1e-6)
+    assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
 
 
 WRONG = r"""

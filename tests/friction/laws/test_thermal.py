@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.friction import Friction, at_rest
@@ -48,11 +49,11 @@ def test_at_one_temperature_it_is_an_ordinary_law(T):
     there = friction.at_temperature(T)
     assert type(there.law) is Stribeck
     level, drag = 1.0 + SLOPE * (T - 25.0), np.exp(-DECAY * (T - 25.0))
-    np.testing.assert_allclose(there.theta[0], THETA[0, :4] * [level, level, 1.0, drag])
+    assert_allclose(there.theta[0], THETA[0, :4] * [level, level, 1.0, drag])
     warm = at_rest(w)._replace(temperature=T + 0.0 * w)
-    np.testing.assert_array_equal(friction.torque(warm), there.torque(at_rest(w)))
+    assert_array_equal(friction.torque(warm), there.torque(at_rest(w)))
     ahead = at_rest(w)._replace(temperature=25.0 + 0.0 * w)
-    np.testing.assert_allclose(friction.torque(at_rest(w)), friction.torque(ahead))
+    assert_allclose(friction.torque(at_rest(w)), friction.torque(ahead))
 
 
 def test_a_level_does_not_fall_below_zero():
@@ -110,7 +111,7 @@ def test_a_temperature_of_a_joint_goes_before_that_of_the_machine():
         both = {"temperature": "cold", name: "T"}
         data = fid.Dataset.from_frames(tables, rig, **columns, covariates=both)
         theta = [fid.fit(d, "thermal", method="one_step").friction.theta for d in (data, whole)]
-        np.testing.assert_array_equal(*theta)
+        assert_array_equal(*theta)
 
 
 def test_a_law_without_temperature_does_not_see_it():
@@ -118,7 +119,7 @@ def test_a_law_without_temperature_does_not_see_it():
     theta = [
         fid.fit(data, "stribeck", method="one_step").friction.theta for data in (with_it, without)
     ]
-    np.testing.assert_array_equal(*theta)
+    assert_array_equal(*theta)
 
 
 def with_temperature(values):
