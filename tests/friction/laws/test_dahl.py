@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import CoulombViscous, Dahl, LuGre, MotorLoad
+from frictionid.friction.laws import Dahl, LuGre, MotorLoad
 
 THETA = np.array([[0.1, 0.02, 0.01]])
 
@@ -17,12 +17,6 @@ def test_it_is_lugre_friction_without_peak_and_damping():
     lugre = np.array([[0.1, 0.0, 1.0, 0.02, 0.01, 0.0, 0.1]])
     expected = along(Friction(LuGre(), lugre), nodes)
     assert_allclose(along(Friction(Dahl(), THETA), nodes), expected, rtol=1e-12)
-
-
-def test_at_constant_speed_it_is_coulomb_and_viscous_friction():
-    w = np.array([-20.0, -3.0, -0.6, 0.4, 2.0, 15.0])
-    expected = Friction(CoulombViscous(), THETA[:, :2]).curve(w)
-    assert_allclose(Friction(Dahl(), THETA).curve(w), expected, rtol=1e-9)
 
 
 def test_its_torque_depends_on_the_way_gone_and_not_on_the_time_it_took():

@@ -95,22 +95,6 @@ def test_a_joint_that_has_just_moved_fast_slips_under_a_load_that_holds_it_later
         assert motion.w[-1, 0] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("law", "theta", "plain"),
-    [
-        (FilmLag(), THETA, Stribeck()),
-        (FilmLag(symmetric=False), BOTH_WAYS, Stribeck(symmetric=False)),
-    ],
-)
-def test_at_constant_speed_and_from_its_start_it_is_stribeck_friction(law, theta, plain):
-    x = at_rest(np.repeat(np.linspace(-9, 9, 31)[:, None], len(theta), axis=1))
-    memory = law.start(theta, x)
-    (later,) = law.advance(theta, x, memory, dt(0.7))
-    assert_allclose(later, memory[0])
-    expected = plain.torque(theta[:, :-1], x, ())
-    assert_allclose(law.torque(theta, x, memory), expected)
-
-
 @pytest.mark.parametrize("lag", [0.01, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("velocity", [0.6, 1.5, 4.0])
 def test_truth_in_truth_out(lag, velocity):

@@ -128,6 +128,21 @@ def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
     assert_array_equal(still, np.zeros((20, 2)))
 
 
+@pytest.mark.parametrize(
+    ("law", "plain"),
+    [
+        *((law(), Stribeck()) for law in (FilmLag, LuGre)),
+        *((law(symmetric=False), Stribeck(symmetric=False)) for law in (FilmLag, LuGre)),
+        (Dahl(), CoulombViscous()),
+    ],
+    ids=str,
+)
+def test_at_constant_speed_a_memory_does_not_show(law, plain):
+    theta, w = draws(law, np.random.default_rng(6)), W[np.abs(W) > 0.1]
+    expected = Friction(plain, theta[:, : len(plain.names)]).curve(w)
+    assert_allclose(Friction(law, theta).curve(w), expected, rtol=1e-9)
+
+
 def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
     theta = np.array([[0.5, 0.25, 2.0, 0.01]])
     curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))

@@ -10,7 +10,7 @@ from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, along, at_rest
-from frictionid.friction.laws import CoulombViscous, LuGre, Stribeck
+from frictionid.friction.laws import CoulombViscous, LuGre
 from frictionid.mechanics import Plant, pendulum
 
 # coulomb, peak, stribeck_velocity, viscous, presliding, damping, damping_velocity
@@ -106,16 +106,6 @@ def test_under_a_load_below_its_level_a_joint_gives_but_does_not_creep():
     motion = rollout(PLANT, friction, start, u, np.full(60, 1 / 60))
     assert 0.06 / (STIFFNESS + 0.2) < motion.q[-1, 0] < THETA[0, 4]
     assert abs(motion.q[-1, 0] - motion.q[30, 0]) < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("law", "theta", "plain"),
-    [(LuGre(), THETA, Stribeck()), (LuGre(symmetric=False), BOTH_WAYS, Stribeck(symmetric=False))],
-)
-def test_at_constant_speed_it_is_stribeck_friction(law, theta, plain):
-    w = np.array([-20.0, -3.0, -0.6, 0.4, 2.0, 15.0])
-    expected = Friction(plain, theta[:, :-3]).curve(w)
-    assert_allclose(Friction(law, theta).curve(w), expected, rtol=1e-9)
 
 
 def test_with_little_presliding_it_is_coulomb_friction_along_a_motion():
