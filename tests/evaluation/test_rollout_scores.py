@@ -38,7 +38,7 @@ from frictionid.evaluation import (
     with_parameters,
 )
 from frictionid.evaluation.predicted_motion import memory_at
-from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
+from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag
 
 HORIZONS = (0.1, 0.3)
@@ -273,18 +273,6 @@ def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
         expected = steps[starts.index[s]]
         for entry, part in zip(found, expected, strict=True):
             assert_allclose(entry[s], part[owner[s], starts.recording[s]], rtol=1e-12)
-    # and that of a scan which stops at the start
-    s = int(np.argmax(starts.index))
-    first = starts.nodes.first[starts.recording[s]]
-    own = slice(first, first + starts.index[s] + 1)
-    nodes = Nodes(
-        starts.nodes.inputs.each(lambda x: x[own]),
-        starts.nodes.time[own],
-        np.array([0, own.stop - own.start]),
-    )
-    alone = memory_along(Friction(law, theta[owner[s]]), nodes)[-1]
-    for entry, part in zip(found, alone, strict=True):
-        assert_allclose(entry[s], part[0], rtol=1e-12)
 
 
 def test_a_remembering_law_is_predicted_with_the_memory_of_its_start():
