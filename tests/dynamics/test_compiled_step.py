@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import sympy as sp
 from fixtures.random_robots import mechanism as robot
+from fixtures.steps import looped
+from numpy.testing import assert_allclose
 
 from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.compiled.loops import machine_of
 from frictionid.dynamics.state import State
-from frictionid.friction import Friction, Law
+from frictionid.friction import Friction
 from frictionid.friction import laws as known
 from frictionid.mechanics import (
     Body,
@@ -36,7 +38,7 @@ def crane():
 
 
 NETWORK = known.MLP(hidden=(4, 4))
-LAWS: dict[str, tuple[Law, list[float]]] = {
+LAWS = {
     "none": (known.NoFriction(), []),
     "coulomb": (known.CoulombViscous(), [0.03, 0.01]),
     "stribeck": (known.Stribeck(symmetric=False), [0.02, 0.03, 0.01, 0.02, 0.5, 0.01]),
@@ -62,6 +64,11 @@ CASES = [
     *(("an arctangent", "coupled"), ("a film", "coupled")),
     *(("stribeck", "robot"), ("bristles", "robot"), ("bearing load", "robot")),
 ]
+LOOPS = [
+    *(("coulomb", "coupled"), ("motor load", "acrobot"), ("bearing load", "coupled")),
+    *(("an arctangent", "pendulum"), ("bristles", "acrobot")),
+]
+GAINS = [*((*case, (0.0, 0.0)) for case in CASES), *((*case, (4.0, 0.3)) for case in LOOPS)]
 
 
 def starts(mechanism):
@@ -86,15 +93,15 @@ def both(monkeypatch, plant, friction):
     return motions[0], motions[1]
 
 
-@pytest.mark.parametrize(("law", "mechanism"), CASES)
-def test_the_motion_is_that_of_arrays(law, mechanism, monkeypatch):
+@pytest.mark.parametrize(("law", "mechanism", "gains"), GAINS)
+def test_the_motion_is_that_of_arrays(law, mechanism, gains, monkeypatch):
+    """Also under a controller, and of laws that see its torque."""
     own, numbers = LAWS[law]
-    machine = MECHANISMS[mechanism]
-    plant = Plant.from_parameters(machine, {})
+    plant = looped(MECHANISMS[mechanism], STARTS, gains)
     friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
     arrays, fast = both(monkeypatch, plant, friction)
-    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)
+    assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+    assert_allclose(fast.w, arrays.w, rtol=0, atol=1e-7)
     assert np.array_equal(fast.w == 0.0, arrays.w == 0.0)  # the same joints rest at the same time
 
 
@@ -104,7 +111,7 @@ def test_each_start_has_its_own_machine_and_friction(monkeypatch):
     plant = Plant.from_parameters(machine, masses)
     theta = random.uniform(0.01, 0.05, size=(STARTS, 2, 2))
     arrays, fast = both(monkeypatch, plant, Friction(known.CoulombViscous(), theta))
-    np.testing.assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
+    assert_allclose(fast.q, arrays.q, rtol=0, atol=1e-9)
 
 
 def test_joints_that_stop_and_free_each_other_move_as_in_finer_steps(

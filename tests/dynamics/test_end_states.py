@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.random_robots import mechanism as robot
+from fixtures.steps import looped
 
 from frictionid.dynamics.state import State
 from frictionid.dynamics.tangent import end_states as sensitivities
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction import Friction, Inputs
 from frictionid.friction import laws as known
 from frictionid.friction.coordinates import at_places
-from frictionid.mechanics import Mechanism, Plant, acrobot, double_pendulum, pendulum
+from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
 COUNT, PIECES, FINE, TORQUES = 240, 2, 6, 2
 STRIBECK = [0.02, 0.03, 0.01, 0.01, 0.5, 0.01]
 NETWORK = known.MLP(hidden=(3,))
-CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
+CASES = {
     "acrobot, stribeck": (
         acrobot(),
         known.Stribeck(symmetric=False),
@@ -39,7 +40,7 @@ CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
     "robot, stribeck": (robot(seed=2, n=4), known.Stribeck(symmetric=False), STRIBECK),
     "robot, load": (robot(seed=5, n=3), known.LoadDependent(), [0.3, 0.1, 0.01]),
     "robot, load of coupled gears": (
-        replace(robot(seed=5, n=3), coupled=(("both", (1.0, 1.0, 0.0)),)),
+        replace(robot(seed=5, n=2), coupled=(("both", (1.0, 1.0)),)),
         known.LoadDependent(stribeck=True),
         [0.5, 0.3, 0.5, 0.15, 0.01],
     ),
@@ -48,15 +49,19 @@ CASES: dict[str, tuple[Mechanism, Law, list[float]]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_end_states_and_derivatives_are_those_of_arrays(case, monkeypatch):
+LOOPS = ("double, motor load", "double, load", "acrobot, lugre")
+
+
+@pytest.mark.parametrize(
+    ("case", "gains"), [*((case, (0.0, 0.0)) for case in CASES), *((c, (4.0, 0.3)) for c in LOOPS)]
+)
+def test_end_states_and_derivatives_are_those_of_arrays(case, gains, monkeypatch):
+    """Also under a controller."""
     machine, law, numbers = CASES[case]
     random, n, count = np.random.default_rng(2), machine.n, len(numbers)
     m = len(machine.friction_names)
     theta = np.tile(np.array(numbers), (m, 1))
-    plant = Plant.from_parameters(machine, {})
-    p = np.repeat(plant.p[None], COUNT, 0)
-    plant = Plant(machine, {k: np.full(COUNT, v) for k, v in plant.parameters.items()}, p)
+    plant = looped(machine, COUNT, gains)
     q, w = random.normal(size=(2, COUNT, n))
     w[::4] *= 0.05
     w[1::4, 0] = 0.0
@@ -92,8 +97,7 @@ def test_only_what_is_free_has_derivatives(monkeypatch):
     """Of a law's parameters one joint may free others than the next one."""
     machine, law, n = double_pendulum(), known.Stribeck(symmetric=False), 2
     theta = np.tile(np.array(STRIBECK), (n, 1))
-    plant = Plant.from_parameters(machine, {})
-    plant = Plant(machine, {}, np.repeat(plant.p[None], COUNT, 0))
+    plant = looped(machine, COUNT)
     state = State(*np.random.default_rng(3).normal(size=(2, COUNT, n)))
     reads = reads_of(law, theta, Inputs(*(state.q[:8],) * 4))
     u = np.zeros((1, COUNT, n))

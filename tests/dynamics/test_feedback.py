@@ -4,113 +4,54 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.steps import looped
 from scipy.integrate import solve_ivp
 
-from frictionid.dynamics import rollout as prediction
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.dynamics.step_size import step_size_of
 from frictionid.dynamics.tangent import end_states as sensitivities
 from frictionid.dynamics.tangent.law_derivatives import FreeTheta, reads_of
 from frictionid.dynamics.tangent.tangent import MotionModel, MotorTorque
-from frictionid.friction import Friction, Inputs, Law
+from frictionid.friction import Friction, Inputs
 from frictionid.friction import laws as known
-from frictionid.mechanics import Plant, acrobot, double_pendulum, pendulum
+from frictionid.mechanics import Plant, double_pendulum, pendulum
 
 COUNT, PIECES, FINE = 240, 4, 4
-COUPLED = replace(double_pendulum(), coupled=(("both", (1.0, 1.0)),))
-LAWS: dict[str, tuple[Law, list[float]]] = {
-    "coulomb": (known.CoulombViscous(), [0.05, 0.01]),
+LAWS = {
     "an arctangent": (known.CoulombViscous(shape="arctan"), [0.05, 0.01]),
     "motor load": (known.MotorLoad(), [0.05, 0.01, 0.1]),
-    "bearing load": (known.LoadDependent(), [0.05, 0.005, 0.01]),
-    "bristles": (known.LuGre(), [0.05, 0.03, 1.0, 0.01, 0.02, 0.02, 0.3]),
 }
 
 
-def looped(mechanism, count, K=4.0, B=0.3):
-    """Machines under different gains, a few under none."""
-    plant = Plant.from_parameters(mechanism, {})
-    share = np.linspace(0.0, 1.0, count)[:, None, None] * mechanism.motors
-    physical = {k: np.full(count, v) for k, v in plant.parameters.items()}
-    plant = replace(plant, parameters=physical, p=np.repeat(plant.p[None], count, 0))
-    return replace(plant, feedback=share * np.array([K, B])[:, None])
-
-
-def states(n):
-    q, w = np.random.default_rng(2).normal(size=(2, COUNT, n))
-    w[::4] *= 0.05
-    w[1::4] = 0.0
-    return State(q, w)
-
-
-PENDULUM, ACROBOT = pendulum(mass=0.5, length=0.3), acrobot()
-CASES = [
-    *(("coulomb", COUPLED), ("motor load", ACROBOT), ("bearing load", COUPLED)),
-    *(("an arctangent", PENDULUM), ("bristles", ACROBOT)),
-]
-
-
-@pytest.mark.parametrize(("law", "mechanism"), CASES)
-def test_the_compiled_motion_is_that_of_arrays(law, mechanism, monkeypatch):
-    """Also of laws that see the torque of the loop."""
-    own, numbers = LAWS[law]
-    plant, start = looped(mechanism, COUNT), states(mechanism.n)
-    friction = Friction(own, np.tile(np.array(numbers), (plant.parts, 1)))
-    u = np.sin(np.arange(12.0)[:, None, None] + start.q) * mechanism.motors
-    motions = []
-    for many in (10**9, 0):
-        monkeypatch.setattr(prediction, "MANY", many)
-        motions.append(rollout(plant, friction, start, u, np.full((12, COUNT), 0.01)))
-    np.testing.assert_allclose(motions[1].q, motions[0].q, rtol=0, atol=1e-9)
-    assert np.array_equal(motions[1].w == 0.0, motions[0].w == 0.0)
-
-
-def model_of(plant, law, numbers, base):
+def model_of(plant, law, numbers):
     n, count = plant.n, len(numbers)
-    theta = np.tile(np.array(numbers), (n, 1))
+    theta = np.tile(numbers, (n, 1))
     x = np.random.default_rng(1).normal(size=(8, n))
     free = FreeTheta(np.repeat(np.arange(n), count), np.tile(np.arange(count), n))
     reads = reads_of(law, theta, Inputs(x, x, x, x))
-    return MotionModel(plant, Friction(law, theta), free, tuple(range(base)), reads)
+    return MotionModel(plant, Friction(law, theta), free, (), reads)
 
 
-def motor_torque(n, change=0.0):
-    """A torque that differs between pieces, and its derivative by a bias."""
+def motor_torque(bias):
+    """A torque of two motors that differs between pieces, and its derivative by a bias."""
     u = np.linspace(-0.3, 0.3, PIECES)[:, None, None] * np.linspace(-1, 1, COUNT)[:, None]
-    u = u + change + np.zeros((PIECES, COUNT, n))
-    return MotorTorque(u, np.ones((PIECES, 1, COUNT, n)))
+    u = u + bias + np.zeros((PIECES, COUNT, 2))
+    return MotorTorque(u, np.ones((PIECES, 1, COUNT, 2)))
 
 
-@pytest.mark.parametrize("law", ["motor load", "bearing load", "bristles"])
-def test_compiled_derivatives_are_those_of_arrays(law, monkeypatch):
-    plant = looped(double_pendulum(), COUNT)
-    model, start = model_of(plant, *LAWS[law], 2), states(2)
-    start = start._replace(memory=model.friction.law.start(model.friction.theta, at(start)))
-    ends = []
-    for many in (10**9, 0):
-        monkeypatch.setattr(sensitivities, "COMPILED", many)
-        dt = np.full(COUNT, 0.01)
-        ends.append(sensitivities.end_states(model, start, motor_torque(2), dt, FINE))
-    for name in ("q", "w", "by_start", "by_parameters"):
-        routes = (getattr(end, name) for end in ends)
-        np.testing.assert_allclose(*routes, rtol=1e-6, atol=1e-8, err_msg=name)
-
-
-def at(state):
-    return Inputs(state.q, state.w, 0.0 * state.q, 0.0 * state.q)
-
-
-@pytest.mark.parametrize("law", ["an arctangent", "motor load"])
+@pytest.mark.parametrize("law", LAWS)
 def test_derivatives_are_the_slopes_of_the_ends(law):
     own, numbers = LAWS[law]
-    plant, start = looped(double_pendulum(), COUNT), states(2)
-    start = start._replace(w=np.sign(start.w + 1e-9) * (2.0 + np.abs(start.w)))  # no stops
-    dt = np.full(COUNT, 0.004)
+    plant, dt = looped(double_pendulum(), COUNT, (4.0, 0.3)), np.full(COUNT, 0.004)
+    q, w = np.random.default_rng(2).normal(size=(2, COUNT, 2))
+    w[::4] *= 0.05
+    w[1::4] = 0.0
+    start = State(q, np.sign(w + 1e-9) * (2.0 + np.abs(w)))  # no stops
 
     def ends(q, w, bias, numbers):
-        model = model_of(plant, own, [*numbers], 0)
-        return sensitivities.end_states(model, State(q, w), motor_torque(2, bias), dt, FINE)
+        model = model_of(plant, own, numbers)
+        return sensitivities.end_states(model, State(q, w), motor_torque(bias), dt, FINE)
 
     def slope(change):
         """Difference quotient along a direction in q, w, bias, and theta of both joints."""

@@ -9,6 +9,7 @@ from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines
 from fixtures.tiny_pendulums import dataset as torque_driven
 from fixtures.tiny_pendulums import recordings as torque_driven_recordings
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.cross_validate import Benchmark, run
@@ -135,7 +136,7 @@ def test_a_torque_that_is_larger_than_its_motor_says_is_the_gain_of_the_rig(logs
     weak = servoed(data, lambda servo: servo.with_motor(KT, 1.25 * R))
     calibration = replace(Calibration.ideal(1), gain=np.array([1.25]))
     corrected, _ = run_of(calibrated_dataset(weak, calibration), states)
-    np.testing.assert_allclose(corrected, usual[0], atol=1e-9)
+    assert_allclose(corrected, usual[0], atol=1e-9)
 
 
 def test_a_bias_of_the_rig_is_a_constant_torque(logs):
@@ -150,7 +151,7 @@ def test_a_bias_of_the_rig_is_a_constant_torque(logs):
 
     free = servoed(data, lambda servo: replace(servo, limit=1e9))
     corrected, _ = run_of(calibrated_dataset(free, calibration), states)
-    np.testing.assert_allclose(corrected, run_of(servoed(data, raised), states)[0], atol=1e-9)
+    assert_allclose(corrected, run_of(servoed(data, raised), states)[0], atol=1e-9)
     assert np.abs(corrected - run_of(free, states)[0]).max() > 1e-3
 
 
@@ -188,7 +189,7 @@ def test_nothing_of_the_recorded_motion_is_seen_after_the_start(logs, usual):
         ),
     )
     q = free_run(plant_of(data), TRUTH, make_trajectory(spoilt, states))
-    np.testing.assert_array_equal(q, usual[0])
+    assert_array_equal(q, usual[0])
 
 
 # --- Routes that must agree ----------------------------------------------------------------------
@@ -200,7 +201,7 @@ def test_together_is_as_alone(logs, usual):
         alone, _ = run_of(subset(data, i), states[i : i + 1])
         known = np.isfinite(trajectory.measured[:, i, 0])
         # pieces of an interval may differ where another recording has a longer one
-        np.testing.assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
+        assert_allclose(q[known, i], alone[:, 0], atol=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +221,7 @@ def test_without_a_connected_motor_it_is_a_rollout_without_torque(logs, friction
     q, trajectory = run_of(replace(data, recordings=(replace(r, servo=off),)), states[:1], friction)
     start = State(trajectory.q, trajectory.w)
     free = rollout(plant_of(data)[:1], friction, start, 0 * trajectory.u, trajectory.dt)
-    np.testing.assert_allclose(q, free.q, atol=1e-5)
+    assert_allclose(q, free.q, atol=1e-5)
     assert np.ptp(q) > 0.1
 
 
@@ -233,7 +234,7 @@ def test_without_servos_the_recorded_torque_drives():
     friction, plant = true_friction(data.truth), plant_of(data)
     q = free_run(plant, friction, trajectory)
     own = rollout(plant, friction, State(trajectory.q, trajectory.w), trajectory.u, trajectory.dt)
-    np.testing.assert_array_equal(q, own.q)
+    assert_array_equal(q, own.q)
     assert trajectory.servos == () and np.nanmean(np.abs(q - trajectory.measured)) < 2e-3
 
 
@@ -248,7 +249,7 @@ def test_a_models_motor_replaces_that_of_the_recordings(logs):
     ):
         assert (after.servo.kt, after.servo.R) == (2 * KT, R)
         again = servo_torque(before.servo.with_motor(2 * KT, R), before.angle)
-        np.testing.assert_array_equal(after.torque.value, again.value)
+        assert_array_equal(after.torque.value, again.value)
 
 
 def test_without_motor_constants_torques_stay_as_they_are(logs):

@@ -6,6 +6,7 @@ from fixtures.mistakes import mistakes
 from fixtures.paths import DATA
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
+from numpy.testing import assert_allclose
 
 from frictionid import load_dataset
 from frictionid.data.plants import plant_of
@@ -39,7 +40,7 @@ def test_torques_are_those_of_the_simulator(kind):
     friction = true_friction(truth.table())
     w, z, side = drawn(kind)
     found = friction.torque(at_rest(w), (z,))
-    np.testing.assert_allclose(found, truth.torque(w, z, side), rtol=1e-8, atol=1e-12)
+    assert_allclose(found, truth.torque(w, z, side), rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", TRUTHS)
@@ -50,7 +51,7 @@ def test_memories_advance_at_the_rate_of_the_simulator(kind):
     dt = np.array([1e-8])
     (later,) = friction.law.advance(friction.theta, at_rest(w), (z,), dt)
     rate = truth.rate(w, z, side)
-    np.testing.assert_allclose((later - z) / dt, rate, rtol=1e-4, atol=1e-4 * np.abs(rate).max())
+    assert_allclose((later - z) / dt, rate, rtol=1e-4, atol=1e-4 * np.abs(rate).max())
 
 
 @pytest.mark.parametrize("kind", TRUTHS)
@@ -58,8 +59,8 @@ def test_they_end_on_the_true_curve(kind):
     truth = TRUTHS[kind]
     w = np.array([-20.0, -3.0, -0.5, 0.5, 3.0, 20.0])
     curve = true_friction(truth.table()).curve(w)
-    np.testing.assert_allclose(curve, truth.curve.torque(w[:, None], np.sign(w)[:, None]))
-    np.testing.assert_allclose(curve, steady_state(truth.table()).curve(w), rtol=1e-9)
+    assert_allclose(curve, truth.curve.torque(w[:, None], np.sign(w)[:, None]))
+    assert_allclose(curve, steady_state(truth.table()).curve(w), rtol=1e-9)
 
 
 TABLES = r"""

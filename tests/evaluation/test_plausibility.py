@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from frictionid.evaluation.complexity import information_criteria, trace_of_hat
 from frictionid.evaluation.curves import (
@@ -45,7 +46,7 @@ def test_batches_and_joints_keep_their_places():
     batch = np.stack([both, 2 * both])
     found = lowest_dissipation(np.repeat(GRID, 2, axis=1), batch)
     assert found.shape == (2, 2)
-    np.testing.assert_allclose(found[0], found[1])  # shares do not depend on the size
+    assert_allclose(found[0], found[1])  # shares do not depend on the size
     assert (found[:, 0] > 0).all() and (found[:, 1] < -1).all()
 
 
@@ -60,8 +61,8 @@ def test_beyond_the_motion_laws_say_what_their_equation_says():
     theta = np.array([[[0.1, 0.02]], [[0.2, 0.0]]])
     found = beyond_motion(Friction(CoulombViscous(), theta), GRID)
     assert found.velocity[[0, -1], 0].tolist() == [-6.0, 6.0]
-    np.testing.assert_allclose(found.curves[:, -1, 0], [0.22, 0.2])
-    np.testing.assert_allclose(found.break_away, [[[0.1], [0.1]], [[0.2], [0.2]]])
+    assert_allclose(found.curves[:, -1, 0], [0.22, 0.2])
+    assert_allclose(found.break_away, [[[0.1], [0.1]], [[0.2], [0.2]]])
 
 
 def test_a_bristle_holds_by_its_memory_and_has_no_level_of_its_own():
@@ -79,7 +80,7 @@ def test_energy_of_the_true_friction_is_what_the_motion_implies():
     torque = problem.mean(along(friction, problem.nodes))
     w = problem.mean(problem.nodes.inputs.w)
     own = dissipated(problem, problem.residual(along(friction, problem.nodes)), use)[1]
-    np.testing.assert_allclose(own, problem.dt * (w * torque).sum(axis=-1), rtol=1e-9, atol=1e-15)
+    assert_allclose(own, problem.dt * (w * torque).sum(axis=-1), rtol=1e-9, atol=1e-15)
 
 
 def test_a_prior_takes_from_the_trace_what_it_knows():
@@ -105,7 +106,7 @@ def test_a_parameter_must_save_more_than_it_costs():
 def test_errors_that_last_do_not_make_a_richer_law_better(lasting, plain_errs):
     """A column too many is chosen in 16 % of the cases, as P(chi2 > 2) says, not in most."""
     chosen = []
-    for seed in range(300):
+    for seed in range(150):
         draw = np.random.default_rng(seed)
         X = draw.normal(size=(30, 20 // lasting, 2)).repeat(lasting, axis=1)
         e = draw.normal(size=(30, 20 // lasting)).repeat(lasting, axis=1)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from fixtures.bam_formula import bam_friction
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.registry import friction_of
 from frictionid.data.plants import plant_of
@@ -78,12 +79,12 @@ def mean(q, trajectory, fold):
 def test_the_models_have_the_published_numbers(name, models, real_data, logs):
     file = real_data / "bam_xl330" / "published_parameters" / f"{name}.json"
     published, friction = json.loads(file.read_text()), models[name]
-    np.testing.assert_array_equal(friction.theta[0], [published[key] for key in PUBLISHED[name]])
+    assert_array_equal(friction.theta[0], [published[key] for key in PUBLISHED[name]])
     own = {key: friction.parameters[key] for key in ("kt", "R", "rotor")}
     assert own == {"kt": published["kt"], "R": published["R"], "rotor": published["armature"]}
     if name == "m6":  # what loads the gear is what the mechanism says
         gravity = plant_of(logs, friction.parameters).p[:, 1]
-        np.testing.assert_allclose(friction.law.moment, gravity, rtol=1e-9)
+        assert_allclose(friction.law.moment, gravity, rtol=1e-9)
 
 
 def as_published(published, log):
@@ -122,7 +123,7 @@ def test_free_runs_err_as_by_the_published_scheme(name, runs, real_data, logs):
     published = json.loads(file.read_text())
     own = errors(*runs[name])
     theirs = np.array([as_published(published, r) for r in logs.recordings])
-    np.testing.assert_allclose(own, theirs, rtol=0.1, atol=2e-3)
+    assert_allclose(own, theirs, rtol=0.1, atol=2e-3)
     assert own.mean() == pytest.approx(theirs.mean(), rel=0.03)
 
 

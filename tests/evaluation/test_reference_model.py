@@ -26,7 +26,16 @@ def apart(distance, seed=2):
     return StartErrors(NOISE + distance * rng.standard_normal((1000, 2)), GROUP)
 
 
+def scattered(share):
+    """Errors of a law, and of a simpler one that one recording of five shows to be farther off."""
+    group = GROUP % 5
+    shown = np.where(group == 0, share, 0.0)[:, None]
+    return [StartErrors(NOISE + far * (apart(1.0).error - NOISE), group) for far in (0.0, shown)]
+
+
 BEST = StartErrors(NOISE, GROUP)
+RICH_FIRST = np.array([8.0, 4.0])
+LEVELS, PEAK = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.01, 0.02, 0.05, 0.1])
@@ -98,25 +107,22 @@ def test_the_interval_of_a_factor_says_what_is_shown(distance):
 def test_the_simplest_model_that_is_not_practically_worse_is_recommended(
     simple, standing, recommended
 ):
-    choice = choose([BEST, simple], np.array([8.0, 4.0]))
+    choice = choose([BEST, simple], RICH_FIRST)
     assert choice.standings[1] == standing
     assert choice.recommended == recommended
 
 
 def test_what_scatters_between_recordings_is_undecided():
     """Of five recordings one shows what the others do not."""
-    group = GROUP % 5
-    shown = np.where(group == 0, 0.06, 0.0)[:, None]
-    simple = StartErrors(NOISE + shown * (apart(1.0).error - NOISE), group)
-    choice = choose([StartErrors(NOISE, group), simple], np.array([8.0, 4.0]))
+    choice = choose(scattered(0.06), RICH_FIRST)
     assert choice.standings[1] == "undecided"
     assert (choice.recommended, choice.simplest, choice.adequate) == (None, 1, 0)
 
 
 def test_an_unfit_model_is_recommended_only_where_no_other_is_left():
-    errors, complexity = [BEST, apart(0.005)], np.array([8.0, 4.0])
-    assert choose(errors, complexity, np.array([False, True])).recommended == 0
-    assert choose(errors, complexity, np.array([True, True])).recommended == 1
+    errors = [BEST, apart(0.005)]
+    assert choose(errors, RICH_FIRST, np.array([False, True])).recommended == 0
+    assert choose(errors, RICH_FIRST, np.array([True, True])).recommended == 1
 
 
 def test_too_few_recordings_and_models_that_diverge_give_no_choice():
@@ -131,23 +137,11 @@ def test_too_few_recordings_and_models_that_diverge_give_no_choice():
 @pytest.mark.parametrize(("share", "preferred"), [(0.03, 1), (0.05, 1), (0.07, 0)])
 def test_a_near_law_with_an_identified_parameter_is_preferred_to_a_simpler_one(share, preferred):
     """Where it is undecided, and less than a tenth farther off."""
-    group = GROUP % 5
-    apart_in_one = np.where(group == 0, share, 0.0)[:, None] * (apart(1.0).error - NOISE)
-    errors = [StartErrors(NOISE, group), StartErrors(NOISE + apart_in_one, group)]
-    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
-    choice = choose(errors, np.array([1.0, 2.0]))
+    choice = choose(scattered(share), np.array([1.0, 2.0]))
     assert choice.standings[1] == "undecided" and choice.recommended == 0
-    assert preferring(choice, [levels, peak], [levels, peak]).recommended == preferred
-    assert preferring(choice, [levels, peak], [levels, levels]).recommended == 0
-    assert preferring(choice, [peak, levels], [peak, levels]).recommended == 0
-
-
-def scattered(share):
-    """A simple law that one recording of five shows to be farther off, undecided."""
-    group = GROUP % 5
-    shown = np.where(group == 0, share, 0.0)[:, None]
-    simple = StartErrors(NOISE + shown * (apart(1.0).error - NOISE), group)
-    return choose([StartErrors(NOISE, group), simple], np.array([8.0, 4.0]))
+    assert preferring(choice, [LEVELS, PEAK], [LEVELS, PEAK]).recommended == preferred
+    assert preferring(choice, [LEVELS, PEAK], [LEVELS, LEVELS]).recommended == 0
+    assert preferring(choice, [PEAK, LEVELS], [PEAK, LEVELS]).recommended == 0
 
 
 @pytest.mark.parametrize(
@@ -158,35 +152,32 @@ def test_errors_and_intervals_that_agree_decide_what_errors_cannot(
     share, peak_is_identified, recommended
 ):
     """More than a tenth farther off without a parameter that is identified."""
-    choice = scattered(share)
+    choice = choose(scattered(share), RICH_FIRST)
     assert choice.standings[1] == "undecided" and choice.recommended is None
-    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
-    settled = preferring(choice, [peak, levels], [peak if peak_is_identified else levels, levels])
+    settled = preferring(choice, [PEAK, LEVELS], [PEAK if peak_is_identified else LEVELS, LEVELS])
     assert settled.recommended == recommended
     assert settled.lacking == ((1,) if recommended == 0 else ())
-    loss = levels | {"loss"}  # of which the data identify the levels
-    assert preferring(choice, [peak, loss], [peak, levels]).recommended == (
+    loss = LEVELS | {"loss"}  # of which the data identify the levels
+    assert preferring(choice, [PEAK, loss], [PEAK, LEVELS]).recommended == (
         0 if share > 0.05 else None
     )
     disjoint = frozenset({"knots"})
-    assert preferring(choice, [disjoint, levels], [disjoint, levels]) == choice
+    assert preferring(choice, [disjoint, LEVELS], [disjoint, LEVELS]) == choice
 
 
 def test_a_law_that_errors_show_to_be_adequate_stays_so_beside_an_identified_parameter():
-    levels, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
-    choice = choose([BEST, apart(0.005)], np.array([8.0, 4.0]))
-    assert preferring(choice, [peak, levels], [peak, levels]) == choice
+    choice = choose([BEST, apart(0.005)], RICH_FIRST)
+    assert preferring(choice, [PEAK, LEVELS], [PEAK, LEVELS]) == choice
 
 
 def test_a_law_that_adds_nothing_that_data_identify_is_no_reference():
     """Unless the simpler one is practically farther off as measured."""
-    simple, peak = frozenset({"coulomb"}), frozenset({"coulomb", "peak"})
     near, far = [BEST, apart(0.02)], [BEST, apart(0.06)]
-    assert unsupported(near, [peak, simple], [simple, simple]).tolist() == [True, False]
-    assert not unsupported(far, [peak, simple], [simple, simple]).any()
-    assert not unsupported(near, [peak, simple], [peak, simple]).any()
-    assert not unsupported(near, [peak, simple], [frozenset(), simple]).any()  # without intervals
-    assert not unsupported(near, [peak, frozenset({"knots"})], [simple, simple]).any()
+    assert unsupported(near, [PEAK, LEVELS], [LEVELS, LEVELS]).tolist() == [True, False]
+    assert not unsupported(far, [PEAK, LEVELS], [LEVELS, LEVELS]).any()
+    assert not unsupported(near, [PEAK, LEVELS], [PEAK, LEVELS]).any()
+    assert not unsupported(near, [PEAK, LEVELS], [frozenset(), LEVELS]).any()  # without intervals
+    assert not unsupported(near, [PEAK, frozenset({"knots"})], [LEVELS, LEVELS]).any()
 
 
 def levels(forward, backward, error, correlation=0.0, at_bound=False):
@@ -201,12 +192,12 @@ def levels(forward, backward, error, correlation=0.0, at_bound=False):
 
 def test_friction_differs_by_direction_where_the_difference_is_shown():
     """Not where both levels are: each may well be known better than their difference."""
-    both = frozenset({"coulomb"})
-    assert shown_names(levels(1.0, 1.1, 0.1)) == both
-    assert shown_names(levels(1.0, 1.5, 0.1)) == both | {"coulomb by direction"}
-    assert shown_names(levels(1.0, 1.2, 0.1, 0.9)) == both | {"coulomb by direction"}
-    assert shown_names(levels(1.0, 1.5, 0.1, -0.9)) == both
-    assert shown_names(levels(1.0, 0.1, 0.1)) == both | {"coulomb by direction"}
+    different = LEVELS | {"coulomb by direction"}
+    assert shown_names(levels(1.0, 1.1, 0.1)) == LEVELS
+    assert shown_names(levels(1.0, 1.5, 0.1)) == different
+    assert shown_names(levels(1.0, 1.2, 0.1, 0.9)) == different
+    assert shown_names(levels(1.0, 1.5, 0.1, -0.9)) == LEVELS
+    assert shown_names(levels(1.0, 0.1, 0.1)) == different
     assert shown_names(levels(0.1, 0.1, 0.1)) == shown_names(levels(9.0, 1.0, 0.1, at_bound=True))
 
 

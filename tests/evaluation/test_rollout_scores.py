@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.memory_laws import Sampled
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import (
@@ -16,6 +17,7 @@ from fixtures.tiny_pendulums import (
     recordings,
     shortened,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Recording
@@ -36,7 +38,7 @@ from frictionid.evaluation import (
     with_parameters,
 )
 from frictionid.evaluation.predicted_motion import memory_at
-from frictionid.friction import Friction, Nodes, along, at_rest, memory_along
+from frictionid.friction import Friction, along, at_rest, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag
 
 HORIZONS = (0.1, 0.3)
@@ -61,7 +63,7 @@ def still(time):
 def test_a_recording_as_long_as_a_horizon_and_what_comes_before_has_one_initial_state():
     data = still(np.arange(46) / 100)
     starts = starts_of(data, horizons=(0.3,), begin=0.15)
-    np.testing.assert_array_equal(starts.index, [15])
+    assert_array_equal(starts.index, [15])
     with assert_refused("no recording holds"):
         starts_of(still(np.arange(45) / 100), horizons=(0.3,), begin=0.15)
 
@@ -112,11 +114,11 @@ def test_starts_know_nothing_of_what_comes_later():
         other = starts_of(replace(data, recordings=late), begin=0.1)
         early = times_of(before, data) < after - 1e-9
         assert early.sum() >= len(late)
-        np.testing.assert_array_equal(before.q[early], other.q[early])
-        np.testing.assert_array_equal(before.w[early], other.w[early])
+        assert_array_equal(before.q[early], other.q[early])
+        assert_array_equal(before.w[early], other.w[early])
         friction = Friction(FilmLag(), np.tile([[0.03, 0.01, 1.0, 0.0, 0.1]], (len(early), 1, 1)))
         memory, late_memory = (memory_at(friction, starts)[0] for starts in (before, other))
-        np.testing.assert_array_equal(memory[early], late_memory[early])
+        assert_array_equal(memory[early], late_memory[early])
         # and the disturbance is one that is felt
         assert np.abs(before.w[~early] - other.w[~early]).max() > 0.1
         assert np.abs(memory - late_memory)[~early].max() > 0.1
@@ -179,23 +181,23 @@ def test_torques_and_angles_of_a_start_are_those_that_follow_it():
         recording, k = data.recordings[starts.recording[s]], starts.index[s]
         last = starts.last[:, s].max()
         torque, angle = recording.torque.value, recording.angle.value
-        np.testing.assert_allclose(starts.u[:last, s], torque[k : k + last], atol=1e-12)
-        np.testing.assert_array_equal(starts.measured[: last + 1, s], angle[k : k + last + 1])
+        assert_allclose(starts.u[:last, s], torque[k : k + last], atol=1e-12)
+        assert_array_equal(starts.measured[: last + 1, s], angle[k : k + last + 1])
         true = recording.truth.angle.value[k : k + last + 1]
-        np.testing.assert_array_equal(starts.truth[: last + 1, s], true)
+        assert_array_equal(starts.truth[: last + 1, s], true)
 
 
-REFUSED = {
-    "too long": ((0.1, 1.4), r"no recording holds 1\.55 s of motion.*rollout of 1\.4 s: choose"),
-    "all too long": ((30.0,), r"no recording holds 30\.15 s"),
-    "between two samples": ((0.004,), r"sampled finely enough for a rollout of 0\.004 s"),
-}
+REFUSED = r"""
+horizons = [0.1, 1.4] => no recording holds 1\.55 s of motion.*rollout of 1\.4 s: choose
+horizons = [30.0] => no recording holds 30\.15 s
+horizons = [0.004] => sampled finely enough for a rollout of 0\.004 s
+"""
 
 
-@pytest.mark.parametrize(("horizons", "words"), REFUSED.values(), ids=REFUSED.keys())
-def test_a_horizon_that_no_start_reaches_is_refused(horizons, words):
+@mistakes(REFUSED)
+def test_a_horizon_that_no_start_reaches_is_refused(wrong, words):
     with assert_refused(words):
-        prepare(dataset(), Protocol(horizons=horizons))
+        prepare(dataset(), Protocol(**changes(wrong)))
 
 
 def test_a_short_recording_beside_long_ones_is_left_out():
@@ -270,19 +272,7 @@ def test_the_memory_at_a_start_is_that_along_the_recording(law, numbers):
     for s in range(S):
         expected = steps[starts.index[s]]
         for entry, part in zip(found, expected, strict=True):
-            np.testing.assert_allclose(entry[s], part[owner[s], starts.recording[s]], rtol=1e-12)
-    # and that of a scan which stops at the start
-    s = int(np.argmax(starts.index))
-    first = starts.nodes.first[starts.recording[s]]
-    own = slice(first, first + starts.index[s] + 1)
-    nodes = Nodes(
-        starts.nodes.inputs.each(lambda x: x[own]),
-        starts.nodes.time[own],
-        np.array([0, own.stop - own.start]),
-    )
-    alone = memory_along(Friction(law, theta[owner[s]]), nodes)[-1]
-    for entry, part in zip(found, alone, strict=True):
-        np.testing.assert_allclose(entry[s], part[0], rtol=1e-12)
+            assert_allclose(entry[s], part[owner[s], starts.recording[s]], rtol=1e-12)
 
 
 def test_a_remembering_law_is_predicted_with_the_memory_of_its_start():
@@ -354,7 +344,7 @@ def test_examples_are_predictions_beside_what_was_measured(prepared):
             k = int(np.searchsorted(recording.angle.time, motion["start_s"] - 1e-9))
             T = len(motion["time"])
             assert motion["time"][-1] == pytest.approx(0.3, abs=0.5 / RATE)
-            np.testing.assert_array_equal(motion["measured"], recording.angle.value[k : k + T])
+            assert_array_equal(motion["measured"], recording.angle.value[k : k + T])
             assert np.abs(motion["predicted"] - motion["measured"]).max() < 0.1
             assert np.abs(np.diff(motion["measured"], axis=0)).max() > 0
 

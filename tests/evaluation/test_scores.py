@@ -7,6 +7,7 @@ import pytest
 from fixtures.refusals import assert_refused
 from fixtures.score_frames import lines, select
 from fixtures.tiny_pendulums import GRAVITY, INERTIA, TRUTH, dataset, true_torque
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.evaluation import (
     SCORE_COLUMNS,
@@ -82,16 +83,18 @@ def test_the_studys_rows_equal_a_computation_by_hand(prepared, folds):
 
 
 def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
-    data = dataset()
-    rows, *_ = score_folds(viscous(0.01, 0.01, 0.01), viscous(0.01)[0], prepared, folds)
+    coefficients = (0.0, 0.004, 0.03)
+    rows, *_ = score_folds(viscous(*coefficients), viscous(0.0)[0], prepared, folds)
     squares = []
-    for recording, s in zip(data.recordings, prepared.smoothed, strict=True):
+    for recording, label, s in zip(
+        dataset().recordings, folds.labels, prepared.smoothed, strict=True
+    ):
         dt, q, w = np.diff(s.time), s.q[:, 0], s.w[:, 0]
         middle_q = (q[1:] + q[:-1]) / 2 + (w[:-1] - w[1:]) * dt / 8
         middle_w = 1.5 * np.diff(q) / dt - (w[1:] + w[:-1]) / 4
 
-        def force(q, w):
-            return -GRAVITY * np.sin(q) - 0.01 * w
+        def force(q, w, c=coefficients[label[0]]):
+            return -GRAVITY * np.sin(q) - c * w
 
         mean = force(q[:-1], w[:-1]) + 4 * force(middle_q, middle_w) + force(q[1:], w[1:])
         predicted = w[:-1] + (mean / 6 + recording.torque.value[:-1, 0]) * dt / INERTIA
@@ -99,18 +102,6 @@ def test_the_integral_rows_are_those_of_the_momentum_balance(prepared, folds):
         squares.append(((predicted - w[1:]) ** 2)[use])
     found = select(rows, score="one_step_integral", statistic="rms")
     assert found["all", "all"] == pytest.approx(np.sqrt(np.concatenate(squares).mean()), rel=1e-9)
-
-
-def test_no_fold_is_judged_on_what_trained_it(prepared, folds):
-    base = [0.0, 0.0, 0.0]
-    rows, *_ = score_folds(viscous(*base), viscous(0.0)[0], prepared, folds)
-    for fold in range(3):
-        other = [*base[:fold], 0.5, *base[fold + 1 :]]
-        changed, *_ = score_folds(viscous(*other), viscous(0.0)[0], prepared, folds)
-        for score in ("one_step_euler", "one_step_integral", "rollout_angle"):
-            before, after = (select(r, score=score, statistic="median") for r in (rows, changed))
-            differ = {key for key in before if before[key] != after[key]}
-            assert differ == {(str(fold), "all"), ("all", "all"), ("all", "1")}
 
 
 def test_norms_are_over_the_joints():
@@ -186,16 +177,16 @@ def test_the_grid_has_401_velocities_up_to_q95():
     w = np.random.default_rng(0).normal(size=(999, 2)) * [1.0, 7.0]
     grid = velocity_grid(w)
     assert grid.shape == (401, 2)
-    np.testing.assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
-    np.testing.assert_allclose(grid, -grid[::-1], atol=1e-12)
-    np.testing.assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
+    assert_allclose(grid[-1], np.quantile(np.abs(w), 0.95, axis=0))
+    assert_allclose(grid, -grid[::-1], atol=1e-12)
+    assert_allclose(np.diff(grid, axis=0), (grid[-1] / 200)[None].repeat(400, 0))
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.07, -1.0])
 def test_the_error_of_a_scaled_curve_is_the_scale(scale):
     grid = velocity_grid(np.random.default_rng(1).normal(size=(50, 2)))
     truth = np.tanh(grid / 0.3) + 0.1 * grid
-    np.testing.assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
+    assert_allclose(curve_error(scale * truth, truth, grid), abs(scale - 1), atol=1e-12)
 
 
 def test_the_error_is_that_of_its_definition_and_blind_to_slow_speeds():
@@ -214,12 +205,12 @@ def test_errors_of_a_batch_are_those_of_each(prepared):
     batch = viscous(0.0, 0.01)
     together = curve_error(curves(batch, prepared.grid), true, prepared.grid)
     each = [curve_error(curves(batch[f], prepared.grid), true, prepared.grid) for f in (0, 1)]
-    np.testing.assert_array_equal(together, each)
+    assert_array_equal(together, each)
 
 
 def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
     w = np.concatenate([r.truth.velocity.value for r in dataset().recordings])
-    np.testing.assert_array_equal(prepared.grid, velocity_grid(w))
+    assert_array_equal(prepared.grid, velocity_grid(w))
     bare = tuple(replace(r, truth=None) for r in dataset().recordings)
     measured = prepare(dataset(recordings=bare, truth=None), PROTOCOL)
     assert measured.grid[-1, 0] == pytest.approx(prepared.grid[-1, 0], rel=0.05)
@@ -227,9 +218,9 @@ def test_the_grid_of_simulated_data_is_that_of_the_true_velocities(prepared):
 
 def test_the_true_curve_is_that_of_the_simulation(prepared):
     w = prepared.grid[np.abs(prepared.grid[:, 0]) > 0.1]
-    np.testing.assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
+    assert_allclose(curves(steady_state(TRUTH), w), true_torque(w), rtol=1e-4)
     truth, fast = true_friction(TRUTH), prepared.grid[np.abs(prepared.grid[:, 0]) > 0.25]
-    np.testing.assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
+    assert_allclose(curves(truth, fast), true_torque(fast), rtol=1e-9)
 
 
 def test_rows_of_curves_name_fold_and_joint_and_leave_out_what_is_not_defined():

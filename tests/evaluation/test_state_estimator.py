@@ -6,6 +6,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.initial_states import estimate_initial_states
@@ -77,8 +78,8 @@ def test_what_comes_later_changes_nothing():
     early = (prepared.initial_states.recording == 1) & (prepared.initial_states.index <= at)
     assert early.sum() > 3
     after = states(changed)
-    np.testing.assert_allclose(before.w[early], after.w[early], atol=2e-3)
-    np.testing.assert_allclose(before.q[early], after.q[early], atol=2e-4)
+    assert_allclose(before.w[early], after.w[early], atol=2e-3)
+    assert_allclose(before.q[early], after.q[early], atol=2e-4)
 
 
 def test_starts_side_by_side_are_each_alone():
@@ -92,7 +93,7 @@ def test_starts_side_by_side_are_each_alone():
     for factor in (0, 1):
         alone = states(prepared, replace(TRUE, theta=TRUE.theta * (1 + 0.2 * factor)))
         own = np.arange(len(starts.index)) % 2 == factor
-        np.testing.assert_allclose(together.w[own], alone.w[own], atol=1e-9)
+        assert_allclose(together.w[own], alone.w[own], atol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def test_a_memory_of_samples_is_that_of_the_motion_found(drag):
     state = states(prepared, Friction(SampledViscous(), np.array([[0.02, drag]])))
     own = np.abs(state.w - starts.w).max(axis=-1) > 0.0  # the others are the filter's
     assert own.mean() > 0.9
-    np.testing.assert_array_equal(state.memory[0][own], state.w[own])
+    assert_array_equal(state.memory[0][own], state.w[own])
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.true_curves import plain_friction
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.data.plants import plant_of
@@ -63,8 +64,8 @@ def test_without_friction_all_of_it_is_left(data):
     v = w @ data.mechanism.friction_map.T
     friction = (wrist.COULOMB * np.sign(v) + wrist.VISCOUS * v) @ data.mechanism.friction_map
     usual = np.sqrt((friction**2).mean(axis=0))
-    np.testing.assert_allclose(frame["left_rms"][:3], usual, rtol=0.1)
-    np.testing.assert_allclose(frame["left"], frame["nominal"], rtol=1e-12)
+    assert_allclose(frame["left_rms"][:3], usual, rtol=0.1)
+    assert_allclose(frame["left"], frame["nominal"], rtol=1e-12)
 
 
 def test_what_is_missing_in_one_joint_is_left_there(data):
@@ -82,7 +83,7 @@ def test_an_angle_that_jumps_is_no_torque(data, arm):
     frame.iloc[350:375, joint] = frame.iloc[350, joint]
     frozen = left(wrist.dataset(arm, frame), TRUTH)
     assert (frozen["left"] < 0.1).all()  # else .3
-    np.testing.assert_allclose(frozen["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)
+    assert_allclose(frozen["nominal"], left(data, TRUTH)["nominal"], rtol=0.1)
 
 
 def test_the_shown_torque_is_measured_and_friction_fills_the_rest(data):
@@ -107,12 +108,10 @@ def test_fit_evaluation_and_comparison_say_the_same(data):
         scores = fid.evaluate({"given": fit}, data, (0.1,))
     own = ["fold", "score", "statistic", "horizon_s", "joint", "value", "unit"]
     again = torque_frame(scores[own].itertuples(index=False)).set_index("joint")
-    np.testing.assert_allclose(again["left"], frame["left"], rtol=0.1)
+    assert_allclose(again["left"], frame["left"], rtol=0.1)
     bench = fid.compare(data, {"given": fit, "none": "none"}, folds=3, horizons=(0.1,))
     held = bench["given"].scores
-    np.testing.assert_allclose(
-        torque_frame(held.itertuples(index=False))["left"], again["left"], rtol=0.1
-    )
+    assert_allclose(torque_frame(held.itertuples(index=False))["left"], again["left"], rtol=0.1)
     shares = held[(held["score"] == "torque_left") & (held["joint"] == "all")]
     assert list(shares["fold"]) == ["0", "1", "2", "all"]
     line = next(x for x in repr(bench).splitlines() if x.startswith("torque left"))

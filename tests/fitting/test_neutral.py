@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.exact_problems import everything, explained_by
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -209,13 +210,16 @@ def test_tolerances_reach_the_base_parameters_to_first_order():
     assert every.table["tolerances"] == {"all": 1.0}
 
 
-@pytest.mark.parametrize(
-    ("tolerances", "words"),
-    [({"mas": 1.0}, "did you mean 'mass'"), ({"mass": -1.0}, "must be a positive number, in %")],
-)
-def test_wrong_tolerances_are_refused(tolerances, words):
+WRONG = """
+mas = 1.0 => did you mean 'mass'
+mass = -1.0 => must be a positive number, in %
+"""
+
+
+@mistakes(WRONG)
+def test_wrong_tolerances_are_refused(wrong, words):
     with assert_refused(words):
-        mechanism_of({"kind": "pendulum", "tolerances": tolerances})
+        mechanism_of({"kind": "pendulum", "tolerances": changes(wrong)})
 
 
 def test_a_fit_that_predicts_no_window_says_so(monkeypatch):

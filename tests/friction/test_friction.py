@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.memory_laws import Follower, Sampled
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.friction import Friction, Inputs, Nodes, along, memory_along
 from frictionid.friction.laws import CoulombViscous, FilmLag, NoFriction, Stribeck
@@ -49,10 +50,10 @@ def test_an_index_picks_from_the_batch_and_keeps_the_rest():
     theta = np.random.default_rng(3).random((5, 3, 2, 2))
     many = Friction(CoulombViscous(), theta, {"m1": 0.4}, {"source": "x"})
     one = many[4, 1]
-    np.testing.assert_array_equal(one.theta, theta[4, 1])
+    assert_array_equal(one.theta, theta[4, 1])
     assert (one.law, one.parameters, one.provenance.source) == (many.law, {"m1": 0.4}, "x")
     assert many.n == one.n == 2
-    np.testing.assert_array_equal(many[:, 0].theta, theta[:, 0])
+    assert_array_equal(many[:, 0].theta, theta[:, 0])
 
 
 def test_curve_is_the_torque_of_settled_motion():
@@ -60,11 +61,11 @@ def test_curve_is_the_torque_of_settled_motion():
     level, peak, ws, viscous, _ = FILM.theta.T
     speed = np.abs(w)[:, None]
     settled = (level + peak * np.exp(-((speed / ws) ** 2))) * np.sign(w)[:, None]
-    np.testing.assert_allclose(FILM.curve(w), settled + viscous * w[:, None], rtol=1e-9)
-    np.testing.assert_allclose(SAMPLED.curve(w), w[:, None] * [0.2, 0.1])
+    assert_allclose(FILM.curve(w), settled + viscous * w[:, None], rtol=1e-9)
+    assert_allclose(SAMPLED.curve(w), w[:, None] * [0.2, 0.1])
     slow = Friction(Follower(), np.ones((1, 1)))  # its memory starts away from the steady state
-    np.testing.assert_allclose(slow.curve(w)[:, 0], w, rtol=1e-9)
-    np.testing.assert_allclose(slow.curve(w, settle=0.1)[:, 0], w * -np.expm1(-1.0), rtol=1e-9)
+    assert_allclose(slow.curve(w)[:, 0], w, rtol=1e-9)
+    assert_allclose(slow.curve(w, settle=0.1)[:, 0], w * -np.expm1(-1.0), rtol=1e-9)
 
 
 def test_friction_prints_its_numbers_with_units():
@@ -120,16 +121,7 @@ def loop(friction, nodes):
 @pytest.mark.parametrize("per_sample", [1, 2])
 def test_along_is_a_plain_loop_over_each_recording(friction, per_sample):
     nodes = series(np.random.default_rng(6), per_sample=per_sample)
-    np.testing.assert_allclose(along(friction, nodes), loop(friction, nodes), rtol=0, atol=1e-14)
-
-
-def test_each_recording_is_as_if_alone(friction):
-    nodes = series(np.random.default_rng(7))
-    together = along(friction, nodes)
-    for begin, end in zip(nodes.first[:-1], nodes.first[1:], strict=True):
-        part = slice(begin, end)
-        own = Nodes(at(nodes.inputs, part), nodes.time[part], np.array([0, end - begin]))
-        np.testing.assert_array_equal(together[part], along(friction, own))
+    assert_allclose(along(friction, nodes), loop(friction, nodes), rtol=0, atol=1e-14)
 
 
 def test_folds_along_nodes_are_each_fold_alone(friction):
@@ -140,8 +132,8 @@ def test_folds_along_nodes_are_each_fold_alone(friction):
     together, curves = along(many, nodes), many.curve(w)
     assert together.shape == (4, 33, 2) and curves.shape == (4, 11, 2)
     for k in range(4):
-        np.testing.assert_array_equal(together[k], along(many[k], nodes))
-        np.testing.assert_array_equal(curves[k], many[k].curve(w))
+        assert_array_equal(together[k], along(many[k], nodes))
+        assert_array_equal(curves[k], many[k].curve(w))
 
 
 def test_memory_along_keeps_recordings_side_by_side():
@@ -153,7 +145,7 @@ def test_memory_along_keeps_recordings_side_by_side():
         own = Nodes(at(nodes.inputs, part), nodes.time[part], np.array([0, size]))
         alone = memory_along(FILM, own)
         for t in range(size):
-            np.testing.assert_array_equal(memories[t][0][r], alone[t][0][0])
+            assert_array_equal(memories[t][0][r], alone[t][0][0])
 
 
 def test_joints_have_the_names_of_the_fit():

@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fixtures import driven_wrist
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_array_equal
 
 import frictionid as fid
 from frictionid.comparison.registry import LAWS
@@ -91,7 +93,7 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
     again = load_model(tmp_path / "deep" / "model.json", LAWS)
     assert again.law == law and hash(again.law) == hash(law)
     assert again.theta.shape == shape
-    np.testing.assert_array_equal(again.theta, theta)
+    assert_array_equal(again.theta, theta)
     assert (again.parameters, again.provenance.notes) == ({"m1": 1 / 3}, {"by": "a test"})
 
 
@@ -120,7 +122,7 @@ def test_a_file_written_by_hand_needs_no_theta_and_no_units():
     document = by_hand(coulomb={"value": 1})
     del document["parameters"], document["provenance"]
     friction = read_model(document, LAWS, "hand.json")
-    np.testing.assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
+    assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
 
 
 def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
@@ -131,61 +133,64 @@ def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
     assert load_model(tmp_path / "model.json", {"Foreign": Foreign}).law == Foreign(0.1)
 
 
-THETA = "theta"
-MISTAKES = [
-    (
-        {"format": "frictionid model 9"},
-        "is of another version of frictionid, .* is 'frictionid model 9'",
-    ),
-    ({"format": "robot 1.0"}, 'is no model file, "format" must be "frictionid model 1"'),
-    ({"format": None}, 'is no model file, "format" must be'),
-    ({"law": None}, '"law" must be an object with a "kind"'),
-    ({"law": {"width": 0.1}}, '"law" must be an object with a "kind"'),
-    ({"law": {"kind": "stribek"}}, "law 'stribek' is unknown; did you mean 'stribeck'"),
-    (
-        {"law": {"kind": "stribeck", "with": 1}},
-        "law 'stribeck': unknown setting 'with'; did you mean 'width'",
-    ),
-    ({"law": {"kind": "none", "width": 1}}, "law 'none': unknown setting 'width'; it has none"),
-    ({"law": {"kind": "stribeck", "width": -1.0}}, "width = -1.0 rad/s must be positive"),
-    ({"law": {"kind": "stribeck", "shape": 3}}, "shape: it should be a valid string, not 3"),
-    ({THETA: None, "joints": None}, 'needs "theta", or "joints"'),
-    ({"joints": []}, '"joints" must list the parameters of each joint'),
-    ({THETA: [[1.0, 2.0]], "shape": [1, 2], "joints": None}, "theta must have shape"),
-    ({THETA: [[1.0, None, 1.0, 0.0]], "shape": [1, 4], "joints": None}, "theta must be finite"),
-    ({THETA: [[1.0, 1.0, 1.0, 1.0]] * 2}, '"joints" and "theta" disagree: remove one of them'),
-    ({"parameters": {"m1": "heavy"}}, "could not convert string to float: 'heavy'"),
-    ({"parameters": {"m1": "inf"}}, "parameter 'm1' must be finite, not inf"),
-    ({"parameters": [1.0]}, "'list' object has no attribute 'items'"),
-    ({"provenance": 3}, "it should be one table of keys"),
-]
+MISTAKES = r"""
+format = "frictionid model 9"
+    => is of another version of frictionid, .* is 'frictionid model 9'
+format = "robot 1.0" => is no model file, "format" must be "frictionid model 1"
+format = => is no model file, "format" must be
+law = => "law" must be an object with a "kind"
+law = {width = 0.1} => "law" must be an object with a "kind"
+law = {kind = "stribek"} => law 'stribek' is unknown; did you mean 'stribeck'
+law = {kind = "stribeck", with = 1}
+    => law 'stribeck': unknown setting 'with'; did you mean 'width'
+law = {kind = "none", width = 1} => law 'none': unknown setting 'width'; it has none
+law = {kind = "stribeck", width = -1.0} => width = -1.0 rad/s must be positive
+law = {kind = "stribeck", shape = 3} => shape: it should be a valid string, not 3
+theta = ; joints = => needs "theta", or "joints"
+joints = [] => "joints" must list the parameters of each joint
+theta = [[1.0, 2.0]]; shape = [1, 2]; joints = => theta must have shape
+theta = [[1.0, nan, 1.0, 0.0]]; shape = [1, 4]; joints = => theta must be finite
+theta = [[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]]
+    => "joints" and "theta" disagree: remove one of them
+theta = [[0.1, 0.2, 1.0]]; joints = => .theta. must have a row of 4 numbers for each
+theta = [[0.1, 0.2, 1.0, 0.01], [0.1]]; joints = => .theta. must have a row of 4 numbers for each
+theta = [0.1, 0.2]; joints = => .theta. must have a row of 4 numbers for each
+theta = "many"; joints = => .theta. must have a row of 4 numbers for each
+shape = 3; joints = => .theta. must have a row of 4 numbers for each
+shape = [2, "four"]; joints = => .theta. must have a row of 4 numbers for each
+parameters = {m1 = "heavy"} => could not convert string to float: 'heavy'
+parameters = {m1 = "inf"} => parameter 'm1' must be finite, not inf
+parameters = [1.0] => 'list' object has no attribute 'items'
+provenance = 3 => it should be one table of keys
+"""
 
 
-@pytest.mark.parametrize(("changes", "complaint"), MISTAKES)
-def test_mistakes_are_one_line_with_the_file_and_the_rule(changes, complaint):
-    with assert_refused(complaint) as raised:
-        read_model(written(**changes), LAWS, "some/model.json")
-    assert str(raised.value).startswith("some/model.json: ")
+@mistakes(MISTAKES)
+def test_mistakes_are_one_line_with_the_file_and_the_rule(wrong, words, tmp_path):
+    write_json(tmp_path / "model.json", written(**changes(wrong)))
+    with assert_refused(words) as raised:
+        load_model(tmp_path / "model.json", LAWS)
+    assert f"{tmp_path / 'model.json'}: " in str(raised.value)
 
 
 def test_the_unchanged_document_is_none_of_these():
     friction = read_model(written(), LAWS, "model.json")
-    np.testing.assert_array_equal(friction.theta, FRICTION.theta)
+    assert_array_equal(friction.theta, FRICTION.theta)
 
 
-@pytest.mark.parametrize(
-    ("entry", "complaint"),
-    [
-        ({"coulomb": 0.1}, "joint 1: coulomb must be written as .*N m.*, not 0.1"),
-        ({"coulomb": {"unit": "N m"}}, "joint 1: coulomb must be written as"),
-        ({"coulomb": {"value": True}}, "joint 1: coulomb must be written as"),
-        ({"viscous": {"value": 1.0, "unit": "N m s/deg"}}, "viscous must be in 'N m s/rad', not"),
-        ({"mass": {"value": 1.0}}, "joint 1 must have the parameters coulomb, peak, .* mass"),
-    ],
-)
-def test_joints_written_by_hand_are_checked_value_by_value(entry, complaint):
-    with assert_refused(complaint) as raised:
-        read_model(by_hand(**entry), LAWS, "hand.json")
+ENTRIES = """
+coulomb = 0.1 => joint 1: coulomb must be written as .*N m.*, not 0.1
+coulomb = {unit = "N m"} => joint 1: coulomb must be written as
+coulomb = {value = true} => joint 1: coulomb must be written as
+viscous = {value = 1.0, unit = "N m s/deg"} => viscous must be in 'N m s/rad', not
+mass = {value = 1.0} => joint 1 must have the parameters coulomb, peak, .* mass
+"""
+
+
+@mistakes(ENTRIES)
+def test_joints_written_by_hand_are_checked_value_by_value(wrong, words):
+    with assert_refused(words) as raised:
+        read_model(by_hand(**changes(wrong)), LAWS, "hand.json")
     assert str(raised.value).startswith("hand.json: joint 1")
 
 
@@ -272,7 +277,7 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
         assert any(np.array_equal(found, m.theta) for m in (last, model))
         last = load_model(path, LAWS)
     save_model(models[1], path, LAWS)
-    np.testing.assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
+    assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["m.json", "m.safetensors"]
 
 
@@ -301,26 +306,6 @@ def test_loading_a_model_never_executes_code(place, tmp_path):
     assert not mark.exists()
     pickle.loads(content)
     assert mark.exists()  # the trap is armed
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"theta": [[0.1, 0.2, 1.0]]},
-        {"theta": [[0.1, 0.2, 1.0, 0.01], [0.1]]},
-        {"theta": [0.1, 0.2]},
-        {"theta": "many"},
-        {"shape": 3},
-        {"shape": [2, "four"]},
-    ],
-)
-def test_a_theta_of_another_shape_is_refused_in_words(wrong, tmp_path):
-    friction = Friction(Stribeck(), np.array([[0.1, 0.05, 1.0, 0.01], [0.2, 0.1, 2.0, 0.02]]))
-    document = model_document(friction, LAWS)
-    del document["joints"]
-    write_json(tmp_path / "m.json", {**document, **wrong})
-    with assert_refused("m.json: .theta. must have a row of 4 numbers for each"):
-        load_model(tmp_path / "m.json", LAWS)
 
 
 def test_the_joints_of_a_fit_keep_their_names(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
 from fixtures.paths import ROOT
+from numpy.testing import assert_array_equal
 
 from frictionid.data.plants import plant_of
 from frictionid.dynamics.rollout import rollout
@@ -47,8 +48,8 @@ def test_rollouts_through_stops_and_break_away_are_the_same(own, built_in):
     plant = Plant.from_parameters(double_pendulum(), {})
     ours, theirs = (rollout(plant, Friction(law(), THETA), start, u, dt) for law in (own, built_in))
     assert (ours.w == 0.0).any()  # joints came to rest
-    np.testing.assert_array_equal(ours.q, theirs.q)
-    np.testing.assert_array_equal(ours.w, theirs.w)
+    assert_array_equal(ours.q, theirs.q)
+    assert_array_equal(ours.w, theirs.w)
 
 
 @PAIRS
@@ -57,7 +58,7 @@ def test_fits_are_the_same(own, built_in):
     problem = problem_of(dataset, plant_of(dataset), INTEGRAL)
     weights = np.ones((1, len(problem.r)))
     ours, theirs = (LeastSquares(law()).fit(problem, weights, 0) for law in (own, built_in))
-    np.testing.assert_array_equal(ours.theta, theirs.theta)
+    assert_array_equal(ours.theta, theirs.theta)
 
 
 @PAIRS
@@ -74,5 +75,5 @@ def test_shooting_gives_the_same(own, built_in):
         refine(Friction(law(), theta), dataset, (FrictionBlock(),), settings)
         for law in (Declared, built_in)
     )
-    np.testing.assert_array_equal(ours.friction.theta, theirs.friction.theta)
-    np.testing.assert_array_equal(ours.covariance.error, theirs.covariance.error)
+    assert_array_equal(ours.friction.theta, theirs.friction.theta)
+    assert_array_equal(ours.covariance.error, theirs.covariance.error)

@@ -54,7 +54,7 @@ def moved(tmp_path_factory):
             "arm",
             {"urdf": str(folder / "arm.urdf"), "parameters": {"rotor_shoulder": 0.1}},
             LoadFriction(Curve((COULOMB,), (COULOMB,), (VISCOUS,)), bearing=(LOAD,)),
-            Camera(samples=400, rate=250.0, resolution=2 * np.pi / 2**19),
+            Camera(samples=250, rate=250.0, resolution=2 * np.pi / 2**19),
             tuple(
                 Run(str(k), references=(Fourier(next(waves), next(waves), 0.3),)) for k in range(3)
             ),

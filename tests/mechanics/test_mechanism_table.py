@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 import torch
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 
 from frictionid.mechanics import (
@@ -41,71 +42,49 @@ def test_table_parameters_go_before_defaults_and_overrides_before_both():
     assert mechanism_of(table).nominal({}) == pendulum().defaults | given
 
 
-@pytest.mark.parametrize(
-    ("kind", "options", "message"),
-    [
-        (
-            "",
-            {},
-            r"kind = '' is unknown; known: 'acrobot', 'double_pendulum', 'linear_axis', "
-            r"'pendulum', 'two_mass_axis'",
-        ),
-        ("acrobott", {}, r"kind = 'acrobott' is unknown; did you mean 'acrobot'\?"),
-        (3, {}, r"kind = '3' is unknown"),
-        ("acrobot", {"inertia": "printed"}, r"no option 'inertia'; did you mean 'inertias'"),
-        ("pendulum", {"colour": "red"}, r"no option 'colour'; known: 'driven'"),
-        ("acrobot", {"inertias": "cad"}, r"option 'cad' must be one of printed, shapes"),
-        ("acrobot", {"link2_rate": ""}, r"option '' must be one of absolute, relative"),
-        ("acrobot", {"inertias": {"J": 1}}, r"inertias = .* a value or a list of values"),
-        ("double_pendulum", {"driven": True}, r"driven = True must be a pair of true and"),
-        ("double_pendulum", {"driven": [True]}, r"driven = \(True,\) must be a pair"),
-        ("double_pendulum", {"driven": ["no", "yes"]}, r"must be a pair of true and false"),
-        ("double_pendulum", {"driven": [[True]]}, r"must be a value or a list of values"),
-        ("pendulum", {"driven": "yes"}, r"driven = 'yes' must be true or false"),
-        ("acrobot", {"parameters": 3}, r"parameters = 3 must be a table: name = number"),
-        (
-            "pendulum",
-            {"parameters": {"lenght": 1.0}},
-            r"pendulum has no parameter 'lenght'; did you mean 'length'",
-        ),
-        ("pendulum", {"parameters": {"mass": "1"}}, r"mass = '1' must be a finite number"),
-        ("pendulum", {"parameters": {"mass": True}}, r"mass = True must be a finite num"),
-        ("pendulum", {"parameters": {"mass": np.nan}}, r"mass = nan must be a finite num"),
-        ("pendulum", {"parameters": {"g": np.inf}}, r"g = inf must be a finite number"),
-        (
-            "pendulum",
-            {"parameters": {"mass": 0.5}},
-            r"pendulum needs length \[m\] \(joint to centre of mass\): give",
-        ),
-        ("linear_axis", {"parameters": {}}, r"linear_axis needs mass \[kg\]"),
-        (
-            "double_pendulum",
-            {"parameters": {"m1": 1.0, "m2": 1.0}},
-            r"needs l1 \[m\] .*, r1 .*, r2 .*, I1 .*, I2 ",
-        ),
-        ("pendulum", {"parameters": {"mass": -0.5, "length": 1.0}}, r"mass = -0.5 kg is negative"),
-        ("acrobot", {"parameters": {"m4": -0.1}}, r"acrobot: m4 = -0.1 kg is negative"),
-        (
-            "pendulum",
-            {"parameters": {"mass": 1.0, "length": 1.0, "rotor": -1e-3}},
-            r"rotor = -0.001 kg m\^2 is neg",
-        ),
-        (
-            "pendulum",
-            {"parameters": {"mass": 0.0, "length": 1.0}},
-            r"give no inertia to a direction of motion",
-        ),
-        (
-            "pendulum",
-            {"parameters": {"mass": 1.0, "length": 1.0, "inertia": -1.5}},
-            r"eigenvalue of M: -0.5\)",
-        ),
-    ],
-)
-def test_a_wrong_table_is_reported_with_the_mistake(kind, options, message):
+WRONG = r"""
+kind = ""
+    => known: 'acrobot', 'double_pendulum', 'linear_axis', 'pendulum', 'two_mass_axis'
+kind = "acrobott" => kind = 'acrobott' is unknown; did you mean 'acrobot'\?
+kind = 3 => kind = '3' is unknown
+kind = "acrobot"; inertia = "printed" => no option 'inertia'; did you mean 'inertias'
+kind = "pendulum"; colour = "red" => no option 'colour'; known: 'driven'
+kind = "acrobot"; inertias = "cad" => option 'cad' must be one of printed, shapes
+kind = "acrobot"; link2_rate = "" => option '' must be one of absolute, relative
+kind = "acrobot"; inertias = {J = 1} => inertias = .* a value or a list of values
+kind = "double_pendulum"; driven = true => driven = True must be a pair of true and
+kind = "double_pendulum"; driven = [true] => driven = \(True,\) must be a pair
+kind = "double_pendulum"; driven = ["no", "yes"] => must be a pair of true and false
+kind = "double_pendulum"; driven = [[true]] => must be a value or a list of values
+kind = "pendulum"; driven = "yes" => driven = 'yes' must be true or false
+kind = "acrobot"; parameters = 3 => parameters = 3 must be a table: name = number
+kind = "pendulum"; parameters = {lenght = 1.0}
+    => pendulum has no parameter 'lenght'; did you mean 'length'
+kind = "pendulum"; parameters = {mass = "1"} => mass = '1' must be a finite number
+kind = "pendulum"; parameters = {mass = true} => mass = True must be a finite num
+kind = "pendulum"; parameters = {mass = nan} => mass = nan must be a finite num
+kind = "pendulum"; parameters = {g = inf} => g = inf must be a finite number
+kind = "pendulum"; parameters = {mass = 0.5}
+    => pendulum needs length \[m\] \(joint to centre of mass\): give
+kind = "linear_axis"; parameters = {} => linear_axis needs mass \[kg\]
+kind = "double_pendulum"; parameters = {m1 = 1.0, m2 = 1.0}
+    => needs l1 \[m\] .*, r1 .*, r2 .*, I1 .*, I2\b
+kind = "pendulum"; parameters = {mass = -0.5, length = 1.0} => mass = -0.5 kg is negative
+kind = "acrobot"; parameters = {m4 = -0.1} => acrobot: m4 = -0.1 kg is negative
+kind = "pendulum"; parameters = {mass = 1.0, length = 1.0, rotor = -1e-3}
+    => rotor = -0.001 kg m\^2 is neg
+kind = "pendulum"; parameters = {mass = 0.0, length = 1.0}
+    => give no inertia to a direction of motion
+kind = "pendulum"; parameters = {mass = 1.0, length = 1.0, inertia = -1.5}
+    => eigenvalue of M: -0.5\)
+"""
+
+
+@mistakes(WRONG)
+def test_a_wrong_table_is_reported_with_the_mistake(wrong, words):
     """Without a mass or length nothing is assumed, and none is negative."""
-    with assert_refused(message):
-        mechanism_of({"kind": kind, **options}).nominal({})
+    with assert_refused(words):
+        mechanism_of(changes(wrong)).nominal({})
 
 
 def test_a_missing_kind_and_a_wrong_override_are_reported_with_the_mistake():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from fixtures.cart_poles import TRUE, cart_pole, cart_pole_data
+from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.random_machines import assert_close
 from fixtures.refusals import assert_refused
@@ -155,20 +156,21 @@ def test_symbols_may_carry_assumptions():
     check_mechanism(found)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"parameters": ("m", "lenght")}, r"'length' is neither a joint's .*mean 'lenght'"),
-        ({"parameters": ("m", "length", "x")}, r"'x' names two parameters or joints"),
-        ({"unit": "deg"}, r'the unit of slider is \'deg\'; it must be "rad" or "m"'),
-        ({"joint": 2}, r"a body has joint = 2; joints count from 0 to 0"),
-        ({"inside": True}, r"parameter 'length' stands inside .*length.*: write the number"),
-    ],
-)
-def test_mistakes_are_one_sentence(change, message):
+MISTAKES = r"""
+parameters = ["m", "lenght"] => 'length' is neither a joint's .*mean 'lenght'
+parameters = ["m", "length", "x"] => 'x' names two parameters or joints
+unit = "deg" => the unit of slider is 'deg'; it must be "rad" or "m"
+joint = 2 => a body has joint = 2; joints count from 0 to 0
+inside = true => parameter 'length' stands inside .*length.*: write the number
+"""
+
+
+@mistakes(MISTAKES)
+def test_mistakes_are_one_sentence(wrong, words):
     x, m, length = sp.symbols("x m length")
-    place = sp.sin(x / length) if change.get("inside") else x + length * sp.sin(x)
-    with assert_refused(message):
+    change = changes(wrong)
+    place = sp.sin(x / length) if "inside" in change else x + length * sp.sin(x)
+    with assert_refused(words):
         from_bodies(
             [Body(m, place, 0, joint=change.get("joint", 0))],
             [Joint("slider", x, change.get("unit", "rad"))],

@@ -9,46 +9,11 @@ from fixtures.random_machines import (
     drawn,
     moments_of_inertia,
     physical,
-    states,
 )
 
 from frictionid.mechanics import acrobot, double_pendulum, pendulum
 
 # ---------------------------------------------------------------- special cases
-
-
-def test_double_pendulum_without_a_second_link_is_a_pendulum():
-    rng = np.random.default_rng(17)
-    m1, r1, I1, Ir, gr = 0.7, 0.15, 0.03, 2e-5, 6.0
-    double = double_pendulum((True, False))
-    one = double.base(
-        {"m1": m1, "r1": r1, "I1": I1, "Ir": Ir, "gr": gr, "m2": 0.0, "I2": 0.0, "l1": 0.3}
-    )
-    single = pendulum()
-    p = single.base({"mass": m1, "length": r1, "inertia": I1 - m1 * r1**2, "rotor": Ir, "gear": gr})
-    q, w = states(double, rng)
-    a, b = double.terms(one, q, w), single.terms(p, q[:, :1], w[:, :1])
-    assert_close(a.M[:, :1, :1], b.M)
-    for name in ("h", "momentum", "dLdq"):
-        assert_close(getattr(a, name)[:, :1], getattr(b, name))
-        assert (getattr(a, name)[:, 1] == 0.0).all()
-    assert_close(a.energy, b.energy)
-
-
-def test_double_pendulum_with_its_elbow_locked_straight_is_a_pendulum():
-    rng = np.random.default_rng(18)
-    double, single = double_pendulum((False, False)), pendulum()
-    v = physical(double, rng)
-    mass = v["m1"] + v["m2"]
-    length = (v["m1"] * v["r1"] + v["m2"] * (v["l1"] + v["r2"])) / mass
-    about_joint = v["I1"] + v["I2"] + v["m2"] * ((v["l1"] + v["r2"]) ** 2 - v["r2"] ** 2)
-    same = {"mass": mass, "length": length, "inertia": about_joint - mass * length**2, "g": v["g"]}
-    q, w = states(single, rng)
-    a = double.terms(double.base(v), np.append(q, 0.0 * q, 1), np.append(w, 0.0 * w, 1))
-    b = single.terms(single.base(same), q, w)
-    assert_close(a.M[:, :1, :1], b.M)
-    assert_close(a.h[:, :1], b.h)
-    assert_close(a.energy, b.energy)
 
 
 @pytest.mark.parametrize("inertias", ["printed", "shapes"])

@@ -1,8 +1,7 @@
 """Settings of identifiers by name: they are those of laws and fits, and bad ones are refused."""
 
-from dataclasses import replace
-
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from sklearn.dummy import DummyRegressor
 from sklearn.linear_model import LinearRegression, Ridge
@@ -26,7 +25,6 @@ from frictionid.friction.laws import (
     WindowMLP,
 )
 
-FREE = LSTM(free=True, dissipative=False, monotone_tail=False)
 LIBRARY = Library(velocities=(1.0, 2.0), harmonics=(1,))
 CHOSEN = [
     ("none", {}, Frictionless()),
@@ -70,90 +68,76 @@ def test_settings_are_those_of_the_law_and_the_fit(kind, settings, identifier):
     assert repr(identifier_named(kind, settings)) == repr(identifier)
 
 
-REFUSED = {
-    "lstm": [
-        ({"cells": 0}, "cells"),
-        ({"free": True}, "add dissipative = false"),
-        ({"epochs": 0}, "epochs"),
-        ({"rate": 0.0}, "rate"),
-        ({"device": "tpu"}, "device"),
-    ],
-    "mlp": [
-        ({"hidden": []}, "hidden"),
-        ({"hidden": [0]}, "hidden"),
-        ({"width": 0.0}, "width"),
-        ({"rate": 0.1, "solver": "levenberg_marquardt"}, 'rate = 0.1 needs solver = "adam"'),
-        ({"compile": True}, 'compile = true needs solver = "adam"'),
-        ({"device": "cuda"}, 'device = "cuda" needs solver = "adam"'),
-        ({"inputs": "all", "solver": "levenberg_marquardt"}, 'needs solver = "adam"'),
-        ({"inputs": "both"}, "inputs"),
-    ],
-    "window_mlp": [
-        ({"samples": 0}, "samples"),
-        ({"members": 0}, "members"),
-        ({"batch": 0.5}, "batch"),
-    ],
-    "blackbox_mlp": [({"width": -1.0}, "width")],
-    "sindy": [
-        ({"optimizer": "lasso"}, "optimizer.*lasso"),
-        ({"velocities": [1.0, 1.0]}, r"velocities = \[1.0, 1.0\] must differ"),
-        ({"widths": [0.02]}, "widths = .* repeat width"),
-        ({"powers": [0]}, "powers"),
-        ({"thresholds": [2.0]}, r"thresholds\[0\]: it should be less than 1, not 2.0"),
-        ({"gear": 0.0}, "gear"),
-    ],
-    "sindy_dynamics": [
-        ({"degree": 0}, "degree"),
-        ({"degree": 9}, "more than 2000 candidates"),
-        ({"thresholds": [2.0]}, "it should be less than 1"),
-        ({"width": -1.0}, "width"),
-    ],
-    "sklearn": [
-        ({"estimator": "gradient_bosting"}, "did you mean 'gradient_boosting'"),
-        ({"estimator": "sklearn.svm.Nothing"}, "cannot be imported"),
-        ({"estimator": "sklearn.base.clone"}, "sklearn: "),
-        ({"estimator": "knn", "settings": {"neighbours": 4}}, "neighbours"),
-        ({"estimator": "knn", "settings": {"n_neighbors": -4}}, "n_neighbors"),
-        ({"estimator": "knn", "bins": 1}, "bins"),
-        ({"estimator": "knn", "speeds": [2.0, 1.0]}, r"speeds = \[2.0, 1.0\] .* increase"),
-        ({"estimator": "sklearn.svm.SVC"}, r"SVC\(\) is no regressor"),
-        ({"estimator": "sklearn.cluster.KMeans"}, r"KMeans\(\) is no regressor"),
-        ({}, "estimator"),
-    ],
-}
+REFUSED = r"""
+kind = "lstm"; cells = 0 => cells
+kind = "lstm"; free = true => add dissipative = false
+kind = "lstm"; epochs = 0 => epochs
+kind = "lstm"; rate = 0.0 => rate
+kind = "lstm"; device = "tpu" => device
+kind = "lstm"; sample_time = 0.0 => sample_time
+kind = "lstm"; free = true; dissipative = false; monotone_tail = false; odd = true => odd
+kind = "lstm"; targets = 0 => targets
+kind = "lstm"; burn_in = -1 => burn_in
+kind = "mlp"; hidden = [] => hidden
+kind = "mlp"; hidden = [0] => hidden
+kind = "mlp"; hidden = [2.5] => hidden
+kind = "mlp"; width = 0.0 => width
+kind = "mlp"; shape = "step" => shape
+kind = "mlp"; nodes = 1 => nodes
+kind = "mlp"; prior_deviations = [] => prior_deviations
+kind = "mlp"; share = 0.9 => share
+kind = "mlp"; rate = 0.1; solver = "levenberg_marquardt" => rate = 0.1 needs solver = "adam"
+kind = "mlp"; compile = true => compile = true needs solver = "adam"
+kind = "mlp"; device = "cuda" => device = "cuda" needs solver = "adam"
+kind = "mlp"; inputs = "all"; solver = "levenberg_marquardt" => needs solver = "adam"
+kind = "mlp"; inputs = "both" => inputs
+kind = "window_mlp"; samples = 0 => samples
+kind = "window_mlp"; members = 0 => members
+kind = "window_mlp"; batch = 0.5 => batch
+kind = "window_mlp"; sample_time = -1.0 => sample_time
+kind = "window_mlp"; presliding = -0.01 => presliding
+kind = "window_mlp"; share = 0.0 => share
+kind = "blackbox_mlp"; width = -1.0 => width
+kind = "sindy"; optimizer = "lasso" => optimizer.*lasso
+kind = "sindy"; velocities = [1.0, 1.0] => velocities = \[1.0, 1.0\] must differ
+kind = "sindy"; widths = [0.02] => widths = .* repeat width
+kind = "sindy"; powers = [0] => powers
+kind = "sindy"; thresholds = [2.0] => thresholds\[0\]: it should be less than 1, not 2.0
+kind = "sindy"; gear = 0.0 => gear
+kind = "sindy_dynamics"; degree = 0 => degree
+kind = "sindy_dynamics"; degree = 9 => more than 2000 candidates
+kind = "sindy_dynamics"; thresholds = [2.0] => it should be less than 1
+kind = "sindy_dynamics"; width = -1.0 => width
+kind = "sklearn"; estimator = "gradient_bosting" => did you mean 'gradient_boosting'
+kind = "sklearn"; estimator = "sklearn.svm.Nothing" => cannot be imported
+kind = "sklearn"; estimator = "sklearn.base.clone" => sklearn:
+kind = "sklearn"; estimator = "knn"; settings = {neighbours = 4} => neighbours
+kind = "sklearn"; estimator = "knn"; settings = {n_neighbors = -4} => n_neighbors
+kind = "sklearn"; estimator = "knn"; bins = 1 => bins
+kind = "sklearn"; estimator = "knn"; speeds = [2.0, 1.0] => speeds = \[2.0, 1.0\] .* increase
+kind = "sklearn"; estimator = "sklearn.svm.SVC" => SVC\(\) is no regressor
+kind = "sklearn"; estimator = "sklearn.cluster.KMeans" => KMeans\(\) is no regressor
+kind = "sklearn" => estimator
+"""
 
 
-@pytest.mark.parametrize(
-    ("kind", "settings", "complaint"),
-    [(kind, *row) for kind, rows in REFUSED.items() for row in rows],
-)
-def test_settings_that_mean_nothing_are_refused(kind, settings, complaint):
-    problem = synthetic_problem(2)
-    with assert_refused(complaint):  # at the latest in a fit
-        identifier_named(kind, settings).fit(problem, synthetic_weights(problem), 0)
+@mistakes(REFUSED)
+def test_settings_that_mean_nothing_are_refused(wrong, words):
+    problem, settings = synthetic_problem(2), changes(wrong)
+    with assert_refused(words):  # at the latest in a fit
+        identifier = identifier_named(settings.pop("kind"), settings)
+        identifier.fit(problem, synthetic_weights(problem), 0)
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: LSTM(sample_time=0.0),
-        lambda: replace(FREE, odd=True),
-        lambda: Network(LSTM(), targets=0),
-        lambda: Network(LSTM(), burn_in=-1),
         lambda: Network(Stribeck()),
-        lambda: MLP(hidden=(2.5,)),
         lambda: MLP(others=-1),
-        lambda: MLP(shape="step"),
         lambda: CompressedNetwork(MLP(others=1)),
         lambda: CompressedNetwork(Stribeck()),
-        lambda: CompressedNetwork(MLP(), nodes=1),
-        lambda: CompressedNetwork(MLP(), prior_deviations=()),
-        lambda: CompressedNetwork(MLP(), share=0.9),
-        lambda: WindowMLP(sample_time=-1.0),
-        lambda: WindowMLP(presliding=-0.01),
         lambda: Ensemble(members=1),
         lambda: Network(WindowMLP(), inputs="all"),
-        lambda: Network(WindowMLP(), share=0.0),
         lambda: window(Dahl(), (), synthetic_problem(1).nodes),
     ],
 )

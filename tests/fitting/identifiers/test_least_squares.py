@@ -13,6 +13,7 @@ from fixtures.exact_problems import (
     everything,
     explained_by,
     on_problem,
+    with_initial,
 )
 from fixtures.memory_laws import Sampled
 from fixtures.paths import DATA
@@ -43,10 +44,10 @@ def fit(law, problem, weights, robust=None, **settings):
 class Drag(Law):
     """coulomb tanh(w/0.1) + drag |w|^power sgn(w): not linear, without a gradient."""
 
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "drag", "power")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m", "1")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
+    names = ("coulomb", "drag", "power")
+    units = ("N m", "N m", "1")
+    bounds = ((0.0, 1.0), (0.0, 1.0), (0.5, 3.0))
+    initial = ((0.0, 0.01, 1.0), (0.1, 0.1, 2.5))
 
     def torque(self, theta, x, memory):
         shape = np.abs(x.w) ** theta[..., 2] * np.sign(x.w)
@@ -157,14 +158,10 @@ class Cliff(Drag):
         return super().torque(theta, x, memory) + np.where(outside, np.nan, 0.0)
 
 
-def started(law, *start):
-    return type("Started", (type(law),), {"initial": (start,)})(law.edge)
-
-
 def test_steps_that_leave_a_laws_domain_are_taken_back():
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
     Cliff.met.clear()
-    found = fit(started(Cliff(1.6), 0.0, 0.1, 0.9), problem, everything(problem))
+    found = fit(with_initial(Cliff(1.6), (0.0, 0.1, 0.9)), problem, everything(problem))
     assert any(Cliff.met)
     assert_allclose(found.theta[0], [[0.1, 0.02, 1.4]], rtol=1e-6)
 
@@ -173,7 +170,7 @@ def test_steps_that_leave_a_laws_domain_are_taken_back():
 def test_a_law_that_is_not_finite_at_its_start_or_at_the_best_fit_is_an_error(start):
     problem = explained_by(Drag(), [[0.1, 0.02, 1.4]])
     with assert_refused("look for such rows in the problem, and for parameters"):
-        fit(started(Cliff(1.0), 0.1, 0.02, start), problem, everything(problem))
+        fit(with_initial(Cliff(1.0), (0.1, 0.02, start)), problem, everything(problem))
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])

@@ -128,7 +128,7 @@ def test_the_best_start_is_no_worse_than_any_one_start():
 
 
 @pytest.mark.parametrize("shape", ["tanh", "arctan"])
-@pytest.mark.parametrize("factor", [10.0, [1.0, 0.0], [0.0, 1.0]])
+@pytest.mark.parametrize("factor", [10.0, [1.0, 0.0], [0.0, 1.0], 0.0])
 def test_levels_of_all_sizes_come_out(shape, factor):
     law, theta = CoulombViscous(width=0.05, shape=shape), TRUTH[PLAIN] * factor
     problem = explained_by(law, theta)

@@ -1,10 +1,12 @@
 """Recipes on corrected data: a late torque is found and taken away, and is no memory any more."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -203,13 +205,11 @@ def test_only_parts_that_are_free_can_correct():
 RECIPE = {"name": "fair", "like": "study", "calibration": {"free": ["friction", "delay"]}}
 
 
-def changed(recipe, **dataset):
-    entry = {"path": "tiny", **dataset}
-    return [("recipes", [{"name": "study"}, recipe]), ("datasets", [entry])]
+FAIR = {"recipes": [{"name": "study"}, RECIPE]}
 
 
 def test_a_suite_names_the_recipe_and_the_rig_that_corrects_it(tmp_path):
-    file = tiny.write_suite(tmp_path, changed(RECIPE))
+    file = tiny.write_suite(tmp_path, FAIR)
     made_ = {task.recipe.name: task.recipe for task in tiny.tasks_in(file)}
     fair = made_["fair"]
     assert isinstance(fair, CalibratedRecipe) and fair.step == STUDY and fair.use == ("delay",)
@@ -232,34 +232,23 @@ def test_one_data_set_stands_there_twice_with_folds_and_recipes_of_its_own(tmp_p
     assert counts == {"again": 4, "tiny": 3}
 
 
-MISTAKES = {
-    "no like": ({**RECIPE, "like": None}, {}, "'fair': the key 'like' is missing"),
-    "no calibration": (
-        {**RECIPE, "calibration": None},
-        {},
-        "'fair': the key 'calibration' is missing",
-    ),
-    "unknown like": ({**RECIPE, "like": "studi"}, {}, "'studi' is unknown; did you mean 'study'"),
-    "by": ({**RECIPE, "by": "shooting"}, {}, "by does not go with calibration"),
-    "unknown block": (
-        {**RECIPE, "calibration": {"free": ["friction", "dely"]}},
-        {},
-        "'fair', calibration: block 'dely' is unknown; did you mean 'delay'",
-    ),
-    "recipe of a data set": (
-        RECIPE,
-        {"recipes": ["studi"]},
-        "data set 'tiny': the suite has no recipe 'studi'; did you mean 'study'",
-    ),
-    "folds of a data set": ({**RECIPE}, {"folds": {"cuont": 3}}, "'cuont'; did you mean 'count'"),
-}
+MISTAKES = """
+recipes.1.like = => 'fair': the key 'like' is missing
+recipes.1.calibration = => 'fair': the key 'calibration' is missing
+recipes.1.like = "studi" => 'studi' is unknown; did you mean 'study'
+recipes.1.by = "shooting" => by does not go with calibration
+recipes.1.calibration = {free = ["friction", "dely"]}
+    => 'fair', calibration: block 'dely' is unknown; did you mean 'delay'
+datasets.0.recipes = ["studi"]
+    => data set 'tiny': the suite has no recipe 'studi'; did you mean 'study'
+datasets.0.folds = {cuont = 3} => 'cuont'; did you mean 'count'
+"""
 
 
-@pytest.mark.parametrize(("recipe", "entry", "words"), MISTAKES.values(), ids=MISTAKES)
-def test_each_mistake_is_one_line(tmp_path_factory, recipe, entry, words):
+@mistakes(MISTAKES)
+def test_each_mistake_is_one_line(tmp_path_factory, wrong, words):
     folder = tmp_path_factory.getbasetemp() / "mistakes"
     folder.mkdir(exist_ok=True)
-    recipe = {key: value for key, value in recipe.items() if value is not None}
-    file = tiny.write_suite(folder, changed(recipe, **entry))
+    file = tiny.write_suite(folder, deepcopy(FAIR) | changes(wrong))
     with assert_refused(words):
         tiny.tasks_in(file)

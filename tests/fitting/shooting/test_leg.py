@@ -13,7 +13,7 @@ from frictionid.fitting.shooting.settings import WINDOWS
 
 INERTIA, GRAVITY, COULOMB, VISCOUS = 0.024, 1.0, 0.2, 0.3
 P, D = 20.0, 1.5
-RATE, SECONDS, FINE = 200, 10.0, 50
+RATE, SECONDS, FINE = 200, 7.0, 50
 
 
 @cache

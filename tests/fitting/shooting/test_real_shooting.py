@@ -1,6 +1,7 @@
 """Public recordings by the shooting recipes of their suites: what they say of friction."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,11 +23,17 @@ COMPARISONS = ROOT / "comparisons"
 Given = Frictionless | Published
 
 
+@cache
+def tasks(name, data):
+    """What the suite of a data set compares."""
+    file = COMPARISONS / f"{name}_shooting.toml"
+    return tasks_of(load_suite(file), file, data)
+
+
 def fitted(name, data, names=None, only=None, free=None):
     """By identifier: friction by the study's recipe, and what the suite's shooting finds."""
-    file = COMPARISONS / f"{name}_shooting.toml"
     out = {}
-    for task in tasks_of(load_suite(file), file, data):
+    for task in tasks(name, data):
         if not isinstance(task.recipe, Shooting) or isinstance(task.identifier, Given):
             continue
         if only not in (None, task.name):

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fixtures.driven_pendulum import driven_pendulum
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.result_folders import leave_blank
 from numpy.testing import assert_allclose
@@ -136,22 +137,22 @@ def test_a_suite_a_fit_and_an_evaluation_from_the_command_line(tmp_path, monkeyp
     assert kept["calibration"]["delay"] == pytest.approx(0.01, abs=1.5e-3)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"free": ["fricton"]}, "block 'fricton' is unknown; did you mean 'friction'"),
-        ({"free": ["friction", "friction"]}, "two blocks are called 'friction'"),
-        ({"free": ["friction"], "fixed": ["inertia.x"]}, "of a free block"),
-        ({"free": ["friction"], "fixed": ["coulomb"]}, "must be inertia.NAME or friction.NAME"),
-        ({"free": ["friction"], "priors": {"gain": 0.1}}, "prior of block 'gain', which is not"),
-        ({"start": "shooting"}, "must be a one-step recipe, or"),
-        ({"scheme": "euler"}, "scheme belongs to one-step recipes"),
-        ({"windows": [0.3, 0.1]}, "must grow"),
-        ({"by": None, "name": "integral", "free": ["friction"]}, 'free needs by = "shooting"'),
-    ],
-)
-def test_recipes_that_make_no_sense_are_refused_in_one_line(change, words):
-    table = {"name": "ours", "by": "shooting", **change}
+SENSELESS = r"""
+free = ["fricton"] => block 'fricton' is unknown; did you mean 'friction'
+free = ["friction", "friction"] => two blocks are called 'friction'
+free = ["friction"]; fixed = ["inertia.x"] => of a free block
+free = ["friction"]; fixed = ["coulomb"] => must be inertia.NAME or friction.NAME
+free = ["friction"]; priors = {gain = 0.1} => prior of block 'gain', which is not
+start = "shooting" => must be a one-step recipe, or
+scheme = "euler" => scheme belongs to one-step recipes
+windows = [0.3, 0.1] => must grow
+by = ; name = "integral"; free = ["friction"] => free needs by = "shooting"
+"""
+
+
+@mistakes(SENSELESS)
+def test_recipes_that_make_no_sense_are_refused_in_one_line(wrong, words):
+    table = {"name": "ours", "by": "shooting", **changes(wrong)}
     with assert_refused(words):
         recipe_of(RecipeEntry(**table))
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.true_curves import curve_errors
 from numpy.testing import assert_allclose
@@ -116,19 +117,19 @@ def test_bounds_and_priors_of_parameters(axis, problem):
     assert found.friction.theta[0, 3] == pytest.approx(20.0, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"bounds": {"viscuos": (0.0, 1.0)}}, "no parameter 'viscuos'; did you mean 'viscous'"),
-        ({"bounds": {"viscous": (1.0, 1.0)}}, r"bounds of 'viscous' = \[1, 1\] must increase"),
-        ({"bounds": {"viscous": (-1.0, 1.0)}}, r"within the law's own \[0, inf\]"),
-        ({"prior": {"viscous": (1.0, 0.0)}}, r"prior of 'viscous' = \[1, 0\] must be a mean"),
-    ],
-)
-def test_mistakes_in_bounds_and_priors_are_refused(settings, words):
+WRONG = r"""
+bounds = {viscuos = [0.0, 1.0]} => no parameter 'viscuos'; did you mean 'viscous'
+bounds = {viscous = [1.0, 1.0]} => bounds of 'viscous' = \[1, 1\] must increase
+bounds = {viscous = [-1.0, 1.0]} => within the law's own \[0, inf\]
+prior = {viscous = [1.0, 0.0]} => prior of 'viscous' = \[1, 0\] must be a mean
+"""
+
+
+@mistakes(WRONG)
+def test_mistakes_in_bounds_and_priors_are_refused(wrong, words):
     speeds = DataRange(np.array([0.1]), np.array([5.0]))
     with assert_refused(words):
-        constraints_of(CoulombViscous(), speeds, **settings)
+        constraints_of(CoulombViscous(), speeds, **changes(wrong))
 
 
 def test_bounds_and_priors_from_the_command_line(axis, tmp_path, run):

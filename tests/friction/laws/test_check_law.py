@@ -17,10 +17,10 @@ class Plain(Law):
     """Coulomb and viscous friction without a gradient, which keeps to the contract."""
 
     width: float = 0.02
-    names: ClassVar[tuple[str, ...]] = ("coulomb", "viscous")
-    units: ClassVar[tuple[str, ...]] = ("N m", "N m s/rad")
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, float("inf")), (0.0, 2.0))
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.1, 0.0),)
+    names = ("coulomb", "viscous")
+    units = ("N m", "N m s/rad")
+    bounds = ((0.0, float("inf")), (0.0, 2.0))
+    initial = ((0.1, 0.0),)
 
     def __repr__(self):
         return type(self).__name__
@@ -37,8 +37,8 @@ class Rough(Plain):
     """A smoothing that must not be narrowed, and a level that follows the load."""
 
     width: ClassVar[float] = 0.02
-    shape: ClassVar[str] = ""
-    uses_load: ClassVar[bool] = True
+    shape = ""
+    uses_load = True
 
     def torque(self, theta, x, memory):
         return theta[..., 0] * x.load * np.tanh(x.w / self.width) + theta[..., 1] * x.w
@@ -47,55 +47,46 @@ class Rough(Plain):
         return theta[..., 0] * x.load + 0.0 * x.w
 
 
-@dataclass(frozen=True, repr=False)
 class Summed(Plain):
     def torque(self, theta, x, memory):
         return super().torque(theta, x, memory).mean(0) + 0.0 * x.w
 
 
-@dataclass(frozen=True, repr=False)
 class Loaded(Plain):
     def torque(self, theta, x, memory):
         return super().torque(theta, x, memory) * x.load
 
 
-@dataclass(frozen=True, repr=False)
 class Flat(Plain):
     def torque(self, theta, x, memory):
         return theta[..., 0].max() * np.tanh(x.w / self.width)
 
 
-@dataclass(frozen=True, repr=False)
 class Broken(Plain):
     def torque(self, theta, x, memory):
         return super().torque(theta, x, memory) / (x.w - 0.3)
 
 
-@dataclass(frozen=True, repr=False)
 class Turned(Plain):
     def torque(self, theta, x, memory):
         return -super().torque(theta, x, memory)
 
 
-@dataclass(frozen=True, repr=False)
 class Low(Plain):
     def limit(self, theta, x, memory):
         return super().limit(theta, x, memory) / 2
 
 
-@dataclass(frozen=True, repr=False)
 class Negative(Plain):
     def limit(self, theta, x, memory):
         return -super().limit(theta, x, memory)
 
 
-@dataclass(frozen=True, repr=False)
 class Sloped(Plain):
     def gradient(self, theta, x):
         return CoulombViscous().gradient(theta, x) * np.array([1.0, 1.1])
 
 
-@dataclass(frozen=True, repr=False)
 class Greedy(Plain):
     def torque(self, theta, x, memory):
         x.w[...] = np.abs(x.w)
@@ -110,7 +101,6 @@ class Counting(Plain):
         return super().torque(theta, x, memory) * len(self.calls)
 
 
-@dataclass(frozen=True, repr=False)
 class Unsteady(Plain):
     def start(self, theta, x):
         return (0.0 * (theta[..., 0] + x.w),)
@@ -119,7 +109,6 @@ class Unsteady(Plain):
         return ()
 
 
-@dataclass(frozen=True, repr=False)
 class Wide(Plain):
     def start(self, theta, x):
         return (np.zeros(7),)
@@ -140,20 +129,17 @@ class Hidden(Fixed):
         return theta[..., 0] * np.tanh(x.w / 0.02) + theta[..., 1] * x.w
 
 
-@dataclass(frozen=True, repr=False)
 class Fast(Plain):
     def limit(self, theta, x, memory):
         return theta[..., 0] * abs(x.w)
 
 
-@dataclass(frozen=True, repr=False)
 class Linear(Plain):
     """Linear, as it says, but without a gradient."""
 
-    is_linear: ClassVar[bool] = True
+    is_linear = True
 
 
-@dataclass(frozen=True, repr=False)
 class Curved(Linear):
     def torque(self, theta, x, memory):
         return super().torque(theta**2, x, memory)
@@ -165,17 +151,15 @@ class Curved(Linear):
         return 2.0 * theta * CoulombViscous().gradient(theta, x)
 
 
-@dataclass(frozen=True, repr=False)
 class Manifold(Plain):
-    names: ClassVar[tuple[str, ...]] = tuple(f"a{i}" for i in range(20))
-    units: ClassVar[tuple[str, ...]] = ("N m",) * 20
-    bounds: ClassVar[tuple[tuple[float, float], ...]] = ((0.0, 1.0),) * 20
-    initial: ClassVar[tuple[tuple[float, ...], ...]] = ((0.0,) * 20,)
+    names = tuple(f"a{i}" for i in range(20))
+    units = ("N m",) * 20
+    bounds = ((0.0, 1.0),) * 20
+    initial = ((0.0,) * 20,)
 
 
-@dataclass(frozen=True, repr=False)
 class Learning(Sampled):
-    reads_window: ClassVar[bool] = True
+    reads_window = True
 
     def advance(self, theta, x, memory, dt):
         return (*memory[1:], theta[..., 0] * x.w)

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 import frictionid as fid
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
-from frictionid.friction.laws import Cogging, Sum, check_law
+from frictionid.friction.laws import Cogging, Sum
 from frictionid.mechanics import Plant, pendulum
 
 POLES, AMPLITUDE, PHASE = 7, 0.02, 0.6
@@ -31,11 +31,6 @@ def moved(frequency, rate=200.0, seconds=8.0):
     q = solve_ivp(rate_of, time[[0, -1]], [0.3, 0.0], t_eval=time, rtol=1e-8, max_step=0.002).y[0]
     noise = 2e-4 * np.random.default_rng(int(10 * frequency)).standard_normal(len(q))
     return {"time": time, "angle": q + noise, "torque": drive}
-
-
-@pytest.mark.parametrize("law", [LAW, Cogging((1, 7), 2.0)], ids=["sum", "alone"])
-def test_the_contract_is_kept(law):
-    check_law(law)
 
 
 def test_amplitude_and_phase_are_found():

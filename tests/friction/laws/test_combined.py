@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
 from frictionid.comparison.registry import LAWS
@@ -136,7 +138,7 @@ def torque(law, *theta):
 def test_a_sum_is_the_sum_of_its_laws_with_each_term_once():
     both = torque(Sum(), 0.1, 0.05, 1.5, 0.02, 0.3)
     apart = torque(Stribeck(), 0.1, 0.05, 1.5, 0.02) + torque(MotorLoad(), 0.0, 0.0, 0.3)
-    np.testing.assert_allclose(both, apart, rtol=1e-13)
+    assert_allclose(both, apart, rtol=1e-13)
 
 
 def test_levels_by_direction_stand_for_a_level_of_both():
@@ -144,7 +146,7 @@ def test_levels_by_direction_stand_for_a_level_of_both():
     assert "coulomb" not in law.names and law.names[-1] == "loss"
     both = torque(law, 0.1, 0.2, 0.05, 0.03, 1.5, 0.02, 0.3)
     own = torque(Stribeck(symmetric=False), 0.1, 0.2, 0.05, 0.03, 1.5, 0.02)
-    np.testing.assert_allclose(both, own + torque(MotorLoad(), 0.0, 0.0, 0.3), rtol=1e-13)
+    assert_allclose(both, own + torque(MotorLoad(), 0.0, 0.0, 0.3), rtol=1e-13)
 
 
 def test_of_laws_that_hold_each_other_the_larger_one_is_the_sum():
@@ -156,7 +158,7 @@ def test_of_laws_that_hold_each_other_the_larger_one_is_the_sum():
         law = Sum(laws)
         numbers = dict(zip(whole.names, np.linspace(0.1, 0.9, len(whole.names)), strict=True))
         both = torque(law, *(numbers[name] for name in law.names))
-        np.testing.assert_allclose(both, torque(whole, *numbers.values()), rtol=1e-13)
+        assert_allclose(both, torque(whole, *numbers.values()), rtol=1e-13)
 
 
 def test_truth_in_truth_out():
@@ -164,15 +166,15 @@ def test_truth_in_truth_out():
     assert_recovered(Sum(), theta)
 
 
-@pytest.mark.parametrize(
-    ("laws", "words"),
-    [
-        (("dahl", "stribeck"), "'dahl' has a memory"),
-        (("stribeck", "coulomb_viscous"), "'coulomb_viscous' adds nothing to the laws before it"),
-        (("none", "stribeck"), "'none' adds nothing"),
-        (("stribeck",), "at least 2 items"),
-    ],
-)
-def test_what_is_no_sum_is_refused(laws, words):
+NO_SUM = """
+laws = ["dahl", "stribeck"] => 'dahl' has a memory
+laws = ["stribeck", "coulomb_viscous"] => 'coulomb_viscous' adds nothing to the laws before it
+laws = ["none", "stribeck"] => 'none' adds nothing
+laws = ["stribeck"] => at least 2 items
+"""
+
+
+@mistakes(NO_SUM)
+def test_what_is_no_sum_is_refused(wrong, words):
     with assert_refused(words):
-        Sum(laws)
+        Sum(**changes(wrong))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import along_inputs
+from numpy.testing import assert_allclose
 
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers import LeastSquares
@@ -56,7 +57,7 @@ def test_without_motor_torque_it_depends_on_the_angle_only_through_gravity():
     x = inputs()._replace(u=np.zeros((400, 1)))
     hanging = x._replace(q=np.zeros((400, 1)))
     bare = Friction(GearLoad(0.0), theta()).torque(x)
-    np.testing.assert_allclose(Friction(GEAR, theta()).torque(hanging), bare)
+    assert_allclose(Friction(GEAR, theta()).torque(hanging), bare)
     lifted = Friction(GEAR, theta()).torque(x)
     assert np.all(np.abs(lifted) >= np.abs(bare) - 1e-15) and np.any(np.abs(lifted) > np.abs(bare))
 
@@ -84,13 +85,13 @@ def test_it_contains_the_simpler_laws():
         return GEAR.torque(theta(**{**zero, **changes}), x, ())
 
     m1 = CoulombViscous().torque(np.array([[0.005, 0.005]]), x, ())
-    np.testing.assert_allclose(torque(peak=0.0), m1)
+    assert_allclose(torque(peak=0.0), m1)
     m2 = Stribeck().torque(np.array([[0.005, 0.005, 2.9, 0.005]]), x, ())
-    np.testing.assert_allclose(torque(exponent=2.0), m2)
+    assert_allclose(torque(exponent=2.0), m2)
     loaded = MotorLoad().torque(np.array([[0.005, 0.005, 0.27]]), x, ())
-    np.testing.assert_allclose(torque(peak=0.0, motor=0.27), loaded)
+    assert_allclose(torque(peak=0.0, motor=0.27), loaded)
     rising = MotorLoad(squared=True).torque(np.array([[0.005, 0.005, 0.27, 0.0]]), x, ())
-    np.testing.assert_allclose(rising, loaded)
+    assert_allclose(rising, loaded)
 
 
 @pytest.mark.parametrize("law", [GEAR, MotorLoad(squared=True)], ids=str)
@@ -98,7 +99,7 @@ def test_truth_in_truth_out(law):
     truth = theta() if law is GEAR else np.array([[0.01, 0.005, 0.3, 0.2]])
     problem = along_inputs(Friction(law, truth), inputs(3000))
     found = LeastSquares(law, iterations=300).fit(problem, np.ones((1, 3000)), 0)
-    np.testing.assert_allclose(found.theta[0], truth, rtol=1e-4, atol=1e-5)
+    assert_allclose(found.theta[0], truth, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("moment", [-0.1, np.inf, np.nan])

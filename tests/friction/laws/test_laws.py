@@ -5,10 +5,12 @@ import pytest
 import torch
 from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.friction import Friction, at_rest
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
+    Cogging,
     CoulombViscous,
     Dahl,
     FilmLag,
@@ -17,11 +19,13 @@ from frictionid.friction.laws import (
     LuGre,
     MotorLoad,
     NoFriction,
+    Play,
     Quadratic,
     Ripple,
     Spline,
     Stribeck,
     Sum,
+    Thermal,
     check_law,
 )
 
@@ -41,6 +45,11 @@ LAWS = [
 ]
 REMEMBERING = [FilmLag(), FilmLag(symmetric=False), Dahl(), Dahl(motor_load=True), LuGre()]
 REMEMBERING += [LuGre(symmetric=False)]
+OTHERS = [
+    *(Play(), Play("stribeck", "coulomb_viscous"), Play({"kind": "motor_load", "squared": True})),
+    *(Thermal(base) for base in ("coulomb_viscous", Stribeck(symmetric=False), "quadratic")),
+    *(Cogging((1, 7), 2.0), Sum(("coulomb_viscous", {"kind": "cogging", "harmonics": [7]}))),
+]
 W = np.array([-20.0, -3.0, -0.5, -0.05, 0.05, 0.5, 3.0, 20.0])
 
 
@@ -57,7 +66,7 @@ def speeds(n=2):
     return at_rest(np.repeat(W[:, None], n, axis=1))
 
 
-@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, Sampled()], ids=str)
+@pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, *OTHERS, Sampled()], ids=str)
 def test_laws_keep_to_the_contract(law):
     check_law(law)
     assert repr(law).startswith(type(law).__name__)
@@ -72,7 +81,7 @@ def test_the_gradient_is_the_complex_step_derivative_of_the_torque(law):
         step = np.zeros(theta.shape, dtype=complex)
         step[..., i] = 1e-30j
         slope = law.torque(theta + step, speeds(), ()).imag / 1e-30
-        np.testing.assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
+        assert_allclose(gradient[..., i], slope, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
@@ -81,7 +90,7 @@ def test_laws_run_alike_on_torch(law):
     tensors = torch.as_tensor(theta), x.each(torch.as_tensor)
     methods = (lambda a, b: law.limit(a, b, ()), lambda a, b: law.torque(a, b, ()))
     for method in (*methods, law.gradient):
-        np.testing.assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
+        assert_allclose(method(*tensors).numpy(), method(theta, x), rtol=1e-14)
 
 
 @pytest.mark.parametrize("law", REMEMBERING, ids=str)
@@ -97,7 +106,7 @@ def test_laws_with_memory_run_alike_on_torch(law):
         (law.limit(*tensors, same), law.limit(theta, x, memory)),
     ]
     for found, expected in pairs:
-        np.testing.assert_allclose(found.numpy(), expected, rtol=1e-13)
+        assert_allclose(found.numpy(), expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING], ids=str)
@@ -116,18 +125,33 @@ def test_friction_opposes_motion_and_without_velocity_there_is_none(law):
     theta = draws(law, np.random.default_rng(2), 20, 1)
     assert (law.torque(theta, speeds(), ()) * W[:, None] >= 0).all()
     still = law.torque(theta[:, 0], at_rest(np.zeros(2)), ())
-    np.testing.assert_array_equal(still, np.zeros((20, 2)))
+    assert_array_equal(still, np.zeros((20, 2)))
+
+
+@pytest.mark.parametrize(
+    ("law", "plain"),
+    [
+        *((law(), Stribeck()) for law in (FilmLag, LuGre)),
+        *((law(symmetric=False), Stribeck(symmetric=False)) for law in (FilmLag, LuGre)),
+        (Dahl(), CoulombViscous()),
+    ],
+    ids=str,
+)
+def test_at_constant_speed_a_memory_does_not_show(law, plain):
+    theta, w = draws(law, np.random.default_rng(6)), W[np.abs(W) > 0.1]
+    expected = Friction(plain, theta[:, : len(plain.names)]).curve(w)
+    assert_allclose(Friction(law, theta).curve(w), expected, rtol=1e-9)
 
 
 def test_curves_at_high_and_low_speed_are_the_levels_that_the_names_say():
     theta = np.array([[0.5, 0.25, 2.0, 0.01]])
     curve = Friction(Stribeck(width=1e-6), theta).curve(np.array([-50.0, -1e-3, 1e-3, 50.0]))
-    np.testing.assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
+    assert_allclose(curve[:, 0], [-1.0, -0.75, 0.75, 1.0], rtol=1e-4)
     theta = np.array([[0.5, 0.4, 0.25, 0.1, 2.0, 0.01]])
     curve = Friction(Stribeck(width=1e-6, symmetric=False), theta).curve(
         np.array([-50.0, -1e-3, 1e-3, 50])
     )
-    np.testing.assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
+    assert_allclose(curve[:, 0], [-0.9, -0.5, 0.75, 1.0], rtol=1e-4)
 
 
 def test_the_peak_falls_to_exp_minus_one_at_the_stribeck_velocity():
@@ -151,8 +175,8 @@ def test_laws_are_nested_no_friction_in_coulomb_in_stribeck():
 
     coulomb = torque(CoulombViscous(), fc, fv)
     none, flat = torque(CoulombViscous(), 0.0, 0.0), torque(Stribeck(), fc, 0.0, ws, fv)
-    np.testing.assert_allclose(none, torque(NoFriction()), atol=0.0)
-    np.testing.assert_allclose(flat, coulomb, rtol=1e-15)
+    assert_allclose(none, torque(NoFriction()), atol=0.0)
+    assert_allclose(flat, coulomb, rtol=1e-15)
 
 
 def after(law, theta, x):
@@ -174,8 +198,8 @@ def test_turning_the_axis_round_swaps_the_directions(law):
     places = [own.names.index(a + b + other.get(c, c)) for a, b, c in parts]
     torque, limit = after(own, theta, x)
     back, same = after(own, theta[:, places], x._replace(w=-x.w))
-    np.testing.assert_allclose(back, -torque, rtol=1e-13)
-    np.testing.assert_allclose(same, limit, rtol=1e-13)
+    assert_allclose(back, -torque, rtol=1e-13)
+    assert_allclose(same, limit, rtol=1e-13)
 
 
 @SIDED
@@ -185,7 +209,7 @@ def test_with_equal_levels_of_both_directions_it_is_the_symmetric_law(law):
     names = [name.removesuffix("_positive").removesuffix("_negative") for name in own.names]
     alike = theta[:, [plain.names.index(name) for name in names]]
     for found, expected in zip(after(own, alike, x), after(plain, theta, x), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        assert_allclose(found, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import along_inputs, assert_recovered
+from numpy.testing import assert_allclose
 
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import acceleration
@@ -23,7 +24,7 @@ def drawn_motion(rng, rows=400):
 def test_without_torque_it_is_coulomb_and_viscous_friction():
     x = drawn_motion(np.random.default_rng(0))._replace(u=np.zeros((400, 1)))
     plain = Friction(CoulombViscous(), MOTOR[:, :2]).torque(x)
-    np.testing.assert_allclose(Friction(MotorLoad(), MOTOR).torque(x), plain)
+    assert_allclose(Friction(MotorLoad(), MOTOR).torque(x), plain)
 
 
 def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
@@ -32,20 +33,20 @@ def test_the_gear_passes_on_less_when_driving_and_holds_more_when_braking():
     for sign, passed in ((1.0, 0.7), (-1.0, 1.3)):
         x = Inputs(0 * fast, sign * fast, np.array([[0.2]]), 0 * fast)
         share = 0.2 - law.torque(np.array([[0.0, 0.0, 0.3]]), x, ())
-        np.testing.assert_allclose(share, 0.2 * passed)
+        assert_allclose(share, 0.2 * passed)
 
 
 def test_it_never_drives_and_breaks_away_at_its_level():
     law, x = MotorLoad(), drawn_motion(np.random.default_rng(1))
     assert np.all(law.torque(MOTOR, x, ()) * x.w >= 0)
-    np.testing.assert_allclose(law.limit(MOTOR, x, ()), 0.01 + 0.3 * np.abs(x.u))
+    assert_allclose(law.limit(MOTOR, x, ()), 0.01 + 0.3 * np.abs(x.u))
 
 
 def test_a_fit_finds_the_truth_and_plain_coulomb_friction_is_biased():
     x = drawn_motion(np.random.default_rng(3))
     problem, weights = along_inputs(Friction(MotorLoad(), MOTOR), x), np.ones((1, 400))
     found = LeastSquares(MotorLoad()).fit(problem, weights, 0)
-    np.testing.assert_allclose(found.theta[0], MOTOR, rtol=1e-5)
+    assert_allclose(found.theta[0], MOTOR, rtol=1e-5)
     plain = LeastSquares(CoulombViscous()).fit(problem, weights, 0)
     assert plain.theta[0, 0, 0] > 5 * MOTOR[0, 0]
 
@@ -67,23 +68,23 @@ def test_the_level_grows_with_the_load_by_its_coefficient(law, theta):
     x, place = drawn(), law.names.index("load_coefficient")
     more = law.torque(theta, x._replace(load=x.load + 7.0), ()) - law.torque(theta, x, ())
     expected = 7.0 * theta[:, place] * np.tanh(x.w / 0.02)
-    np.testing.assert_allclose(more, expected, rtol=1e-9, atol=1e-12)
+    assert_allclose(more, expected, rtol=1e-9, atol=1e-12)
     limit = law.limit(theta, x._replace(load=x.load + 7.0), ()) - law.limit(theta, x, ())
-    np.testing.assert_allclose(limit, np.broadcast_to(7.0 * theta[:, place], limit.shape))
+    assert_allclose(limit, np.broadcast_to(7.0 * theta[:, place], limit.shape))
 
 
 def test_without_load_it_is_the_plainer_law():
     x = at_rest(drawn().w)
     plain = CoulombViscous().torque(BEARING[:, [0, 2]], x, ())
-    np.testing.assert_allclose(LoadDependent().torque(BEARING, x, ()), plain)
+    assert_allclose(LoadDependent().torque(BEARING, x, ()), plain)
     peaked = Stribeck().torque(PEAKED[:, [0, 1, 2, 4]], x, ())
-    np.testing.assert_allclose(LoadDependent(stribeck=True).torque(PEAKED, x, ()), peaked)
+    assert_allclose(LoadDependent(stribeck=True).torque(PEAKED, x, ()), peaked)
 
 
 def test_without_a_peak_the_richer_law_is_the_plainer_one():
     x, flat = drawn(), np.insert(BEARING, [1, 1], [[0.0, 2.0], [0.0, 2.0]], axis=1)
     torque = LoadDependent(stribeck=True).torque(flat, x, ())
-    np.testing.assert_allclose(torque, LoadDependent().torque(BEARING, x, ()))
+    assert_allclose(torque, LoadDependent().torque(BEARING, x, ()))
 
 
 def test_the_load_is_that_of_the_mechanism():

@@ -1,17 +1,18 @@
 """Play: friction behind a gap."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from drive_logs import ServoPendulum
 from fixtures.exact_problems import assert_recovered
 from fixtures.refusals import assert_refused
+from fixtures.servo_logs import by_torque
+from numpy.testing import assert_allclose
 
 import frictionid as fid
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import CoulombViscous, Play, Stribeck, check_law
+from frictionid.friction.laws import CoulombViscous, Play, Stribeck
 from frictionid.mechanics import Plant, pendulum
 
 GAP, LEVEL = 0.02, 0.1
@@ -31,14 +32,6 @@ def along(law, w, dt=DT):
     return np.array(places), np.array(torques)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [Play(), Play("stribeck", "coulomb_viscous"), Play({"kind": "motor_load", "squared": True})],
-)
-def test_it_keeps_to_the_contract(law):
-    check_law(law)
-
-
 def test_its_place_is_that_of_the_play_operator():
     w = 0.5 * np.sin(np.linspace(0.0, 30.0, 4000)) + 0.3 * np.sin(np.linspace(0.0, 71.0, 4000))
     place, sharp = 0.0, []
@@ -46,7 +39,7 @@ def test_its_place_is_that_of_the_play_operator():
         place = min(max(place + speed * DT[0], -GAP / 2), GAP / 2)
         sharp.append(place)
     found, _ = along(Play(closing=1e-4), w)
-    np.testing.assert_allclose(found, sharp, atol=1e-4)
+    assert_allclose(found, sharp, atol=1e-4)
 
 
 TURN = 0.5 * np.cos(np.linspace(0.0, np.pi, 12000))  # [rad/s], from one side to the other
@@ -59,10 +52,10 @@ def test_within_the_gap_nothing_rubs_and_at_its_sides_everything_does():
     before, free = TURN > 0.1, (TURN < 0.0) & (np.abs(place) < GAP / 2 - near)
     closed = (TURN < 0.0) & (np.abs(place + GAP / 2) > near - 1e-12) & ~free
     assert before.any() and free.any() and closed.any()
-    np.testing.assert_allclose(torque[500:][before[500:]], full[500:][before[500:]], rtol=1e-2)
+    assert_allclose(torque[500:][before[500:]], full[500:][before[500:]], rtol=1e-2)
     assert (torque[free] == 0.0).all()
     fast = closed & (TURN < -0.05)
-    np.testing.assert_allclose(torque[fast], full[fast], rtol=1e-2)
+    assert_allclose(torque[fast], full[fast], rtol=1e-2)
 
 
 @pytest.mark.parametrize("closing", [0.002, 0.01, 0.03])
@@ -86,7 +79,7 @@ def test_at_constant_speed_it_is_the_law_behind_the_gap_beside_that_of_the_joint
     both = Friction(Stribeck(), theta[:, :4]).curve(w)
     both = both + Friction(CoulombViscous(), theta[:, 5:]).curve(w)
     law = Play("stribeck", "coulomb_viscous")
-    np.testing.assert_allclose(Friction(law, theta).curve(w), both, rtol=1e-9)
+    assert_allclose(Friction(law, theta).curve(w), both, rtol=1e-9)
 
 
 def test_a_side_holds_a_joint_that_is_pressed_to_it_and_no_other():
@@ -128,18 +121,16 @@ def test_no_friction_behind_the_gap_is_refused():
 
 
 def servo_logs(servo, seconds):
-    logs = {f"{k}": pd.DataFrame(servo.log(4.0, 0.05, k, seconds)) for k in range(2)}
-    rig = fid.mechanisms.pendulum(mass=servo.mass, length=servo.length)
-    return fid.Dataset.from_frames(logs, rig, time="t", angle="q", torque="u", hold="previous")
+    return by_torque(servo, {f"{k}": servo.log(4.0, 0.05, k, seconds) for k in range(2)})
 
 
 def test_a_simulated_servo_with_friction_behind_a_gap():
     servo = ServoPendulum(gap=GAP, delay=0.0, held=True)
-    truth = np.array([servo.coulomb, servo.viscous, GAP])
+    data, truth = servo_logs(servo, 2.5), np.array([servo.coulomb, servo.viscous, GAP])
     for method, within in (("one_step", 0.15), ("shooting", 0.03)):
-        fit = fid.fit(servo_logs(servo, 4.0), "play", method=method)
+        fit = fid.fit(data, "play", method=method)
         friction = fit.frame[fit.frame.block == "friction"]
-        np.testing.assert_allclose(friction.value, truth, rtol=within)
+        assert_allclose(friction.value, truth, rtol=within)
     assert not fit.convergence.warnings
     assert ((friction.low_95 <= truth) & (truth <= friction.high_95)).all()
 
@@ -148,7 +139,7 @@ def test_a_torque_that_changes_within_its_samples_shows_as_inertia():
     servo = ServoPendulum(gap=GAP, delay=0.0)
     fit = fid.fit(servo_logs(servo, 4.0), "play", method="shooting", free=["friction", "delay"])
     truth = [servo.coulomb, servo.viscous, GAP]
-    np.testing.assert_allclose(fit.frame.value, truth, rtol=0.03)
+    assert_allclose(fit.frame.value, truth, rtol=0.03)
     assert "would show: 'inertia'" in fit.convergence.warnings[0]
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything, explained_by
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose
 
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction import Inputs
@@ -36,7 +38,7 @@ def drawn(seed=0):
 def test_without_amplitudes_it_is_the_law_below(base):
     law, x = Ripple(base, (1, 2)), drawn()
     plain = base.torque(np.array(THETA[base]), x, ())
-    np.testing.assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
+    assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
 
 
 @EVERY
@@ -49,7 +51,7 @@ def test_the_level_varies_and_viscous_friction_does_not(base):
     level = np.array(THETA[base])
     viscous = level[:, -1] * x.w
     plain = base.torque(level, x, ())
-    np.testing.assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
+    assert_allclose(law.torque(theta, x, ()), height * (plain - viscous) + viscous)
 
 
 @EVERY
@@ -59,7 +61,7 @@ def test_it_repeats_with_each_turn_behind_the_gear_and_not_before(base):
     def torque(turns):
         return law.torque(theta, x._replace(q=x.q + turns * 2 * np.pi), ())
 
-    np.testing.assert_allclose(torque(1 / 7.5), torque(0.0), rtol=1e-9)
+    assert_allclose(torque(1 / 7.5), torque(0.0), rtol=1e-9)
     assert np.abs(torque(0.5 / 7.5) - torque(0.0)).max() > 0.01
 
 
@@ -83,21 +85,21 @@ def test_a_law_without_ripple_misses_it_and_one_with_it_finds_none_where_there_i
     law = Ripple("stribeck")
     problem = explained_by(Stribeck(), PLAIN)
     found = LeastSquares(law).fit(problem, everything(problem), 0).theta[0]
-    np.testing.assert_allclose(found[:, -2:], 0.0, atol=1e-6)
-    np.testing.assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
+    assert_allclose(found[:, -2:], 0.0, atol=1e-6)
+    assert_allclose(found[:, :-2], PLAIN, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"base": "coulomb"}, "Ripple: base: it should be 'coulomb_viscous'.*, not 'coulomb'"),
-        ({"harmonics": ()}, "harmonics: .*at least 1 item"),
-        ({"harmonics": (1, 1)}, r"harmonics = \[1, 1\] must differ"),
-        ({"harmonics": (0, 1)}, r"harmonics\[0\]: it should be greater than or equal to 1"),
-        ({"harmonics": (0.5,)}, r"harmonics\[0\]: it should be a valid integer"),
-        ({"gear": 0.0}, "gear: it should be greater than 0, not 0.0"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with assert_refused(rule):
-        Ripple(**settings)
+WRONG = r"""
+base = "coulomb" => Ripple: base: it should be 'coulomb_viscous'.*, not 'coulomb'
+harmonics = [] => harmonics: .*at least 1 item
+harmonics = [1, 1] => harmonics = \[1, 1\] must differ
+harmonics = [0, 1] => harmonics\[0\]: it should be greater than or equal to 1
+harmonics = [0.5] => harmonics\[0\]: it should be a valid integer
+gear = 0.0 => gear: it should be greater than 0, not 0.0
+"""
+
+
+@mistakes(WRONG)
+def test_settings_that_mean_nothing_are_refused(wrong, words):
+    with assert_refused(words):
+        Ripple(**changes(wrong))

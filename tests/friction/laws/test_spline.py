@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from fixtures.exact_problems import assert_recovered, everything
+from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import BSpline
 
 from frictionid.comparison.registry import LAWS
@@ -32,7 +34,7 @@ def test_it_is_the_b_spline_of_scipy_that_begins_level(degree):
     t = [0.0] * (degree + 1) + list(KNOTS) + [8.0] * degree
     theirs = BSpline(t, [levels[0], *levels], degree)
     w = np.linspace(0.4, 7.99, 300)
-    np.testing.assert_allclose(Friction(law, theta).curve(w)[:, 0], theirs(w), rtol=1e-12)
+    assert_allclose(Friction(law, theta).curve(w)[:, 0], theirs(w), rtol=1e-12)
     assert theirs(0.0) == pytest.approx(law.limit(theta, at_rest(np.ones(1)), ())[0])
 
 
@@ -50,9 +52,9 @@ def test_the_level_grows_with_the_load():
     plain, loaded = (
         Spline(loaded=loads).torque(theta[:, : 6 + loads], x, ()) for loads in (False, True)
     )
-    np.testing.assert_allclose((loaded - plain)[:2, 0], [0.2, -0.5])
+    assert_allclose((loaded - plain)[:2, 0], [0.2, -0.5])
     limits = [Spline(loaded=loads).limit(theta[:, : 6 + loads], x, ()) for loads in (False, True)]
-    np.testing.assert_allclose(limits[1] - limits[0], 0.1 * x.load)
+    assert_allclose(limits[1] - limits[0], 0.1 * x.load)
 
 
 def test_level_and_load_together_are_not_negative():
@@ -89,7 +91,7 @@ def test_each_direction_is_a_spline_of_its_own():
     half = theta.shape[-1] // 2
     both = Friction(law, theta).curve(np.concatenate([-w, w]))
     up, down = (Friction(Spline(), t).curve(w) for t in (theta[:, :half], theta[:, half:]))
-    np.testing.assert_array_equal(both, np.concatenate([-down, up]))
+    assert_array_equal(both, np.concatenate([-down, up]))
 
 
 def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
@@ -100,24 +102,24 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     assert 6.0 < fastest < 50.0
     assert (found.theta[0, -2:] == 0.0).all() and (found.theta[0, 1:-2] != 0.0).all()
     curve = found.curve(np.array([50.0, 150.0, 300.0]))[:, 0]
-    np.testing.assert_allclose(curve, curve[0])
+    assert_allclose(curve, curve[0])
 
 
-@pytest.mark.parametrize(
-    ("settings", "rule"),
-    [
-        ({"knots": (1.0,)}, "knots: .*at least 2 items"),
-        ({"knots": (1.0, "fast")}, r"knots\[1\]: it should be a valid number"),
-        ({"knots": (0.0, 1.0)}, r"knots\[0\]: it should be greater than 0"),
-        ({"knots": (1.0, 1.0)}, r"knots = \[1.0, 1.0\] rad/s must increase"),
-        ({"degree": 4}, "degree: it should be less than or equal to 3, not 4"),
-        ({"degree": True}, "degree: it should be a valid integer, not True"),
-    ],
-)
-def test_settings_that_mean_nothing_are_refused(settings, rule):
-    with assert_refused(rule):
-        Spline(**settings)
+WRONG = r"""
+knots = [1.0] => knots: .*at least 2 items
+knots = [1.0, "fast"] => knots\[1\]: it should be a valid number
+knots = [0.0, 1.0] => knots\[0\]: it should be greater than 0
+knots = [1.0, 1.0] => knots = \[1.0, 1.0\] rad/s must increase
+degree = 4 => degree: it should be less than or equal to 3, not 4
+degree = true => degree: it should be a valid integer, not True
+"""
+
+
+@mistakes(WRONG)
+def test_settings_that_mean_nothing_are_refused(wrong, words):
+    with assert_refused(words):
+        Spline(**changes(wrong))
     document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
-    document["law"] |= {k: list(v) if isinstance(v, tuple) else v for k, v in settings.items()}
-    with assert_refused(rule):
+    document["law"] |= changes(wrong)
+    with assert_refused(words):
         read_model(document, LAWS, "model.json")

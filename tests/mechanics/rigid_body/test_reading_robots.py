@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.mistakes import changes, rows
 from fixtures.random_robots import motions, random_robot, urdf_text
 from fixtures.refusals import assert_refused
 from hypothesis import given
@@ -152,33 +153,33 @@ CONTENTS = [
     (text(*ARM, joint("more", "nand", "hand")), "'nand'"),
     (text(*ARM[:8], joint("gripper", "hand", "finger", inside=MIMIC)), "mimic"),
 ]
-EDITS = [
-    ("prismatic", "screw", "type 'screw'"),
-    ("prismatic", "floating", "is floating"),
-    ("0 1 1", "0 0 0", "has no direction"),
-    ('ixx="0.02"', 'ixx="nan"', "must be a number"),
-    ("0 1 1", "0 1", "must be 3 numbers"),
-    ('value="2.0"', 'value="-2"', "is negative"),
-    ('<mass value="2.0"/>', "", "no <mass>"),
-]
-OPTIONS = [
-    ({"joints": ["elbo"]}, "there is no joint 'elbo'.*elbow"),
-    ({"joints": ["wrist"]}, "is fixed"),
-    ({"joints": ["gripper", "gripper"]}, "named twice"),
-    ({"joints": ["elbow", "shoulder"]}, "name it first"),
-    ({"joints": "elbow"}, "list of names"),
-    ({"base": "bass"}, "is no link.*base"),
-    ({"locked": {"elbow": 0.1}}, "it moves"),
-    ({"joints": ["elbow"], "locked": {"gripper": "x"}}, "must be a number"),
-    ({"gravity": [0.0, -9.81]}, "three numbers"),
-    ({"payload": "hat"}, "is no link"),
-    ({"payload": "base"}, "does not move"),
-    ({"driven": [True]}, "for each of"),
-]
+EDITS = """
+prismatic -> screw => type 'screw'
+prismatic -> floating => is floating
+0 1 1 -> 0 0 0 => has no direction
+ixx="0.02" -> ixx="nan" => must be a number
+0 1 1 -> 0 1 => must be 3 numbers
+value="2.0" -> value="-2" => is negative
+<mass value="2.0"/> -> <!-- --> => no <mass>
+"""
+OPTIONS = """
+joints = ["elbo"] => there is no joint 'elbo'.*elbow
+joints = ["wrist"] => is fixed
+joints = ["gripper", "gripper"] => named twice
+joints = ["elbow", "shoulder"] => name it first
+joints = "elbow" => list of names
+base = "bass" => is no link.*base
+locked = {elbow = 0.1} => it moves
+joints = ["elbow"]; locked = {gripper = "x"} => must be a number
+gravity = [0.0, -9.81] => three numbers
+payload = "hat" => is no link
+payload = "base" => does not move
+driven = [true] => for each of
+"""
 WRONG = [
     *((content, {}, said) for content, said in CONTENTS),
-    *((TEXT.replace(old, new), {}, said) for old, new, said in EDITS),
-    *((TEXT, options, said) for options, said in OPTIONS),
+    *((TEXT.replace(*edit.split(" -> ")), {}, said) for edit, said in rows(EDITS)),
+    *((TEXT, changes(options), said) for options, said in rows(OPTIONS)),
     (text(*ARM, joint("m", "hand", "base")), {"base": "base"}, "closes a loop"),
     (TEXT.replace("prismatic", "planar"), {"joints": ["gripper"]}, "nothing holds"),
 ]
