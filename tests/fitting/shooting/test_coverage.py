@@ -36,7 +36,7 @@ def test_intervals_are_no_wider_than_errors_ask_for(found):
 def test_bristles_explain_the_motion_to_its_noise(seed):
     """LuGre friction, beside an inertia and a delay that nobody knew."""
     case = case_of("lugre", "joint")
-    fit = shot(sets_of(case, [seed], 4, late=True)[0], case.law)
+    fit = shot(sets_of(case, [seed], 8, late=True)[0], case.law)
     assert fit.diagnostics.angle_noise[0] < 1.2 * coverage_cases.NOISE["joint"]
 
 

@@ -85,7 +85,7 @@ def test_it_is_passive_with_the_energy_of_its_bristles_whatever_its_parameters()
     assert taken(theta, w, z, constant).min() < -0.1  # the law as it is often written
 
 
-@pytest.mark.parametrize("damping", [0.0, 2.0])
+@pytest.mark.parametrize("damping", [0.0, 0.02, 2.0])
 def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping):
     friction = Friction(LuGre(), np.array([[0.04, 0.02, 1.5, 0.002, 0.02, damping, 0.5]]))
     state = State(np.array([[1.0], [-2.5]]), np.array([[0.0], [3.0]]), (np.zeros((2, 1)),))
