@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, write_lab_tables
 from fixtures.mistakes import mistakes
+from fixtures.reader_files import mat_bytes
 from fixtures.refusals import assert_one_line, assert_refused
 
 from frictionid.comparison.suite import load_suite
@@ -77,6 +78,17 @@ def test_milliseconds_degrees_and_amperes_are_recognised(call, tmp_path):
     assert document["mechanism"] == MACHINE
     data = same_motion(tmp_path / "arm")
     assert data.name == "arm"
+
+
+def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
+    for file in (tmp_path / "arm").iterdir():
+        table = pd.read_csv(file).drop(columns="state").to_dict("list")
+        file.with_suffix(".mat").write_bytes(mat_bytes({"log": table, "gains": [[1.0, 2.0]]}))
+        file.unlink()
+    assert call(f"init arm {INIT} {MOTOR}")[0] == 0
+    columns = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())["columns"]
+    assert columns == {"time": "log.t_ms", "angle": "log.pos_deg", "torque": "log.I_motor"}
+    same_motion(tmp_path / "arm")
 
 
 def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):

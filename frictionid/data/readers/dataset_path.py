@@ -5,7 +5,7 @@ from pathlib import Path
 from frictionid.errors import InputError
 from frictionid.files import is_shipped, regular_file, shipped
 
-TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx")  # tables that `frictionid init` describes
+TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
 
 
 def dataset_path(path: Path) -> Path:

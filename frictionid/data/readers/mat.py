@@ -99,6 +99,32 @@ def mat_column(variables: dict[str, Any], name: str, file: str) -> Array:
     return value.ravel().astype(float)
 
 
+def mat_names(variables: dict[str, Any]) -> list[str]:
+    """Names of all columns of numbers that are as long as most numbers of the file are.
+
+    Examples
+    --------
+    >>> mat_names({"t": np.zeros((9, 1)), "log": {"q": np.zeros((9, 2))}, "mass": np.ones((1, 1))})
+    ['t', 'log.q(:,1)', 'log.q(:,2)']
+    """
+    sizes = dict(_sizes(variables))
+    lengths = list(sizes.values())
+    usual = max(lengths, key=lambda length: length * lengths.count(length), default=0)
+    return [name for name, length in sizes.items() if length == usual]
+
+
+def _sizes(variables: dict[str, Any], within: str = "") -> Iterator[tuple[str, int]]:
+    """Name and length of each column of numbers."""
+    for name, value in variables.items():
+        if isinstance(value, dict):
+            yield from _sizes(value, f"{within}{name}.")
+        elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu":
+            if min(value.shape) == 1:
+                yield within + name, value.size
+            else:
+                yield from ((f"{within}{name}(:,{k + 1})", len(value)) for k in range(len(value.T)))
+
+
 def _picked(value: Array, column: int, name: str, file: str) -> Array:
     table = value if value.ndim == 2 else value[:, None]
     if column > table.shape[1]:

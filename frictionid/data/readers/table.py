@@ -14,10 +14,10 @@ from frictionid.errors import InputError, needs
 
 from ..signals import Array, Signal, first_fault
 from .csv_table import check_header, csv_columns
-from .mat import mat_column, read_mat
+from .dataset_path import TABLES
+from .mat import mat_column, mat_names, read_mat
 from .unpacking import check_cells, most_bytes, unzip
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
 # Formats that only readers of their own understand.
 OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
 _NAMED = 5  # rows of a fault, at most
@@ -91,14 +91,14 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     elif lower.endswith((".csv", ".csv.gz", ".xlsx")):
         table = Table(file, *csv_columns(_csv(content, file), file, columns))
     else:
-        raise InputError(f"{file}: tables end with {', '.join(SUFFIXES)}; narrow the patterns")
+        raise InputError(f"{file}: tables end with {', '.join(TABLES)}; narrow the patterns")
     if not len(table.rows):
         raise InputError(f"{file} has no rows below its header; record again or leave it out")
     return table
 
 
 def numeric_table(content: bytes, file: str) -> Table:
-    r"""Table with all columns of a CSV or Parquet file that hold numbers, in its order.
+    r"""Table with all columns of a file that hold numbers, in its order.
 
     Raises
     ------
@@ -112,6 +112,8 @@ def numeric_table(content: bytes, file: str) -> Table:
     """
     if file.lower().endswith(".parquet"):
         table = _parquet(content, file, None)
+    elif file.lower().endswith(".mat"):
+        table = _mat(content, file, None)
     else:
         table = Table(file, *csv_columns(_csv(content, file), file, None))
     if not len(table.rows) or not table.columns:
@@ -153,7 +155,7 @@ def table_name(file: str) -> str:
     >>> table_name("day_1/07.csv.gz")
     'day_1/07'
     """
-    for suffix in sorted(SUFFIXES + OTHERS, key=len, reverse=True):
+    for suffix in sorted(TABLES + OTHERS, key=len, reverse=True):
         if file.lower().endswith(suffix):
             return file[: -len(suffix)]
     return file
@@ -319,9 +321,11 @@ def _place(name: str, header: Sequence[str]) -> tuple[str, int | None]:
     return (name, None) if name in header or match is None else (match[1], int(match[2]))
 
 
-def _mat(content: bytes, file: str, columns: Sequence[str]) -> Table:
+def _mat(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
+    """Table of some columns, or of all that hold numbers."""
     variables = read_mat(content, file)
-    picked = {name: mat_column(variables, name, file) for name in columns}
+    names = mat_names(variables) if columns is None else columns
+    picked = {name: mat_column(variables, name, file) for name in names}
     lengths = {name: len(column) for name, column in picked.items()}
     if len(set(lengths.values())) > 1:
         sizes = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
