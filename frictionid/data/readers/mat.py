@@ -104,7 +104,8 @@ def mat_names(variables: dict[str, Any]) -> list[str]:
 
     Examples
     --------
-    >>> mat_names({"t": np.zeros((9, 1)), "log": {"q": np.zeros((9, 2))}, "mass": np.ones((1, 1))})
+    >>> log = {"q": np.zeros((9, 2)), "mass": np.ones((1, 1)), "wide": np.zeros((2, 99))}
+    >>> mat_names({"t": np.zeros((9, 1)), "log": log})
     ['t', 'log.q(:,1)', 'log.q(:,2)']
     """
     sizes = dict(_sizes(variables))
@@ -119,10 +120,11 @@ def _sizes(variables: dict[str, Any], within: str = "") -> Iterator[tuple[str, i
         if isinstance(value, dict):
             yield from _sizes(value, f"{within}{name}.")
         elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu":
-            if min(value.shape) == 1:
+            rows, columns = value.shape
+            if 1 in value.shape:
                 yield within + name, value.size
-            else:
-                yield from ((f"{within}{name}(:,{k + 1})", len(value)) for k in range(len(value.T)))
+            elif columns <= rows:  # a wide matrix has its samples side by side
+                yield from ((f"{within}{name}(:,{k + 1})", rows) for k in range(columns))
 
 
 def _picked(value: Array, column: int, name: str, file: str) -> Array:
