@@ -27,7 +27,6 @@ PACKAGES = ("data", "dynamics", "evaluation", "fitting")
 BESIDE = ("friction", "mechanics", "deploy")  # whose tests are run as well
 BUDGET = 30.0  # [s] of tests for each change
 LIMIT = 400.0  # [s] after which a change does not end
-COPIED = ("comparisons", "data", "docs", "frictionid", "tests")
 
 Lines = dict[int, set[str]]  # of a file: the tests that execute each line
 
@@ -60,14 +59,11 @@ def main():
 
 
 def _copy(clone):
-    """Copy folders of code, data and tests, and the files at the top."""
-    clone.mkdir()
-    for path in ROOT.iterdir():
-        if path.is_file():
-            shutil.copy2(path, clone)
-    for name in COPIED:
-        skipped = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / name, clone / name, ignore=skipped)
+    """Copy what git keeps, as it is now."""
+    names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    for name in filter(None, names.stdout.decode().split("\0")):
+        (clone / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, clone / name)
 
 
 def _without_changes(clone):
