@@ -115,6 +115,13 @@ def shown_names(estimates: Estimates | None) -> frozenset[str]:
     return frozenset(names)
 
 
+def zero_names(estimates: Estimates | None) -> frozenset[str]:
+    """Of these names those of friction that a fit leaves at zero at all joints, or velocities."""
+    used = [e for e in estimates.parameters if e.block == "friction"] if estimates else []
+    amounts = {stem(e.parameter) for e in used if e.value and e.unit != "rad/s"}
+    return frozenset(stem(e.parameter) for e in used) - amounts
+
+
 def nested_complexity(counts: Sequence[float], names: Sequence[frozenset[str]]) -> Array:
     """Complexities (M,) of models: their effective parameters, more than those of nested models.
 

@@ -184,6 +184,7 @@ class Choice(NamedTuple):
     order : places from the simplest model to the most complex one
     lacking : models that count as worse because they lack a parameter that the data identify
     preferred : model that is taken whatever the order, see `preferring`
+    degenerate : model that would be chosen, but is the preferred one with parameters of zero
     """
 
     best: int | None = None
@@ -192,6 +193,7 @@ class Choice(NamedTuple):
     order: tuple[int, ...] = ()
     lacking: tuple[int, ...] = ()
     preferred: int | None = None
+    degenerate: int | None = None
 
     @property
     def kept(self) -> list[int]:
@@ -297,16 +299,21 @@ def unsupported(
 
 
 def preferring(
-    choice: Choice, names: Sequence[frozenset[str]], shown: Sequence[frozenset[str]]
+    choice: Choice,
+    names: Sequence[frozenset[str]],
+    shown: Sequence[frozenset[str]],
+    zero: Sequence[frozenset[str]],
 ) -> Choice:
     """The choice, where errors cannot tell laws apart, by what the data identify.
 
     Few recordings scatter more than a parameter's interval. A law that is undecided, and more than
     a tenth farther off, counts as worse where a law that has all of its identified parameters, and
     is not worse, adds one that the data identify. Of undecided laws less than a tenth farther off
-    that add an identified parameter to the chosen one the nearest is preferred.
+    that add an identified parameter to the chosen one the nearest is preferred. A law whose further
+    parameters the fit to all data leaves at zero is the simpler one, and named so.
 
-    names, shown : of each model's parameters, and of those that data tell from zero
+    names, shown, zero : of each model's parameters, of those that data tell from zero, and of those
+        that are zero, or velocities, which then mean nothing
     """
     standings, lacking = list(choice.standings), []
     for i in choice.kept:
@@ -319,7 +326,11 @@ def preferring(
     choice = choice._replace(standings=tuple(standings), lacking=tuple(lacking))
     if choice.recommended is None:
         return choice
-    mine = names[choice.recommended]
+    chosen, mine = choice.recommended, names[choice.recommended]
+    for i in choice.order:
+        if names[i] and mine - zero[chosen] <= names[i] < mine:
+            standings[i] = "adequate"
+            return choice._replace(standings=tuple(standings), preferred=i, degenerate=chosen)
     richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]
     undecided = [i for i in richer if standings[i] == "undecided"]
     near = [i for i in undecided if choice.distance(i) <= 1.0 + REGION]

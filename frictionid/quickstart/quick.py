@@ -28,7 +28,12 @@ from frictionid.data.readers.dataset import within
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
-from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
+from frictionid.evaluation.complexity import (
+    nested_complexity,
+    nested_names,
+    shown_names,
+    zero_names,
+)
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import (
     StartErrors,
@@ -252,7 +257,7 @@ def candidates_of(
     shown = [shown_names(e) for e in refined]
     last = unsupported(errors, names, shown)
     choice = choose(errors, nested_complexity(counts, names), last, frictionless)
-    choice = preferring(choice, names, shown)
+    choice = preferring(choice, names, shown, [zero_names(e) for e in refined])
     candidates = tuple(
         Candidate(
             name=name,

@@ -9,7 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.evaluation.complexity import nested_complexity, nested_names, shown_names
+from frictionid.evaluation.complexity import (
+    nested_complexity,
+    nested_names,
+    shown_names,
+    zero_names,
+)
 from frictionid.evaluation.reference_model import (
     Choice,
     Factor,
@@ -199,7 +204,8 @@ def judged(
         unsupported(errors, names, shown) | np.array([c.unfit for c in candidates], dtype=bool),
         np.array([c.model.role == "none" for c in candidates], dtype=bool),
     )
-    choice = preferring(choice, names, shown)
+    zero = [zero_names(c.model.refined) for c in candidates]
+    choice = preferring(choice, names, shown, zero)
     standings = zip(candidates, choice.standings, choice.losses, strict=False)
     return choice, tuple(replace(c, standing=s, loss=against) for c, s, against in standings)
 

@@ -182,6 +182,7 @@ def _decided(
         "unfit": [c.name for c in good if c.implausible],
         "lacking": [compared[i].name for i in choice.lacking],
         "preferred": choice.preferred is not None,
+        "degenerate": "" if choice.degenerate is None else compared[choice.degenerate].name,
         "contradicted": [c.name for c in compared if c.loss and c.loss.contradicted],
     }
     sentence = render("sentence.j2", context, markup=False).strip()
