@@ -18,11 +18,13 @@ WORDS: Mapping[str, frozenset[str]] = {
     "velocity": frozenset("w qd dq vel velocity omega speed rate qdot thetadot dtheta".split()),
     "current": frozenset("i iq current cur amps ampere amperes strom".split()),
     "torque": frozenset("u tau torque tq trq moment effort eff force drehmoment".split()),
-    "angle": frozenset("q angle theta phi alpha pos position encoder enc winkel x".split()),
+    "angle": frozenset(
+        "q angle theta phi alpha pos position encoder enc winkel x observation".split()
+    ),
 }
 # Not measured: commands and references, and the truth of simulations.
 COMMANDED = frozenset(
-    "cmd command commanded des desired ref reference target setpoint goal soll".split()
+    "action cmd command commanded des desired ref reference target setpoint goal soll".split()
 )
 UNMEASURED = COMMANDED | {"true", "truth"}
 # Said to tell runs in one table apart.

@@ -103,8 +103,8 @@ def _tables_in(folder: Path) -> list[Path]:
     files = sorted(file for file in folder.iterdir() if is_table(file))
     if not files and (folder / "meta" / "info.json").is_file():
         raise InputError(
-            f"{folder} is a LeRobot data set, whose features no guess can assign: write a "
-            'dataset.toml with [reader] kind = "lerobot", as in data/README.md of frictionid'
+            f"{folder} is a LeRobot data set: name its data/*/*.parquet, or write a dataset.toml "
+            'with [reader] kind = "lerobot", as in data/README.md of frictionid'
         )
     if not files:
         raise InputError(f"{folder} has no table that ends with {', '.join(TABLES)}")

@@ -274,6 +274,18 @@ def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     assert "next: write the gains into dataset.toml, then frictionid quick" in out
 
 
+def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
+    (tmp_path / "servo").mkdir()
+    columns = {"observation.state": Q[:, None], "timestamp": TIME, "action": 0.9 * Q[:, None]}
+    vectors = pd.DataFrame({name: list(values) for name, values in columns.items()})
+    vectors.to_parquet(tmp_path / "servo" / "file-000.parquet")
+    assert call(f"init servo {INIT} --gains 4,0.05")[0] == 0
+    document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
+    assert document["actuator"]["target"] == "action[0]"
+    angle = load_dataset(tmp_path / "servo").recordings[0].angle.value[:, 0]
+    np.testing.assert_array_equal(np.abs(angle), np.abs(Q))  # signs are guessed
+
+
 def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
     (tmp_path / "drop").mkdir()
     rows = (f"{t},{q},{w}" for t, q, w in zip(TIME, Q, W, strict=True))
@@ -319,7 +331,7 @@ def test_a_lerobot_data_set_is_refused_with_the_reader_that_reads_it(call, tmp_p
     (tmp_path / "episodes" / "meta").mkdir()
     (tmp_path / "episodes" / "meta" / "info.json").write_text('{"fps": 30}')
     outcome = call(f"init episodes {INIT}")
-    assert_one_line(outcome, "is a LeRobot data set", 'kind = "lerobot"')
+    assert_one_line(outcome, "is a LeRobot data set", "data/*/*.parquet", 'kind = "lerobot"')
 
 
 def test_given_columns_count(lab):

@@ -280,6 +280,7 @@ def _parquet(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
         import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
+    vectors = (pa.ListType, pa.LargeListType, pa.FixedSizeListType)
     # What pyarrow raises at damaged files: its own errors, OSError, and ValueError at broken text.
     damage = (pa.ArrowException, OSError, ValueError)
     try:
@@ -291,6 +292,16 @@ def _parquet(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
         check_header(file, header, bases)
         check_cells(whole.metadata.num_rows, len(columns or [""]), file)
         table = whole.read(columns=bases)
+        if columns is None:  # with each element of a vector
+            lists = {n: table.column(n) for n in header if isinstance(table.field(n).type, vectors)}
+            sizes = {n: pc.max(pc.list_value_length(cells)).as_py() for n, cells in lists.items()}
+            names = [
+                name if sizes.get(name) is None else f"{name}[{i}]"
+                for name in header
+                for i in range(sizes.get(name) or 1)
+            ]
+            places = {name: _place(name, header) for name in names}
+            check_cells(table.num_rows, len(names), file)
     except InputError:
         raise
     except damage as error:
