@@ -280,6 +280,7 @@ def late(signal):
         ({"truth": TrueMotion(still(), still(joints=3))}, "true velocity has 3 columns"),
         ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
         ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
+        ({"angle": still()._replace(sigma=1.0 - np.eye(5, 2, k=-3))}, "sample 3 .*sigma must be"),
         ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
         ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
         ({"torque": late(still())}, "share no moment"),
@@ -326,7 +327,7 @@ def test_a_torque_that_ends_early_or_begins_late_is_refused_and_a_silent_one_is_
     time = np.arange(100) * 0.01
     angle = Signal(time, np.sin(time)[:, None])
     push = Signal(time[span], np.cos(9 * time[span])[:, None], "previous")
-    with assert_refused("keep the common span by start and stop"):
+    with assert_refused("the angles from 0 to 0.99 s: keep the common span by start and stop"):
         Recording("cut", angle, push)
     Recording("idle", angle, push._replace(value=0 * push.value))
     Recording("almost", angle, Signal(time[2:-3], np.cos(time[2:-3])[:, None]))

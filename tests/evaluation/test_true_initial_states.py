@@ -94,3 +94,5 @@ def test_a_machine_that_is_as_told_has_no_rig_of_its_own():
     assert true_calibration(load_dataset(DATA / "acrobot_clean")) is None
     assert true_calibration(dataset()) is None
     assert true_calibration(dataset(truth=None)) is None
+    late = true_calibration(dataset(truth={"rig": {"torque_delay": 0.01}}))
+    assert float(late.delay) == 0.01

@@ -105,7 +105,7 @@ def mat_names(variables: dict[str, Any]) -> list[str]:
     Examples
     --------
     >>> log = {"q": np.zeros((9, 2)), "mass": np.ones((1, 1)), "wide": np.zeros((2, 99))}
-    >>> mat_names({"t": np.zeros((9, 1)), "log": log})
+    >>> mat_names({"t": np.zeros((9, 1)), "log": log, "table": np.ones((20, 1))})
     ['t', 'log.q(:,1)', 'log.q(:,2)']
     """
     sizes = dict(_sizes(variables))
