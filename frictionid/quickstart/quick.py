@@ -115,14 +115,21 @@ BY_TORQUES = Plan(
 
 
 def plan_for(dataset: Dataset) -> Plan:
-    """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled."""
+    """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled.
+
+    Of many joints angles are compared in fewer folds, without friction by direction.
+    """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
     driven = torque_is_sampled(dataset) or dataset.servos
-    laws = (law for law in BY_ANGLES.laws if driven or law.kind != "motor_load")
-    return BY_ANGLES._replace(laws=tuple(laws))
+    laws = [law for law in BY_ANGLES.laws if driven or law.kind != "motor_load"]
+    if dataset.mechanism.n <= _FAST:
+        return BY_ANGLES._replace(laws=tuple(laws))
+    few = tuple(law for law in laws if "symmetric" not in law.table)
+    return BY_ANGLES._replace(laws=few, folds=BY_TORQUES.folds)
 
 
+_FAST = 2  # joints, above which a fit by angles takes many seconds
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SHORTEST = 3.0  # [s] of a recording

@@ -73,3 +73,7 @@ def test_many_inertial_parameters_are_counted_and_not_listed(result):
 def test_the_method_is_that_of_a_fit(data):
     acrobot = fid.load_dataset("acrobot_clean")
     assert plan_for(data) is BY_TORQUES and plan_for(acrobot) == BY_ANGLES
+    commands = [replace(r, torque=r.torque._replace(hold="previous")) for r in data.recordings]
+    by_angles = plan_for(replace(data, recordings=tuple(commands)))
+    assert by_angles.recipe == BY_ANGLES.recipe and by_angles.folds < BY_ANGLES.folds
+    assert set(by_angles.steps) < {*BY_ANGLES.steps} - {"stribeck_asymmetric"}
