@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from fixtures.paths import DATA
@@ -29,8 +30,14 @@ patterns = ["gravity_compensation_torque_is_commanded*"]
 """
 
 
+@cache
+def verdict_of(name, folder):
+    """What is said of a shipped data set."""
+    return check(load_dataset(DATA / name, folder))
+
+
 def test_the_real_double_pendulum_is_usable(real_data):
-    verdict = check(load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum"))
+    verdict = verdict_of("dfki_c1", real_data / "dfki_double_pendulum")
     assert verdict.level != "unusable"
     assert all(entry.possible for entry in verdict.identifiable)
     # nominal from its published model: torques push the right way, at the right size and time
@@ -59,8 +66,9 @@ def test_the_published_simple_pendulum_contradicts_its_data(real_data):
 
 
 def test_least_squares_of_the_carriage_agree_with_the_published_ones(real_data):
-    """M, Fc, Fv and offset within 1 %, as the command says them."""
-    verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
+    """M, Fc, Fv and offset within 1 %, as the command says them; speeds are in metres."""
+    verdict = verdict_of("emps", real_data / "emps")
+    assert verdict.identifiable[0].reason.endswith(" m/s")
     printed = json.loads(as_json(verdict))["estimate"]
     estimate = dict(zip(printed["names"], printed["value"], strict=True))
     published = {"mass": 95.1089, "coulomb_1": 20.3935, "viscous_1": 203.5034, "offset_1": -3.1648}
@@ -79,11 +87,6 @@ def test_a_carriage_in_the_wrong_unit_is_unusable(real_data, times, words):
     verdict = check(replace(dataset, recordings=(wrong,)))
     assert verdict.level == "unusable"
     assert verdict.findings[0].text.startswith(f"positions {words}: corrected")
-
-
-def test_speeds_of_a_carriage_are_in_metres(real_data):
-    verdict = check(load_dataset(DATA / "emps", real_data / "emps"))
-    assert verdict.identifiable[0].reason.endswith(" m/s")
 
 
 # Findings that the README bears out: kinds, by data set and collection.
@@ -105,7 +108,7 @@ ALLOWED = {
 
 @pytest.mark.parametrize(("name", "collection"), ALLOWED)
 def test_no_finding_contradicts_the_authors(real_data, name, collection):
-    verdict = check(load_dataset(DATA / name, real_data / collection))
+    verdict = verdict_of(name, real_data / collection)
     assert {f.kind for f in verdict.findings} <= ALLOWED[name, collection]
     assert all(q.passed is not False or "measured" in q.question for q in verdict.questions)
     friction = next(e for e in verdict.identifiable if e.what == "friction of joint 1")

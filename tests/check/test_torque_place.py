@@ -77,6 +77,8 @@ def test_a_command_is_not_called_measured_and_is_fitted(frames):
     np.testing.assert_allclose(theta, [COULOMB, VISCOUS], rtol=0.1)
 
 
+FRAME = pd.DataFrame({"t": [0.0, 0.1, 0.2], "q": [0.0, 0.1, 0.1], "u": [0.0, 0.2, 0.1]})
+COLUMNS = {"time": "t", "angle": "q", "torque": "u"}
 TOML = """
 name = "one"
 [mechanism]
@@ -93,23 +95,22 @@ patterns = ["*.csv"]
 
 @pytest.mark.parametrize("at", ["motor", "link", "command"])
 def test_files_and_frames_say_it_alike(tmp_path, at):
-    frame = pd.DataFrame({"t": [0.0, 0.1, 0.2], "q": [0.0, 0.1, 0.1], "u": [0.0, 0.2, 0.1]})
-    frame.to_csv(tmp_path / "a.csv", index=False)
+    FRAME.to_csv(tmp_path / "a.csv", index=False)
     (tmp_path / "dataset.toml").write_text(f'{TOML}[torque]\nat = "{at}"\n')
-    made = Dataset.from_frames(frame, RIG, time="t", angle="q", torque="u", torque_at=at)
+    made = Dataset.from_frames(FRAME, RIG, **COLUMNS, torque_at=at)
     assert load_dataset(tmp_path).torque_at == made.torque_at == at
-    assert made.with_frames(frame).torque_at == at
+    assert made.with_frames(FRAME).torque_at == at
 
 
 def test_what_contradicts_itself_is_refused(tmp_path):
-    frame = pd.DataFrame({"t": [0.0, 0.1, 0.2], "q": [0.0, 0.1, 0.1], "u": [0.0, 0.2, 0.1]})
-    frame.to_csv(tmp_path / "a.csv", index=False)
-    text = f'{TOML}[torque]\nat = "link"\n[motor]\ngear = 3.0\ntorque = "motor"\n'
-    (tmp_path / "dataset.toml").write_text(text)
+    FRAME.to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "dataset.toml").write_text(
+        f'{TOML}[torque]\nat = "link"\n[motor]\ngear = 3.0\ntorque = "motor"\n'
+    )
     with assert_refused("says that the torques are of the motors: delete one"):
         load_dataset(tmp_path)
     with assert_refused("torque.at"):
-        Dataset.from_frames(frame, RIG, time="t", angle="q", torque="u", torque_at="joint")
-    arrays = {"a": {"time": frame["t"], "angle": frame["q"], "torque": frame["u"]}}
+        Dataset.from_frames(FRAME, RIG, **COLUMNS, torque_at="joint")
+    arrays = {name: FRAME[column] for name, column in COLUMNS.items()}
     with assert_refused("torque_at = 'joint'"):
-        Dataset.from_arrays(arrays, RIG, torque_at="joint")
+        Dataset.from_arrays({"a": arrays}, RIG, torque_at="joint")

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -75,17 +76,23 @@ def test_help_of_everything_imports_nothing_heavy():
 def test_without_a_command_the_help_is_shown(call):
     code, out, err = call()
     assert code == 0 and err == ""
-    assert all(command in out for command in COMMANDS)
+    assert all(command in out for command in (*COMMANDS, "--install-completion"))
     assert call("--help") == (code, out, err)
 
 
 def test_the_version_is_that_of_the_package(call):
-    from importlib.metadata import version
-
     assert call("--version") == (0, f"frictionid {version('frictionid')}\n", "")
 
 
 # --- fit, then evaluate --------------------------------------------------------------------------
+
+
+def assert_scores(table, friction, data, **protocol):
+    """Check a table against the scores of a model."""
+    scores, *_ = score_model(friction, prepare(data, Protocol(horizons=(0.1, 0.3), **protocol)))
+    table = table[~table["score"].str.startswith("torque_left_")]  # of no model
+    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
+    assert table["score"].tolist() == scores["score"].tolist()
 
 
 def test_what_fit_writes_is_what_evaluate_reads(place, call):
@@ -110,10 +117,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     assert tuple(table.columns) == COLUMNS
     assert set(table["fold"]) == {"all"} and set(table["fit"]) == {"given"}
     assert set(table["identifier"]) == {"fitted"} and set(table["dataset"]) == {"tiny"}
-    scores, *_ = score_model(found, prepare(data, Protocol(horizons=(0.1, 0.3))))
-    table = table[~table["score"].str.startswith("torque_left_")]  # of no model
-    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
-    assert table["score"].tolist() == scores["score"].tolist()
+    assert_scores(table, found, data)
     tables = len(data.hashes)
     assert f"fitted was fitted to {tables} of the {tables} files of 'tiny'" in " ".join(out.split())
     assert "states of a kinematic filter" in out
@@ -122,11 +126,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
         "evaluate models/fitted.json tiny --horizons 0.3,0.1 --initial-states model --out model.csv"
     )
     assert code == 0 and "states that each model estimates" in out
-    table = pd.read_csv(place / "model.csv", dtype={"fold": str, "joint": str})
-    protocol = Protocol(horizons=(0.1, 0.3), initial_states="model")
-    scores, *_ = score_model(found, prepare(data, protocol))
-    table = table[~table["score"].str.startswith("torque_left_")]
-    np.testing.assert_allclose(table["value"], scores["value"], rtol=1e-8)
+    assert_scores(pd.read_csv(place / "model.csv"), found, data, initial_states="model")
 
 
 def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):

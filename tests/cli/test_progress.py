@@ -21,20 +21,16 @@ def shown(monkeypatch):
     return texts
 
 
-def test_what_runs_is_shown_from_the_begin_to_the_end(shown):
-    with progress.running(["a", "b", "c"], "work", 2) as done:
-        assert shown == ["a, b"]
-        done("b")
-        done("a")
-        done("c")
-    assert shown == ["a, b", "a, c", "c", ""]
-
-
-def test_steps_of_one_name_are_counted(shown):
-    with progress.running(["a", "a"], "work") as done:
-        done("a")
-        done("a")
-    assert shown == ["a", "a", ""]
+@pytest.mark.parametrize(
+    ("names", "jobs", "ends", "texts"),
+    [("abc", 2, "bac", ["a, b", "a, c", "c", ""]), ("aa", 1, "aa", ["a", "a", ""])],
+)
+def test_what_runs_is_shown_from_the_begin_to_the_end(shown, names, jobs, ends, texts):
+    with progress.running([*names], "work", jobs) as done:
+        for number, name in enumerate(ends):
+            assert shown == texts[: number + 1]
+            done(name)
+    assert shown == texts
 
 
 def test_reported_steps_move_the_bar_of_a_fit(monkeypatch):

@@ -21,8 +21,3 @@ def test_quiet_may_stand_anywhere_and_does_the_work(tmp_path, run):
         assert run(tmp_path, line, model) == (0, "", "")
         assert (tmp_path / model).exists()
     assert_one_line(run(tmp_path, "check nowhere -q"), "nowhere does not exist")
-
-
-def test_completion_can_be_installed(tmp_path, run):
-    _, out, _ = run(tmp_path, "--help")
-    assert "--install-completion" in out
