@@ -325,23 +325,23 @@ def test_mirrored_signals_tell_the_same():
     assert np.allclose(*variances, rtol=1e-3)
 
 
-def test_two_recordings_halve_the_variance_of_one():
+def one_motion():
+    """An experiment on a pendulum, and what it does by a signal of chance."""
     experiment = on_pendulum()
     space = SignalSpace(experiment)
     x = np.random.default_rng(1).uniform(size=(1, space.size))
-    once = expected_information(
-        experiment, predict_motions(experiment, space.torque(x), space.start(x)), 0
-    )
+    return experiment, predict_motions(experiment, space.torque(x), space.start(x))
+
+
+def test_two_recordings_halve_the_variance_of_one():
+    once = expected_information(*one_motion(), 0)
     twice = Information(2 * once.H, 2 * once.V)
     assert np.allclose(2 * covariances(twice), covariances(once))
     assert np.allclose(e_criterion(twice, np.ones(4)), 2 * e_criterion(once, np.ones(4)))
 
 
 def test_noise_and_standard_errors_are_proportional():
-    experiment = on_pendulum()
-    space = SignalSpace(experiment)
-    x = np.random.default_rng(1).uniform(size=(1, space.size))
-    motions = predict_motions(experiment, space.torque(x), space.start(x))
+    experiment, motions = one_motion()
     loud = replace(experiment, angle_noise=1.02 * experiment.angle_noise)
     quiet, louder = (
         standard_errors(expected_information(e, motions, 0)) for e in (experiment, loud)

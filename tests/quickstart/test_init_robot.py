@@ -84,6 +84,12 @@ def named(pattern, values):
     return {pattern.format(n): v for n, v in zip(("one", "two", "three"), values.T, strict=True)}
 
 
+@pytest.fixture
+def joints(exact):
+    """Columns of the angles and torques of the joints."""
+    return {**named("q_{}", exact[1]), **named("tau_{}", exact[2])}
+
+
 def same(folder, exact):
     (recording,) = load_dataset(folder).recordings
     np.testing.assert_allclose(recording.angle.value, exact[1], atol=1e-6)
@@ -102,10 +108,9 @@ def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     same(call.folder, exact)
 
 
-def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, arm):
-    _, q, u = exact
+def test_the_only_robot_of_a_folder_is_taken_and_meshes_are_not_looked_at(call, exact, joints, arm):
     folder = str(arm.options["urdf"]).removesuffix("/wrist.urdf")
-    document, _ = call({**named("q_{}", q), **named("tau_{}", u)}, robot=folder)
+    document, _ = call(joints, robot=folder)
     assert document["mechanism"]["urdf"].endswith("wrist.urdf")
     same(call.folder, exact)
 
@@ -232,21 +237,18 @@ def test_a_free_root_with_an_imu_floats(call, exact, tmp_path):
     assert "base" not in document and "it is held; where it moves, an IMU must say how" in out
 
 
-def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, exact, tmp_path):
-    _, q, u = exact
+def test_a_joint_without_inertia_is_named_and_a_rotor_stands_in(call, joints, tmp_path):
     bare = re.sub('<link name="c">.*?</link>', '<link name="c"/>', wrist.URDF)
     (tmp_path / "bare.urdf").write_text(bare)
     with assert_refused(r"no inertia .* that of three .*give rotor_three \[kg m"):
         urdf(tmp_path / "bare.urdf").nominal()
-    columns = {**named("q_{}", q), **named("tau_{}", u)}
-    document, out = call(columns, robot=str(tmp_path / "bare.urdf"), known=())
+    document, out = call(joints, robot=str(tmp_path / "bare.urdf"), known=())
     assert document["mechanism"]["parameters"]["rotor_three"] > 0 and "MISSING, a guess" in out
     load_dataset(call.folder).mechanism.nominal()
 
 
-def test_what_was_written_can_be_checked_and_fitted(call, exact, run):
-    _, q, u = exact
-    call({**named("q_{}", q), **named("tau_{}", u)})
+def test_what_was_written_can_be_checked_and_fitted(call, joints, run):
+    call(joints)
     for command in (
         "check log",
         "fit log --identifier coulomb_viscous --by inverse_dynamics --out model.json",
