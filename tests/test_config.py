@@ -1,14 +1,17 @@
-"""Fields of dataclasses are validated by their annotated types when they are constructed."""
+"""What is no TOML is refused, and so are fields of dataclasses that are not of their types."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pytest
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from pydantic import Field
 
+from frictionid.comparison.suite import load_suite
 from frictionid.config import Count, NotNegative, Positive, check_settings
+from frictionid.data.readers.dataset import load_dataset
 
 
 @dataclass(frozen=True)
@@ -47,3 +50,16 @@ robust = 0.0        => robust: it should be greater than 0
 def test_a_value_that_does_not_fit_is_refused_in_one_line(wrong, words):
     with assert_refused(words):
         Settings(**changes(wrong))
+
+
+@pytest.mark.parametrize("load", [load_dataset, load_suite])
+@pytest.mark.parametrize(
+    "text",
+    [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999, b'name = "a"\n' * 2],
+    ids=lambda text: repr(text[:12]),
+)
+def test_what_is_no_toml_is_refused(tmp_path, load, text):
+    file = tmp_path / "own.toml"
+    file.write_bytes(text)
+    with assert_refused(r"own\.toml is no TOML"):
+        load(file)

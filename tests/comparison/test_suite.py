@@ -263,18 +263,6 @@ def written(place):
     return sorted(p for p in found if p.name != "suite.toml" and "__pycache__" not in str(p))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999, b'name = "a"\n' * 2],
-    ids=lambda text: repr(text[:12]),
-)
-def test_what_is_no_toml_is_refused(tmp_path, text):
-    file = tmp_path / "suite.toml"
-    file.write_bytes(text)
-    with assert_refused(r"suite\.toml is no TOML"):
-        load_suite(file)
-
-
 def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
     write_suite(place)
     with assert_refused(r"suit\.toml: no such suite; did you mean .*suite\.toml"):

@@ -77,14 +77,6 @@ def test_a_mistake_in_the_description_is_one_clear_line(tmp_path, wrong, words):
         load(tmp_path, changed(described(), wrong))
 
 
-@pytest.mark.parametrize(
-    "text", [b"name = ", b"\xff\xfe", b"a = " + b"[" * 9999, b"a = " + b"9" * 9999], ids=repr
-)
-def test_what_is_no_toml_is_refused(tmp_path, text):
-    with assert_refused(r"dataset\.toml is no TOML"):
-        load(tmp_path, text)
-
-
 def test_a_missing_description_or_folder_is_refused(tmp_path):
     with assert_refused(r"nowhere does not exist; name a folder"):
         load_dataset(tmp_path / "nowhere")
