@@ -49,8 +49,9 @@ def swings():
         )
         for i in range(40)
     ]
-    friction = plain_friction(0.25, 0.02)
-    return simulate(Rig("swings", LIGHT, friction, Camera(361), tuple(runs), substeps=6))
+    return simulate(
+        Rig("swings", LIGHT, plain_friction(0.25, 0.02), Camera(361), tuple(runs), substeps=6)
+    )
 
 
 def drawn(dataset, rng, count=5, noise=1e-3):
@@ -74,14 +75,18 @@ def estimated(dataset):
     return regress(rows, torque, plant.mechanism, plant.p), rows, torque, plant
 
 
+def truth_of(plant):
+    """Base parameters and friction by their names."""
+    return dict(zip(plant.mechanism.base_names, plant.p[0], strict=True)) | TRUE
+
+
 def test_least_squares_return_the_truth_within_their_errors(swings):
     """30 data sets, seed 3: 17 of 20 intervals of two errors hold the truth, all narrow."""
     rng = np.random.default_rng(3)
     inside, shares = [], []
     for _ in range(30):
         estimate, _, _, plant = estimated(drawn(swings, rng))
-        truth = dict(zip(plant.mechanism.base_names, plant.p[0], strict=True)) | TRUE
-        for name, true in truth.items():
+        for name, true in truth_of(plant).items():
             value, error = estimate.at(name)
             inside.append(abs(value - true) < 2 * error)
             shares.append(error / true)
@@ -101,9 +106,7 @@ def test_reversals_in_a_sharp_motion_count_and_keep_the_truth(swings):
     assert (rows.moving[:, 0] & (np.abs(rows.friction[:, 0, 0]) < 0.5)).any()
     torque = rows.means(logged(fine))
     estimate = regress(rows, torque, plant.mechanism, plant.p)
-    for name, true in dict(
-        zip(plant.mechanism.base_names, plant.p[0], strict=True), **TRUE
-    ).items():
+    for name, true in truth_of(plant).items():
         assert estimate.at(name)[0] == pytest.approx(true, rel=0.01), name
     coarse = motions_of(drawn(swings, np.random.default_rng(0)).recordings)
     rows = adapted(unit_balances(plant.mechanism, coarse), coarse)

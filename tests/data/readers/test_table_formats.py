@@ -67,8 +67,7 @@ def test_a_recorder_s_file_gives_the_motion_back_however_it_is_laid_out(
     tmp_path, cells, order, preamble
 ):
     separator, comma = cells
-    content = recorder(separator, comma, order, preamble)
-    (tmp_path / "a.csv").write_bytes(content)
+    (tmp_path / "a.csv").write_bytes(recorder(separator, comma, order, preamble))
     place = {k: "Time" if not at else f"Time[{at + 1}]" for at, k in enumerate(order)}
     time = {"angle": place[0], "torque": place[1], "velocity": place[2]}
     own = {**DRIVE, "columns": {**DRIVE["columns"], "time": time}}
@@ -100,8 +99,7 @@ def test_a_wrong_clock_of_a_recorder_is_refused(tmp_path):
 
 
 def test_targets_of_a_recorder_have_the_time_column_in_front_of_them(tmp_path):
-    content = recorder(order=(1, 0)).replace(b"0x6077:00", b"0x607A:00")
-    (tmp_path / "a.csv").write_bytes(content)
+    (tmp_path / "a.csv").write_bytes(recorder(order=(1, 0)).replace(b"0x6077:00", b"0x607A:00"))
     own = {
         "columns": {"time": "Time[2]", "angle": "0x6064"},
         "units": {"time": "ms", "angle": "counts"},
@@ -134,8 +132,7 @@ columns.angle = "0x6063" => row 4 has no column '0x6063'; it has 'Time', 'Positi
 @mistakes(RECORDERS)
 def test_a_mistake_about_a_recorder_is_one_clear_line(tmp_path, wrong, words):
     (tmp_path / "a.csv").write_bytes(recorder())
-    own = changed(copy.deepcopy(DRIVE), wrong)
-    assert_not_loaded(words, tmp_path, "drive_recorder", **own)
+    assert_not_loaded(words, tmp_path, "drive_recorder", **changed(copy.deepcopy(DRIVE), wrong))
 
 
 DRIVE_FILES = {
@@ -171,8 +168,7 @@ def test_an_rtde_recording_gives_the_motion_back(tmp_path, separator, data):
     assert moments.torque_at == "command"  # the controller's model, no measurement
     motor = {"kt": 0.1, "gear": 101.0}
     currents = load(tmp_path, "rtde", reader=own, units={"torque": "A"}, motor=motor)
-    torque = currents.recordings[0].torque.value[:, 0]
-    assert_allclose(torque, 10.1 * 4.0 * TORQUE)
+    assert_allclose(currents.recordings[0].torque.value[:, 0], 10.1 * 4.0 * TORQUE)
     assert currents.torque_at == "motor"
 
 
