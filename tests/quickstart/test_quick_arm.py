@@ -73,7 +73,10 @@ def test_many_inertial_parameters_are_counted_and_not_listed(result):
 def test_the_method_is_that_of_a_fit(data):
     acrobot = fid.load_dataset("acrobot_clean")
     assert plan_for(data) is BY_TORQUES and plan_for(acrobot) == BY_ANGLES
-    commands = [replace(r, torque=r.torque._replace(hold="previous")) for r in data.recordings]
-    by_angles = plan_for(replace(data, recordings=tuple(commands)))
+    idle = np.arange(data.mechanism.n) > 0
+    parts = [
+        replace(r, torque=r.torque._replace(value=r.torque.value * idle)) for r in data.recordings
+    ]
+    by_angles = plan_for(replace(data, recordings=tuple(parts)))
     assert by_angles.recipe == BY_ANGLES.recipe and by_angles.folds < BY_ANGLES.folds
-    assert set(by_angles.steps) < {*BY_ANGLES.steps} - {"stribeck_asymmetric"}
+    assert {*BY_ANGLES.steps} - {*by_angles.steps} == {"stribeck_asymmetric"}
