@@ -322,7 +322,7 @@ class Fit:
             where = f" to {source!r}, from a file" if source else ", from a file"
         else:
             recordings = self.data.recordings
-            seconds = sum(float(np.ptp(r.angle.time)) for r in recordings)
+            seconds = sum(r.angle.duration for r in recordings)
             several = "s" * (len(recordings) > 1)
             where = f" to {self.data.name!r}: {len(recordings)} recording{several}, {seconds:.3g} s"
         apart = self.friction.provenance.sample_time

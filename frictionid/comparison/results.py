@@ -111,7 +111,7 @@ def _about(prepared: Prepared) -> dict[str, Any]:
         "position_units": list(d.friction_units),
         "recordings": len(dataset.recordings),
         "samples": sum(len(r.angle.time) for r in dataset.recordings),
-        "seconds": sum(float(r.angle.time[-1] - r.angle.time[0]) for r in dataset.recordings),
+        "seconds": sum(r.angle.duration for r in dataset.recordings),
         "velocity": grid,
         "measured": [w.min(axis=0), w.max(axis=0)],
         "truth": truth,

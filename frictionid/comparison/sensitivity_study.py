@@ -230,7 +230,7 @@ def _run(case: Case, grid: Array) -> dict[str, Any]:
         "velocity": grid,
         "curves": estimate,
         "curve_error": error,
-        "seconds": sum(float(np.ptp(r.angle.time)) for r in wrong.recordings),
+        "seconds": sum(r.angle.duration for r in wrong.recordings),
     }
 
 

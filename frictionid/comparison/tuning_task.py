@@ -202,7 +202,7 @@ def _pieces_in_use(dataset: Dataset, use: list[Array], shortest: float) -> Datas
         piece
         for recording, intervals in zip(dataset.recordings, use, strict=True)
         for piece in _pieces(recording, intervals)
-        if piece.angle.time[-1] - piece.angle.time[0] >= shortest - 1e-9
+        if piece.angle.duration >= shortest - 1e-9
     ]
     return replace(dataset, recordings=tuple(pieces)) if pieces else None
 

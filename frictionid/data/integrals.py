@@ -59,7 +59,7 @@ def integrals_of(signals: Sequence[Signal]) -> SignalIntegrals:
     sizes = [len(s.time) for s in signals]
     last = np.cumsum(sizes) - 1
     first = last + 1 - np.array(sizes)
-    apart = 2.0 * max(float(s.time[-1] - s.time[0]) for s in signals) + 1.0
+    apart = 2.0 * max(s.duration for s in signals) + 1.0
     parts = []
     for r, signal in enumerate(signals):
         clock = np.asarray(signal.time, float) - signal.time[0]

@@ -110,7 +110,7 @@ class Recording:
 
     def __repr__(self) -> str:
         samples, joints = np.shape(self.angle.value)
-        span = self.angle.time[-1] - self.angle.time[0]
+        span = self.angle.duration
         return f"Recording({self.name!r}: {joints} joints, {samples} samples, {span:g} s)"
 
     def _motions(self) -> Iterator[tuple[str, Signal]]:
@@ -199,7 +199,7 @@ class Dataset:
     def __repr__(self) -> str:
         recordings = self.recordings
         joints = column_count(recordings[0].angle)
-        span = sum(float(r.angle.time[-1] - r.angle.time[0]) for r in recordings)
+        span = sum(r.angle.duration for r in recordings)
         return (
             f"Dataset({self.name!r}: {len(recordings)} recording{'s' * (len(recordings) > 1)}, "
             f"{joints} joint{'s' * (joints > 1)}, {span:g} s)"

@@ -35,6 +35,11 @@ class Signal(NamedTuple):
     hold: str | None = None
     sigma: Array | None = None
 
+    @property
+    def duration(self) -> float:
+        """Time [s] from the first sample to the last one."""
+        return float(self.time[-1] - self.time[0])
+
 
 def sample(signal: Signal, time: ArrayLike) -> Array:
     """Values of the signal at the given times, the first and last value kept outside its span.
@@ -220,7 +225,7 @@ def check_clocks(where: str, angle: Signal, torque: Signal) -> None:
     if len(torque.time) < 2 or not np.any(torque.value):
         return
     usual = np.max(np.diff(torque.time)) + np.median(np.diff(angle.time))
-    slack = max(_GAPS * usual, _SHARE * (angle.time[-1] - angle.time[0]))
+    slack = max(_GAPS * usual, _SHARE * angle.duration)
     check_span(f"{where}: torque is", torque, angle, slack)
 
 

@@ -241,7 +241,7 @@ def check_joints(friction: Friction, dataset: Dataset) -> None:
 def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
     if not start >= 0:
         raise InputError(f"start = {start} must be 0 s or more after the first sample")
-    longest = max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
+    longest = max(r.angle.duration for r in dataset.recordings)
     if start + horizon > longest + 1e-9:
         raise InputError(
             f"data set {dataset.name!r}: no recording has {horizon:g} s of motion from {start:g} s "

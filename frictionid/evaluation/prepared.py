@@ -357,7 +357,7 @@ def usual_interval(dataset: Dataset) -> float:
 def _longest(dataset: Dataset, folds: Folds | None) -> float:
     """Longest stretch of time [s] that one fold holds out, or of a recording."""
     if folds is None or not folds.contiguous:
-        return max(float(np.ptp(r.angle.time)) for r in dataset.recordings)
+        return max(r.angle.duration for r in dataset.recordings)
     longest = 0.0
     for time, label in zip(folds.times, folds.labels, strict=True):
         edges = np.flatnonzero(np.diff(label)) + 1

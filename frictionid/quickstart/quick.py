@@ -167,7 +167,7 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
     kept = () if chosen.refined is None else (e.block for e in chosen.refined.parameters)
     return Quick(
         check=verdict,
-        seconds=sum(float(np.ptp(r.angle.time)) for r in part.recordings),
+        seconds=sum(r.angle.duration for r in part.recordings),
         horizon=horizon,
         free=tuple(dict.fromkeys(["friction", *kept])),
         folds=moving,
@@ -192,7 +192,7 @@ def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
     each.
     """
     most = samples / np.shape(dataset.recordings[0].angle.value)[1]
-    spans = np.array([np.ptp(r.angle.time) for r in dataset.recordings])
+    spans = np.array([r.angle.duration for r in dataset.recordings])
     sample_time = time_between_samples(dataset, samples)
     seconds = most * (sample_time or usual_interval(dataset))
     if spans.sum() <= seconds:

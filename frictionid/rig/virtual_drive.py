@@ -75,7 +75,7 @@ class Drive:
     @property
     def lines(self) -> int:
         """Number of lines until the recording is over."""
-        return math.floor((self.torque.time[-1] - self.torque.time[0]) * self.rate + 1e-9) + 1
+        return math.floor(self.torque.duration * self.rate + 1e-9) + 1
 
 
 class Controller:

@@ -139,7 +139,7 @@ class ExportedFriction:
     def horizon(self) -> float:
         """Time [s] over which it is replayed what a target loses: 1 s, less in short recordings."""
         recordings = () if self.data is None else self.data.recordings
-        longest = max((float(np.ptp(r.angle.time)) for r in recordings), default=np.inf)
+        longest = max((r.angle.duration for r in recordings), default=np.inf)
         return min(_HORIZON, float(f"{longest / 2:.1g}"))
 
     @cached_property

@@ -79,7 +79,7 @@ def coarse_offset(
     offsets, explained, reversed_ = correlate(rows, asked, torque, driven)
     peaks = _peaks(offsets, explained)
     if not len(peaks):
-        raise InputError(_uncovered(float(np.ptp(angle.time)), float(np.ptp(torque.time))))
+        raise InputError(_uncovered(angle.duration, torque.duration))
     refined = sorted(_refined(rows, base, angle, torque, float(p)) for p in peaks)
     best = refined[0]
     others = [r for r in refined[1:] if abs(r[1] - best[1]) > _SEPARATION / 2]
@@ -156,7 +156,7 @@ def correlate(
     in which each term is a correlation, summed over the driven joints.
     """
     middle = (rows.start + rows.stop) / 2
-    check_spans(float(np.ptp(middle)), float(np.ptp(torque.time)))
+    check_spans(float(np.ptp(middle)), torque.duration)
     motion = np.arange(middle[0], middle[-1], STEP)
     log = np.arange(torque.time[0] + WIDTH / 2, torque.time[-1] - WIDTH / 2, STEP)
     if len(log) < 2:
