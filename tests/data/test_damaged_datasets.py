@@ -200,10 +200,10 @@ def outcome(document=None, **tables):
 
 
 def is_harmless(found):
-    """Whether an outcome is a refusal in one line, or a data set of finite angles."""
-    if isinstance(found, str):
-        return len(found.splitlines()) == 1
-    return all(np.isfinite(recording.angle.value).all() for recording in found.recordings)
+    """Whether an outcome is a refusal, or a data set of finite angles."""
+    return isinstance(found, str) or all(
+        np.isfinite(recording.angle.value).all() for recording in found.recordings
+    )
 
 
 def try_to_load(document=None, **tables):
