@@ -22,6 +22,17 @@ def test_a_mechanism_that_does_not_exist_is_named_with_the_file(tmp_path):
         Dataset("rig", "acrobot", recordings)
 
 
+def test_a_mechanism_that_is_not_driven_needs_no_columns_of_torque(tmp_path):
+    table = {"kind": "pendulum", "driven": False, "parameters": {"mass": 1.0, "length": 0.5}}
+    columns = {"time": "time", "angle": "q1"}
+    document = described(mechanism=table, columns=columns)
+    recording = load(tmp_path, document).recordings[0]
+    assert recording.torque.value.shape == recording.angle.value.shape
+    assert not recording.torque.value.any()
+    with assert_refused("'columns.torque' is missing"):
+        load(tmp_path, described(mechanism=table | {"driven": True}, columns=columns))
+
+
 def test_joints_may_have_units_of_their_own(tmp_path):
     columns = motion() | {"q1": np.full(9, 250.0), "q2": np.full(9, 180.0), "u2": np.full(9, 4.0)}
     own = unit_inertia(("m", "rad"))

@@ -365,9 +365,12 @@ def _with_defaults(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _without_torque(document: dict[str, Any]) -> dict[str, Any]:
-    """The document, where [actuator] makes the torque, with no columns of torque."""
-    columns = document.get("columns")
-    if "actuator" not in document or not isinstance(columns, dict) or "torque" in columns:
+    """The document with no columns of torque, where [actuator] makes it or nothing is driven."""
+    columns, mechanism = document.get("columns"), document.get("mechanism")
+    passive = isinstance(mechanism, dict) and mechanism.get("driven") is False
+    if not isinstance(columns, dict) or "torque" in columns:
+        return document
+    if not passive and "actuator" not in document:
         return document
     joints = as_list(columns.get("angle", ""))
     none = [""] * len(joints) if isinstance(joints, list) else [""]
