@@ -328,7 +328,8 @@ def preferring(
         return choice
     chosen, mine = choice.recommended, names[choice.recommended]
     for i in choice.order:
-        if names[i] and mine - zero[chosen] <= names[i] < mine:
+        nested = names[i] and mine - zero[chosen] <= names[i] < mine
+        if nested and standings[i] != "diverged":
             standings[i] = "adequate"
             return choice._replace(standings=tuple(standings), preferred=i, degenerate=chosen)
     richer = [i for i in choice.kept if mine and mine < names[i] and shown[i] - mine]

@@ -204,6 +204,9 @@ def test_a_law_with_further_parameters_of_zero_is_the_simpler_law(peak, recommen
     settled = preferring(choice, names, [LEVELS, LEVELS], [zero_names(fit), zero_names(None)])
     assert settled.recommended == recommended
     assert settled.degenerate == (0 if recommended else None)
+    lost = choose([BEST, StartErrors(np.full_like(NOISE, np.nan), GROUP)], RICH_FIRST)
+    settled = preferring(lost, names, [LEVELS, LEVELS], [zero_names(fit), zero_names(None)])
+    assert settled.recommended == 0
 
 
 def levels(forward, backward, error, correlation=0.0, at_bound=False):
