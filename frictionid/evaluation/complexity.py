@@ -116,7 +116,7 @@ def shown_names(estimates: Estimates | None) -> frozenset[str]:
 
 
 def zero_names(estimates: Estimates | None) -> frozenset[str]:
-    """Of these names those of friction that a fit leaves at zero at all joints, or velocities."""
+    """Names of friction's parameters that a fit leaves at zero at all joints, and of velocities."""
     used = [e for e in estimates.parameters if e.block == "friction"] if estimates else []
     amounts = {stem(e.parameter) for e in used if e.value and e.unit != "rad/s"}
     return frozenset(stem(e.parameter) for e in used) - amounts

@@ -122,11 +122,10 @@ def plan_for(dataset: Dataset) -> Plan:
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
     driven = torque_is_sampled(dataset) or dataset.servos
-    laws = [law for law in BY_ANGLES.laws if driven or law.kind != "motor_load"]
-    if dataset.mechanism.n <= _FAST:
-        return BY_ANGLES._replace(laws=tuple(laws))
-    few = tuple(law for law in laws if "symmetric" not in law.table)
-    return BY_ANGLES._replace(laws=few, folds=BY_TORQUES.folds)
+    many = dataset.mechanism.n > _FAST
+    left_out = {"motor_load": not driven, _BY_DIRECTION["name"]: many}
+    laws = tuple(law for law in BY_ANGLES.laws if not left_out.get(law.label))
+    return BY_ANGLES._replace(laws=laws, folds=BY_TORQUES.folds if many else BY_ANGLES.folds)
 
 
 _FAST = 2  # joints, above which a fit by angles takes many seconds
