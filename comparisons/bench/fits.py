@@ -24,7 +24,7 @@ from frictionid.evaluation import (
     steady_state,
     velocity_grid,
 )
-from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy, SparseDynamics
+from frictionid.fitting.identifiers import LeastSquares, SINDy, SparseDynamics
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, problem_of, training_problem
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, Law, along
@@ -68,19 +68,19 @@ def parametric() -> Part:
     start = np.tile([0.05, 0.01, 1.5, 0.001], 2)
     return Part(
         (
-            _against_scipy("coulomb_viscous", Linear(CoulombViscous()), np.tile([0.05, 0.001], 2)),
-            _against_scipy("spline", Linear(Spline()), 0.01 + np.zeros(2 * len(Spline().names))),
-            _against_scipy("stribeck", LeastSquares(Stribeck()), start),
+            _against_scipy("coulomb_viscous", CoulombViscous(), np.tile([0.05, 0.001], 2)),
+            _against_scipy("spline", Spline(), 0.01 + np.zeros(2 * len(Spline().names))),
+            _against_scipy("stribeck", Stribeck(), start),
         ),
         3,
     )
 
 
-def _against_scipy(name: str, identifier: Linear | LeastSquares, start: np.ndarray) -> Case:
-    folds, law = ten_folds(), identifier.law
+def _against_scipy(name: str, law: Law, start: np.ndarray) -> Case:
+    folds = ten_folds()
     own = Side(
         "frictionid, all folds at once",
-        lambda: folds.cost(identifier.fit(folds.problem, folds.weights, 0)[0]),
+        lambda: folds.cost(LeastSquares(law).fit(folds.problem, folds.weights, 0)[0]),
         OURS,
     )
     peer = Side("SciPy's least_squares, fold by fold", _scipy(folds, law, start), SCIPY, 1 / FOLDS)

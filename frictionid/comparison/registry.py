@@ -22,7 +22,6 @@ from frictionid.fitting.identifiers import (
     BlackBox,
     Frictionless,
     LeastSquares,
-    Linear,
     Published,
     Regressor,
     SINDy,
@@ -51,7 +50,6 @@ from frictionid.friction.laws import (
     MLP,
     Library,
     NoFriction,
-    Spline,
     StateLSTM,
     StateMLP,
     Table,
@@ -259,7 +257,6 @@ _SOLVERS = (
 
 # Laws of identifiers of their own; all others are fitted by nonlinear least squares.
 _FITTED_OTHERWISE: Mapping[str, Kind] = {
-    "spline": _kind(Linear, Spline),
     "sindy": _kind(SINDy, Library),
     "sklearn": _kind(Regressor, estimator_named, without=["inputs"]),
     "sindy_dynamics": _kind(BlackBox, SparseDynamics),

@@ -125,10 +125,9 @@ class Law(ABC):
         Whether friction depends on the bearing load, which costs time to compute.
     uses_temperature : bool
         Whether friction depends on the temperature; `at_temperature` gives that at one.
-    is_linear : bool
-        Whether the torque is `gradient` times theta, so that linear least squares fit it.
     is_sparse : bool
-        Whether all parameters are optional, and friction has an `equation` of those that it has.
+        Whether all parameters are optional, the torque is `gradient` times theta, and friction has
+        an `equation` of the parameters that it has.
     is_network : bool
         Whether the parameters are weights: not printed, stored in binary, and refined by shooting
         in those combinations that the motion shows.
@@ -163,7 +162,6 @@ class Law(ABC):
     longest_substep: float = float("inf")
     uses_load: bool = False
     uses_temperature: bool = False
-    is_linear: bool = False
     is_sparse: bool = False
     is_network: bool = False
     reads_window: bool = False

@@ -18,7 +18,7 @@ from frictionid.comparison.equal_joints import LEVEL, differences
 from frictionid.data.servo import Servo, servo_torque
 from frictionid.data.signals import Signal
 from frictionid.evaluation.complexity import effective_parameters
-from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
+from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit, one_step_fit
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock, GainBlock, InertiaBlock
@@ -46,27 +46,23 @@ def problem_of(law, theta, noise=0.0, twins=False, seed=0):
     return replace(problem, r=r + noise * np.random.default_rng(seed).standard_normal(r.shape))
 
 
-LAWS = {
-    "linear": (Linear(CoulombViscous(), equal=EQUAL), [0.1, 0.02]),
-    "linear in many": (Linear(Spline((1.0, 4.0)), equal=EQUAL), [0.1, 0.14, 0.2, 0.03]),
-    "by steps": (LeastSquares(Stribeck(), equal=EQUAL), [0.1, 0.04, 1.5, 0.02]),
-}
+LAWS = (CoulombViscous(), Stribeck(), Spline((1.0, 4.0)))
+TRUTHS = ([0.1, 0.02], [0.1, 0.04, 1.5, 0.02], [0.1, 0.14, 0.2])
 
 
-@pytest.mark.parametrize(("identifier", "true"), LAWS.values(), ids=LAWS)
-def test_truth_in_truth_out(identifier, true):
-    problem = problem_of(identifier.law, [true[: len(identifier.law.names)]] * 2)
-    found = identifier.fit(problem, np.ones((2, len(problem.r))), 0).theta
+@pytest.mark.parametrize(("law", "true"), [*zip(LAWS, TRUTHS, strict=True)])
+def test_truth_in_truth_out(law, true):
+    problem = problem_of(law, [true] * 2)
+    found = LeastSquares(law, equal=EQUAL).fit(problem, np.ones((2, len(problem.r))), 0).theta
     assert (found[:, 0] == found[:, 1]).all()
-    assert_allclose(found[:, 0], [true[: len(identifier.law.names)]] * 2, rtol=1e-6)
+    assert_allclose(found[:, 0], [true] * 2, rtol=1e-6)
 
 
-@pytest.mark.parametrize("identifier", [LAWS["linear"][0], LAWS["by steps"][0]], ids=str)
-def test_the_fit_is_the_least_squares_one_among_equal_joints(identifier):
+@pytest.mark.parametrize("law", LAWS[:2], ids=str)
+def test_the_fit_is_the_least_squares_one_among_equal_joints(law):
     """Joints that are not equal: no other common parameters leave less."""
     problem = problem_of(Stribeck(), [[0.1, 0.04, 1.5, 0.02], [0.06, 0.03, 2.0, 0.01]], 1e-3)
-    identifier = replace(identifier, robust=None) if hasattr(identifier, "robust") else identifier
-    found = identifier.fit(problem, everything(problem), 0)
+    found = LeastSquares(law, equal=EQUAL, robust=None).fit(problem, everything(problem), 0)
 
     def cost(theta):
         return float(
@@ -95,7 +91,7 @@ def test_intervals_of_two_equal_joints_are_narrower_by_the_root_of_two():
         problem = problem_of(law, [[0.1, 0.02]] * 2, 1e-3, twins=True, seed=seed)
         weights = everything(problem)
         tied, apart = (
-            half_widths(Linear(law, equal=e).fit(problem, weights, 0)[0], problem, weights[0])
+            half_widths(LeastSquares(law, equal=e).fit(problem, weights, 0)[0], problem, weights[0])
             for e in (EQUAL, ())
         )
         squares.append([(tied**2).mean(axis=0), (apart**2).mean(axis=0)])
@@ -107,7 +103,7 @@ def test_equal_joints_count_their_parameters_once():
     problem = problem_of(CoulombViscous(), [[0.1, 0.02]] * 2, 1e-3)
     weights = everything(problem)
     for equal, count in (((), 4.0), (EQUAL, 2.0)):
-        fit = Linear(CoulombViscous(), equal=equal).fit(problem, weights, 0)[0]
+        fit = LeastSquares(CoulombViscous(), equal=equal).fit(problem, weights, 0)[0]
         assert effective_parameters(fit, problem, weights[0]) == pytest.approx(count)
 
 
@@ -115,7 +111,7 @@ def test_a_prior_as_wide_as_the_data_takes_half_of_its_parameter():
     """Two routes: standard errors between stretches, and the trace of the hat matrix."""
     problem, law = synthetic_problem(1, 1e-3), CoulombViscous()
     weights = everything(problem)
-    plain = Linear(law).fit(problem, weights, 0)[0]
+    plain = LeastSquares(law).fit(problem, weights, 0)[0]
     covariance, _ = covariance_of_fit(plain, problem, weights[0])
     for i, name in enumerate(law.names):
         prior = {name: (float(plain.theta[0, i]), float(np.sqrt(covariance[i, i])))}
@@ -128,7 +124,7 @@ def p_values(second, seed):
     law = CoulombViscous()
     problem = problem_of(law, [[0.1, 0.02], second], 1e-3, twins=True, seed=seed)
     weights = everything(problem)
-    fit = one_step_fit(Linear(law).fit(problem, weights, 0), problem, weights[0])
+    fit = one_step_fit(LeastSquares(law).fit(problem, weights, 0), problem, weights[0])
     return differences(fit, EQUAL)
 
 

@@ -29,7 +29,7 @@ OWN = """
 from dataclasses import dataclass, replace
 from frictionid.errors import InputError
 from frictionid import Identifier
-from frictionid.fitting.identifiers import Linear
+from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Scaled(Identifier):
     def fit(self, problem, weights, seed):
         if self.mood == "bad":
             raise InputError("in no mood to fit")
-        fitted = Linear(CoulombViscous()).fit(problem, weights, seed)
+        fitted = LeastSquares(CoulombViscous()).fit(problem, weights, seed)
         return replace(fitted, theta=self.factor * fitted.theta)
 """
 FACTOR = {"factor": {"low": 0.0, "high": 2.0}}

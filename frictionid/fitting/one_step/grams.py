@@ -10,7 +10,6 @@ Rows that have the same weight in every fold are added up once; each fold then a
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.errors import InputError
 from frictionid.friction import Law
 
 from .linearised import Linearised
@@ -78,15 +77,3 @@ def _by(label: Array, count: int, A: Array) -> Array:
     table = A[order].reshape(len(A), -1)
     flat = [table[a:b].reshape(-1, A.shape[-1]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return np.stack([part.T @ part for part in flat])
-
-
-def check_linear(law: Law) -> None:
-    """Refuse a law that is not linear in its parameters.
-
-    Raises
-    ------
-    InputError
-        Naming the law.
-    """
-    if not law.is_linear:
-        raise InputError(f"{law} is not linear in its parameters: fit it by LeastSquares")

@@ -100,7 +100,7 @@ def _check_declarations(law: Law) -> None:
         "combinations of them that the motion shows, else each by itself",
     )
     _require(
-        law.has_gradient or not law.is_linear, law, "is_linear is True, so it needs a gradient"
+        law.has_gradient or not law.is_sparse, law, "is_sparse is True, so it needs a gradient"
     )
 
 
@@ -234,10 +234,10 @@ def _check_gradient(law: Law, theta: Array, x: Inputs) -> None:
         error = np.abs(gradient[..., i] - slope).max()
         close = error <= 1e-5 * max(np.abs(slope).max(), 1.0)
         _require(close, law, f"gradient by {name} is {error:.2g} off the slope of its torque")
-    if law.is_linear:
+    if law.is_sparse:
         sums = (gradient * theta).sum(-1)
         close = np.allclose(sums, law.torque(theta, x, ()), rtol=1e-9, atol=_ROUNDING)
-        _require(close, law, "is_linear is True, so the torque must be gradient times theta")
+        _require(close, law, "is_sparse is True, so the torque must be gradient times theta")
 
 
 def _check_level(law: Law, theta: Array, x: Inputs) -> None:

@@ -74,7 +74,6 @@ class Cogging(Law):
 
     harmonics: Harmonics = (1,)
     gear: Positive = 1.0
-    is_linear = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

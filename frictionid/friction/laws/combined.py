@@ -293,11 +293,6 @@ class Sum(CombinedLaw):
     def parameters(self) -> tuple[LawParameter, ...]:
         return tuple(self._layout[0])
 
-    @property
-    def is_linear(self) -> bool:  # type: ignore[override]
-        """Whether all laws are linear in their parameters."""
-        return all(law.is_linear for law in self.parts)
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         first, *others = (law.torque(numbers, x, ()) for law, numbers in self._each(theta))
         return sum(others, start=first)

@@ -45,7 +45,6 @@ class Table(Law):
     speeds: Speeds = (0.3, 1.0, 3.0, 10.0)
     width: float = 0.02
     shape: str = "tanh"
-    is_linear = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -99,7 +98,7 @@ class Spline(Law):
     `level` is that at rest, the break-away level; each `rise` is what the level gains, or loses,
     from one part of the curve to the next, all of them together up to the last knot. Beyond it the
     curve goes on straight. Zero is always a knot. A negative level counts as zero: friction does
-    not drive. A last knot that the data hardly reach leaves the last rise to chance.
+    not drive. A rise that the data do not tell stays at zero.
 
     symmetric : false gives each direction a level of its own, w > 0 first
     loaded : true adds `load_coefficient` load to the level, before it counts as zero
@@ -111,7 +110,6 @@ class Spline(Law):
     shape: str = "tanh"
     symmetric: bool = True
     loaded: bool = False
-    is_linear = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -129,7 +127,9 @@ class Spline(Law):
 
     @property
     def parameters(self) -> tuple[LawParameter, ...]:
-        rises = (LawParameter(f"rise_{i}", "N m", -float("inf")) for i in range(1, self._size))
+        rises = (
+            LawParameter(f"rise_{i}", "N m", -float("inf"), size=1.0) for i in range(1, self._size)
+        )
         rows = (LawParameter("level", "N m"), *rises)
         sides = (p._replace(name=f"{p.name}{side}") for side in self._sides for p in rows)
         return (*sides, *((LOAD,) if self.loaded else ()))

@@ -150,11 +150,6 @@ class LevelLaw(Law):
     def parameters(self) -> tuple[LawParameter, ...]:
         return (*self.level.parameters, *(term.parameter for term in self.terms))
 
-    @property
-    def is_linear(self) -> bool:  # type: ignore[override]
-        """Whether there is no peak, whose velocity is not linear."""
-        return not self.level.peaked
-
     def torque(self, theta: Array, x: Inputs, memory: Memory) -> Array:
         level = self._with_terms(self.level.at(theta, x.w, x.w), theta, x, rubbing=True)
         torque = level * smooth_sign(x.w, self.width, self.shape)

@@ -108,7 +108,6 @@ class Library(Law):
     load: bool = False
     direction: bool = False
     other: bool = False
-    is_linear = True
     is_sparse = True
 
     def __post_init__(self) -> None:

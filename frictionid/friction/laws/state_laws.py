@@ -64,7 +64,6 @@ class StateLibrary(Law):
     turning: bool = True
     width: float = 0.1
     shape = ""  # of an input, not of friction
-    is_linear = True
     is_sparse = True
 
     def __post_init__(self) -> None:

@@ -16,7 +16,6 @@ from frictionid.comparison.suite import identifier_named
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import (
     LeastSquares,
-    Linear,
     Published,
     Regressor,
     SINDy,
@@ -38,7 +37,7 @@ FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 OURS = [
     *(LeastSquares(law) for law in (NoFriction(), Sampled(), Stribeck(symmetric=False))),
     LeastSquares(Stribeck(), robust=2.0),
-    Linear(Table((0.5, 1.5, 3.0))),
+    LeastSquares(Table((0.5, 1.5, 3.0))),
     *(SINDy(PEAKS, search_sets=False), SINDy(PEAKS, optimizer="sr3"), SINDy(PEAKS, ensemble=3)),
     Regressor(KNeighborsRegressor(5), ("w", "q", "u")),
     CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,), iterations=10),

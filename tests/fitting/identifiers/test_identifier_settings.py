@@ -9,7 +9,7 @@ from sklearn.neighbors import KNeighborsRegressor
 
 from frictionid.comparison.suite import identifier_named
 from frictionid.errors import InputError
-from frictionid.fitting.identifiers import Frictionless, LeastSquares, Linear, Regressor, SINDy
+from frictionid.fitting.identifiers import Frictionless, LeastSquares, Regressor, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
@@ -32,7 +32,7 @@ CHOSEN = [
         *("stribeck", {"symmetric": False, "width": 0.1, "shape": "arctan"}),
         LeastSquares(Stribeck(0.1, "arctan", symmetric=False)),
     ),
-    ("spline", {"degree": 1}, Linear(Spline(degree=1))),
+    ("spline", {"degree": 1}, LeastSquares(Spline(degree=1))),
     ("lstm", {"cells": 4, "odd": True, "epochs": 5}, Network(LSTM(4, odd=True), epochs=5)),
     (
         *("mlp", {"hidden": [8], "odd": True, "width": 0.1}),
@@ -147,7 +147,5 @@ def test_objects_that_mean_nothing_are_refused(make):
 
 
 def test_what_a_fit_needs_of_a_law_or_an_estimator_is_said():
-    with assert_refused(r"Stribeck\(.*is not linear"):
-        Linear(Stribeck())
     with assert_refused(r"inputs = .* must include w"):
         Regressor(Ridge(), ("q",))

@@ -16,7 +16,7 @@ from frictionid.comparison.fit_model import with_notes
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.files import read_json
-from frictionid.fitting.identifiers import LeastSquares, Linear, SINDy
+from frictionid.fitting.identifiers import LeastSquares, SINDy
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.one_step.one_step_fit import one_step_fit
@@ -24,7 +24,7 @@ from frictionid.fitting.shooting import Settings, Shooting
 from frictionid.fitting.shooting.recipe import refine_folds
 from frictionid.fitting.shooting.sample_intervals import intervals_of
 from frictionid.friction import Friction, Inputs, along, at_rest
-from frictionid.friction.laws import CoulombViscous, Library, Spline, Stribeck, check_law
+from frictionid.friction.laws import CoulombViscous, Library, Stribeck, check_law
 from frictionid.simulate import write_dataset
 
 LAW = Library()
@@ -89,8 +89,8 @@ def acrobot():
     return training_problem(dataset, plant_of(dataset), INTEGRAL)
 
 
-@pytest.mark.parametrize(("identifier", "seconds"), [(SINDy(), 0.5), (Linear(Spline()), 0.1)])
-def test_ten_folds_take_less_processor_time_than_promised(acrobot, identifier, seconds):
+def test_ten_folds_take_less_processor_time_than_promised(acrobot):
+    identifier = SINDy()
     weights = (acrobot.recording % 10 != np.arange(10)[:, None]) * 1.0
     identifier.fit(acrobot, weights[:1], 0)  # imports
     times = []
@@ -98,7 +98,7 @@ def test_ten_folds_take_less_processor_time_than_promised(acrobot, identifier, s
         begin = time.process_time()
         identifier.fit(acrobot, weights, 0)
         times.append(time.process_time() - begin)
-    assert min(times) < seconds
+    assert min(times) < 0.5
 
 
 def test_on_simulated_recordings_of_a_stick_it_finds_the_true_terms(acrobot):

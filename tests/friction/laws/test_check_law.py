@@ -137,7 +137,7 @@ class Fast(Plain):
 class Linear(Plain):
     """Linear, as it says, but without a gradient."""
 
-    is_linear = True
+    is_sparse = True
 
 
 class Curved(Linear):
@@ -193,8 +193,8 @@ VIOLATIONS = [
     (Fixed(), "width must be a field"),
     (Hidden(), "its torque is smoothed at rest, but declares no width"),
     (Fast(), "limit must not depend on the speed"),
-    (Linear(), "is_linear is True, so it needs a gradient"),
-    (Curved(), "is_linear is True, so the torque must be gradient times theta"),
+    (Linear(), "is_sparse is True, so it needs a gradient"),
+    (Curved(), "is_sparse is True, so the torque must be gradient times theta"),
     (Manifold(), "20 parameters need a gradient, or is_network = True"),
     (Learning(), "reads_window is True, so its memory must not depend on theta"),
     (Summed(), "must not depend on the others"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures.exact_problems import assert_recovered, everything
+from fixtures.exact_problems import assert_recovered, everything, explained_by
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
@@ -12,7 +12,7 @@ from frictionid.comparison.registry import LAWS
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import Spline
+from frictionid.friction.laws import CoulombViscous, Spline
 from frictionid.friction.model_files import model_document, read_model
 
 KNOTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -103,6 +103,16 @@ def test_what_the_data_do_not_reach_has_no_rise_and_the_curve_goes_on():
     assert (found.theta[0, -2:] == 0.0).all() and (found.theta[0, 1:-2] != 0.0).all()
     curve = found.curve(np.array([50.0, 150.0, 300.0]))[:, 0]
     assert_allclose(curve, curve[0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rises_that_the_data_just_touch_stay_at_zero_and_do_not_run_away(seed):
+    problem = explained_by(CoulombViscous(), [[0.1, 0.02]], 2e-3, seed)
+    speeds = np.abs(problem.nodes.inputs.w[problem.stencil])
+    slow = (speeds < 2.2).all(axis=(1, 2))[None] * 1.0  # the knots go on at 2, 4, and 8 rad/s
+    found = LeastSquares(Spline(KNOTS)).fit(problem, slow, 0)[0]
+    assert (found.theta[0, 4:] == 0.0).all()  # without neutral values -8.6 to 11 N m
+    assert found.curve(np.array([6.0]))[0, 0] == pytest.approx(0.16, abs=0.02)
 
 
 WRONG = r"""

@@ -1,4 +1,4 @@
-"""The identifier `spline`, and others that are linear: one Gram matrix for each fold."""
+"""Curves of any shape, linear in their parameters, and the one that a machine is calibrated by."""
 
 from dataclasses import replace
 from importlib import import_module
@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from fixtures.exact_problems import cost, everything, explained_by, stationarity
 from fixtures.refusals import assert_refused
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
+from scipy.optimize import lsq_linear
 
-from frictionid.fitting.identifiers import Flexible, LeastSquares, Linear
+from frictionid.fitting.identifiers import Flexible, LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.one_step.grams import FEW, clusters, columns, grams
 from frictionid.friction import Friction
@@ -30,10 +31,13 @@ def drawn(law):
 def test_it_is_least_squares_by_another_route(law):
     problem = explained_by(Stribeck(), np.array([[0.1, 0.04, 1.5, 0.02]] * 2), 2e-3, 1)
     weights = synthetic_weights(problem)
-    ours = Linear(law).fit(problem, weights, 0)
-    theirs = LeastSquares(law, robust=None).fit(problem, weights, 0)
-    assert_allclose(cost(problem, weights, ours), cost(problem, weights, theirs), rtol=1e-9)
-    assert_allclose(ours.theta, theirs.theta, atol=1e-6)
+    ours = LeastSquares(law, robust=None, neutral=False).fit(problem, weights, 0)
+    A = columns(law, problem) * np.sqrt(weights)[:, :, None, None]
+    low, high = np.tile(law.bounds, (2, 1)).T
+    for fold, rows in enumerate(A.reshape(len(A), -1, A.shape[-1])):
+        theirs = lsq_linear(rows[:, :-1], rows[:, -1], (low, high), tol=1e-14)
+        assert cost(problem, weights, ours)[fold] == pytest.approx(2 * theirs.cost, rel=1e-9)
+        assert_allclose(ours.theta[fold].ravel(), theirs.x, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -42,18 +46,16 @@ def test_levels_are_not_negative_and_at_zero_the_gradient_points_outwards(seed):
     theta = drawn(law) - 0.3 * np.random.default_rng(seed).uniform(size=(2, len(law.names)))
     problem = explained_by(law, np.abs(theta) * [-1, *[1] * (len(law.names) - 1)], 1e-3, seed)
     weights = everything(problem)
-    found = Linear(law).fit(problem, weights, 0)
+    found = LeastSquares(law, robust=None, neutral=False).fit(problem, weights, 0)
     assert (found.theta[..., 0] >= 0).all()
     assert np.abs(stationarity(law, problem, weights[0], found.theta[0])).max() < 2e-6
 
 
-def test_where_the_curve_would_drive_it_is_fitted_by_steps():
+def test_a_curve_does_not_drive():
     """A level below zero counts as zero, and then the law is no longer linear."""
     law = Spline((1.0, 4.0), 1)
     problem = explained_by(law, np.array([[0.1, -0.15]]))
-    found = Linear(law).fit(problem, everything(problem), 0)
-    same = LeastSquares(law, robust=None).fit(problem, everything(problem), 0)
-    assert_array_equal(found.theta, same.theta)
+    found = LeastSquares(law).fit(problem, everything(problem), 0)
     assert (found[0].curve(np.array([3.0, 5.0]))[:, 0] >= 0).all()
 
 
@@ -102,7 +104,7 @@ def test_a_joint_that_hardly_slides_is_refused():
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
     with assert_refused("joint 2 slides in 3 rows of fold 0"):
-        Linear(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
+        LeastSquares(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
 
 
 def test_the_curve_that_calibrates_is_near_any_and_made_for_the_speeds_of_the_data():
