@@ -325,14 +325,15 @@ def _torque(
 def _torque_columns(
     free: Sequence[str], motors: int, named: Sequence[str] | None
 ) -> tuple[str, list[str]]:
-    """Quantity and columns that drive the motors: measured ones before commands."""
+    """Quantity and columns that drive the motors: a sensor's before others, commands last."""
     if named:
         columns = [name for name in named if name]
         return ("current" if "current" in map(quantity_of, columns) else "torque"), columns
     for measured, quantity in product((True, False), ("torque", "current")):
         columns = [n for n in free if quantity_of(n) == quantity and is_measured(n) == measured]
-        if len(columns) >= motors:
-            return quantity, columns
+        for several in ([n for n in columns if is_sensed(n)], columns):
+            if len(several) >= motors:
+                return quantity, several
     return "torque", []
 
 

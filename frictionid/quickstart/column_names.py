@@ -24,7 +24,7 @@ WORDS: Mapping[str, frozenset[str]] = {
 }
 # Not measured: commands and references, and the truth of simulations.
 COMMANDED = frozenset(
-    "action cmd command commanded des desired ref reference target setpoint goal soll".split()
+    "action cmd command commanded con des desired ref reference target setpoint goal soll".split()
 )
 UNMEASURED = COMMANDED | {"true", "truth"}
 # Said to tell runs in one table apart.

@@ -202,6 +202,10 @@ NAMED = {
         ("t", "s", "q", "rad", "u", "N m"),
     ),
     "only a command": ({"t": TIME, "q": Q, "u_cmd": U}, ("t", "s", "q", "rad", "u_cmd", "N m")),
+    "a sensor before others": (
+        {"t": TIME, "q": Q, "tau_con": 2 * U, "tau_fric": 0.1 * U, "tau_meas": U},
+        ("t", "s", "q", "rad", "tau_meas", "N m"),
+    ),
     "torque before current": (
         {"t": TIME, "q": Q, "i": U, "torque": U},
         ("t", "s", "q", "rad", "torque", "N m"),
