@@ -96,12 +96,13 @@ def repeated_rows(dataset: Dataset) -> Iterator[Finding]:
     for recording in dataset.recordings:
         step = np.diff(np.asarray(recording.angle.value), axis=0)
         same: Array = np.all(step == 0.0, axis=1)
-        # two rows on, or two back, an angle went by several of its steps: it moves
+        # before and behind equal readings an angle goes by several of its steps: it moves
         quantum = np.array([np.abs(c[c != 0]).min(initial=np.inf) for c in step.T])
         fast: Array = np.any(np.abs(step) > STEPS * quantum, axis=1)
-        near = np.zeros(len(same), dtype=bool)
-        near[1:-1] = fast[:-2] & fast[2:]
-        rows, moving = rows + int(same.sum()), moving + int((same & near).sum())
+        change = np.flatnonzero(~same)
+        held = np.diff(change) - 1
+        held = held[fast[change[:-1]] & fast[change[1:]] & (held < MOST_ROWS)]
+        rows, moving = rows + int(same.sum()), moving + int(held.sum())
         total += len(same)
     if rows < ROWS * total or not total:
         return

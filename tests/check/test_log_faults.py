@@ -76,11 +76,10 @@ def test_a_velocity_in_coarse_steps_is_named(step, named):
             )
 
 
-def test_held_samples_of_a_log_faster_than_its_sensor_are_named():
+@pytest.mark.parametrize("rows", [2, 5])
+def test_held_samples_of_a_log_faster_than_its_sensor_are_named(rows):
     def held(value):
-        out = value.copy()
-        out[1::2] = value[::2][: len(value[1::2])]
-        return out
+        return value[np.arange(len(value)) // rows * rows]
 
     for data in sets(Setup(counts=4096), COUNT, seed=4):
         found = repeated_rows(changed(data, "angle", held))
