@@ -14,6 +14,7 @@ from frictionid.files import regular_file
 
 from .robot import Joint, Limits, Robot, moved, rotation
 
+_WORLD = "world"
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _XACRO = ("{http://www.ros.org/wiki/xacro}", "{http://wiki.ros.org/xacro}")  # of its elements
 _LARGEST_FILE = 20_000_000  # bytes
@@ -54,6 +55,8 @@ def read_urdf(path: Path) -> Robot:
         joints[name] = _joint(element, name, f"{place}: joint {name!r}")
     if not links:
         raise InputError(f"{place}: the robot has no <link>; a mechanism needs links and joints")
+    if any(joint.parent == _WORLD for joint in joints.values()):
+        links.setdefault(_WORLD, np.zeros(10))  # files of Drake weld to it without naming it
     return Robot(root.get("name") or path.stem, place, links, tuple(joints.values()))
 
 
@@ -110,7 +113,7 @@ def _joint(element: ET.Element, name: str, where: str) -> Joint:
         ends["child"],
         turn,
         shift,
-        _axis(element, where),
+        _axis(element, kind, where),
         None if mimic is None else mimic.get("joint", ""),
         limits=_limits(element, kind),
     )
@@ -137,8 +140,9 @@ def _limits(element: ET.Element, kind: str) -> Limits:
     return Limits(**{name: values[name] for name in kept if name in values})
 
 
-def _axis(element: ET.Element, where: str) -> Array:
-    entry = element.find("axis")
+def _axis(element: ET.Element, kind: str, where: str) -> Array:
+    """Direction (3,) of a joint's axis; what is fixed has none, whatever its file says."""
+    entry = None if kind == "fixed" else element.find("axis")
     axis = np.array([1.0, 0.0, 0.0] if entry is None else _numbers(entry, "xyz", 3, where))
     length = np.linalg.norm(axis)
     if not length > 0:
@@ -225,8 +229,8 @@ def read_mjcf(path: Path) -> Robot:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: MuJoCo cannot read it: {reason}") from None
     mimics = _mimics(mujoco, model, str(path))
-    names = ["world", *(_name_in_mujoco(model.body(b), "body", b) for b in range(1, model.nbody))]
-    links: dict[str, Array] = {"world": np.zeros(10)}
+    names = [_WORLD, *(_name_in_mujoco(model.body(b), "body", b) for b in range(1, model.nbody))]
+    links: dict[str, Array] = {_WORLD: np.zeros(10)}
     joints: list[Joint] = []
     anchor = np.zeros((model.nbody, 3))  # of the link's frame in the body's
     for b in range(1, model.nbody):

@@ -63,6 +63,18 @@ def dynamics(mechanism, q, w):
     return mechanism.dynamics(mechanism.base({}), q, w)
 
 
+def test_what_is_fixed_needs_no_axis_and_may_be_welded_to_a_world_that_no_link_names(read):
+    """As CAD exporters and Drake write them; half a turn about z leaves gravity as it is."""
+    weld = joint("weld", "world", "base", "fixed").replace("0.3 0.2 0.1", "0 0 3.14159265358979")
+    fixed = [e.replace("0 0 1", "0 0 0") if "fixed" in e else e for e in (*ARM, weld)]
+    welded = read(text(*fixed))
+    plain = read(TEXT)
+    assert welded.joints == plain.joints
+    q, w = np.ones((2, 3))
+    for ours, theirs in zip(dynamics(welded, q, w), dynamics(plain, q, w), strict=True):
+        assert_allclose(ours, theirs, rtol=1e-9)
+
+
 def test_every_joint_that_can_move_does(read):
     arm = read(TEXT)
     assert arm.joints == ("shoulder", "elbow", "gripper")
