@@ -17,7 +17,16 @@ from frictionid.data.readers.table import Table
 from frictionid.data.signals import TORQUE_HOLD
 from frictionid.errors import InputError
 
-from .column_names import RUNS, is_measured, is_sensed, nameless, quantity_of, unit_of, words
+from .column_names import (
+    RUNS,
+    by_trust,
+    is_measured,
+    is_sensed,
+    nameless,
+    quantity_of,
+    unit_of,
+    words,
+)
 
 LEFT_OVER = "a guess, as no other column is left; "
 _RUN, _SHORTEST = 20, 5  # rows of a run at least, on average and each
@@ -219,7 +228,8 @@ def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str]
     n = len(kinds)
     free = [name for name in table.columns if name not in time.columns]
     called = [name for name in free if quantity_of(name) == "angle" and is_measured(name)]
-    columns, evidence = list(named or called), "as named"
+    trusted = [c for c in by_trust(called) if len(c) >= n]
+    columns, evidence = list(named or [*trusted, called][0]), "as named"
     if len(columns) < n and not named:
         clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
         slopes = _with_slopes(table, free, clock)
@@ -331,9 +341,9 @@ def _torque_columns(
         return ("current" if "current" in map(quantity_of, columns) else "torque"), columns
     for measured, quantity in product((True, False), ("torque", "current")):
         columns = [n for n in free if quantity_of(n) == quantity and is_measured(n) == measured]
-        for several in ([n for n in columns if is_sensed(n)], columns):
-            if len(several) >= motors:
-                return quantity, several
+        for trusted in by_trust(columns):
+            if len(trusted) >= motors:
+                return quantity, trusted
     return "torque", []
 
 

@@ -36,6 +36,7 @@ OTHERS = RUNS | frozenset(
 )
 # Said to be a sensor's.
 SENSED = frozenset("meas measured act actual sensor sensed ist".split())
+FILTERED = frozenset("filt filtered smooth smoothed".split())
 
 
 def words(name: str) -> list[str]:
@@ -105,6 +106,17 @@ def is_sensed(name: str) -> bool:
     """
     sensed = SENSED & set(words(name)) or quantity_of(name) == "current"
     return bool(sensed) and is_measured(name)
+
+
+def by_trust(names: Iterable[str]) -> tuple[list[str], ...]:
+    """Columns said to be a sensor's, those that no filter changed, and all.
+
+    >>> by_trust(["tau_con", "tau_filt", "tau_meas"])
+    (['tau_meas'], ['tau_con', 'tau_meas'], ['tau_con', 'tau_filt', 'tau_meas'])
+    """
+    everything = list(names)
+    sensed = [name for name in everything if SENSED & set(words(name))]
+    return sensed, [n for n in everything if not FILTERED & set(words(n))], everything
 
 
 # --- Columns of an IMU ----------------------------------------------------------------------------

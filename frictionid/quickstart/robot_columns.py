@@ -19,9 +19,12 @@ from frictionid.mechanics.rigid_body.robot_files import read_mjcf, read_urdf, ro
 
 from .column_guesses import check_named
 from .column_names import (
+    FILTERED,
     OTHERS,
+    SENSED,
     UNMEASURED,
     WORDS,
+    by_trust,
     imu_columns,
     is_measured,
     is_target,
@@ -38,8 +41,8 @@ _BEYOND = 1.05  # times the travel that the file allows: further, and angles are
 _DEGREES = 4 * np.pi  # of an angle without limits: joints rarely turn further
 _SAYING = {"angle": ("rad", "deg"), "torque": ("N m",)}  # units that no other quantity has
 _PLAIN = {
-    *("joint", "link", "motor", "filtered", "raw", "rad", "deg", "nm"),
-    *UNMEASURED,
+    *("joint", "link", "motor", "raw", "rad", "deg", "nm"),
+    *(UNMEASURED | SENSED | FILTERED),
     *frozenset().union(*WORDS.values()),
 }
 
@@ -126,7 +129,7 @@ def robot_columns(
     imu = imu_columns(table) if base else {}
     left = [name for name in table.columns if name not in names_of(imu)]
     by = {
-        kind: _assigned(movable, named.get(kind) or [n for n in left if _is(n, kind)])
+        kind: _trusted(movable, named.get(kind) or [n for n in left if _is(n, kind)])
         for kind in ("angle", "torque", "current", "velocity", "target")
     }
     if not by["angle"]:
@@ -198,6 +201,11 @@ def tokens(name: str) -> frozenset[str]:
     """
     numbers = {str(int(number)) for number in re.findall(r"\d+", name)}
     return frozenset(({*words(name)} - _PLAIN) | numbers)
+
+
+def _trusted(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
+    """Columns by the names of the joints, those of a sensor where they name as many as all do."""
+    return max((_assigned(joints, c) for c in by_trust(columns)), key=len)
 
 
 def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:

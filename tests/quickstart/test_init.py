@@ -203,7 +203,7 @@ NAMED = {
     ),
     "only a command": ({"t": TIME, "q": Q, "u_cmd": U}, ("t", "s", "q", "rad", "u_cmd", "N m")),
     "a sensor before others": (
-        {"t": TIME, "q": Q, "tau_con": 2 * U, "tau_fric": 0.1 * U, "tau_meas": U},
+        {"t": TIME, "q_filt": W, "q": Q, "tau_con": 2 * U, "tau_fric": 0.1 * U, "tau_meas": U},
         ("t", "s", "q", "rad", "tau_meas", "N m"),
     ),
     "torque before current": (

@@ -96,6 +96,14 @@ def same(folder, exact):
     np.testing.assert_allclose(recording.torque.value, exact[2], atol=1e-6)
 
 
+def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
+    _, q, u = exact
+    others = {f"{name}{j}": u[:, 0] for name in ("pos_filt", "tau_con", "tau_fric") for j in "123"}
+    names = [f"{name}_meas{j}" for name in ("pos", "tau") for j in "123"]
+    call({**others, **dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True))})
+    same(call.folder, exact)
+
+
 def test_degrees_of_joints_are_known_by_the_limits_of_the_file(call, exact):
     time, q, u = exact
     w = np.degrees(np.gradient(q, time, axis=0))
