@@ -253,14 +253,14 @@ def _log(recording: Recording) -> _Log:
 def _shares(dataset: Dataset, logs: list[_Log]) -> dict[tuple[str, int], float]:
     mechanism, n = dataset.mechanism, dataset.mechanism.n
     q = np.concatenate([log.q.reshape(-1, n) for log in logs])
-    unit = np.eye(len(mechanism.base_names))[:, None, :]
-    gravity = -mechanism.terms(unit, q, np.zeros_like(q)).dLdq
+    still, any_base = np.zeros_like(q), np.ones((1, len(mechanism.base_names)))
+    gravity = mechanism.partials(any_base, q, still, still).by_p
     ends = np.cumsum([log.q[..., 0].size for log in logs])[:-1]
     out = {}
-    for log, terms in zip(logs, np.split(gravity, ends, axis=1), strict=True):
+    for log, terms in zip(logs, np.split(gravity, ends), strict=True):
         for j in np.flatnonzero(mechanism.driven).tolist():
             # a controller computes from the sample before or from this one
-            share = _share(log.torque[:, j], np.split(terms[..., j].T, 2))
+            share = _share(log.torque[:, j], np.split(terms[:, j], 2))
             if share is not None:
                 out[log.name, j] = share
     return out

@@ -31,6 +31,7 @@ REVERSAL = 0.3
 # look like motion.
 ENDS = 3
 _BLOCK = 20_000  # samples whose terms are evaluated together
+_FEW = 100  # numbers of each that take little room: those of two joints
 
 
 class Rows(NamedTuple):
@@ -236,7 +237,9 @@ def balances_of(
     # an interval between two recordings has no length
     dt = np.where(np.diff(recording) == 0, step, 0.0)
     step = np.where(dt > 0, step, 1.0)
-    acts, few = mechanism.friction_map, max(_BLOCK // max(samples.q[..., 0, 0].size, 1), 1)
+    acts, nb, n = mechanism.friction_map, len(mechanism.base_names), mechanism.n
+    each = samples.q[..., 0, 0].size if parameters is not None else max(nb * n * n // _FEW, 1)
+    few = max(_BLOCK // max(each, 1), 1)
     momentum, running = [], []
     for a in range(0, len(dt), few):
         b = min(a + few, len(dt))
