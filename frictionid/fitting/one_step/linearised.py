@@ -235,10 +235,11 @@ def _weighted_squares(G: Array, slopes: Array, e: Array, weight: Array) -> tuple
     """
     K, n, P = slopes.shape
     by_joint = np.ascontiguousarray(np.swapaxes(slopes, 0, 1))  # (n, K, P)
+    by_column = np.ascontiguousarray(G.transpose(2, 1, 0))  # (n, n, K): rows are many
     onto, squares = np.einsum("kij,ki,k->jk", G, e, weight), np.zeros((n, P, n, P))
     for j in range(n):
         for i in range(j + 1):
-            pair = np.einsum("ki,ki,k->k", G[:, :, j], G[:, :, i], weight)
+            pair = np.einsum("ik,ik,k->k", by_column[j], by_column[i], weight)
             squares[j, :, i] = (by_joint[j] * pair[:, None]).T @ by_joint[i]
             squares[i, :, j] = squares[j, :, i].T
     descent = np.stack([onto[j] @ by_joint[j] for j in range(n)])
