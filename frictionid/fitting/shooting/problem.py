@@ -114,9 +114,9 @@ class ShootingProblem:
         drive = drive._replace(changes=tuple(changes))
         feedback = drive.loop and drive.loop.late
         model = self._model(estimate, plant)
-        pieces = self._pieces(estimate, replace(plant, feedback=feedback))
-        for count in np.unique(pieces[rows]):
-            alike = rows[pieces[rows] == count]
+        pieces = self._pieces(estimate, replace(plant, feedback=feedback), rows)
+        for count in np.unique(pieces):
+            alike = rows[pieces == count]
             size = len(alike) * nodes.shape[1] * (nodes.shape[1] + self.count)
             for part in np.array_split(alike, max(1, -(-size // NUMBERS))):
                 memory = memory_of(nodes[part], estimate.mechanism)
@@ -204,15 +204,15 @@ class ShootingProblem:
             return plants
         return replace(plants, temperature=self.intervals.temperature[rows])
 
-    def _pieces(self, estimate: Estimate, plant: Plant) -> Array:
-        """Pieces (K,) of each interval."""
+    def _pieces(self, estimate: Estimate, plant: Plant, rows: Array) -> Array:
+        """Pieces (k,) of some intervals."""
         longest = float(self.intervals.dt.max())
         friction, T = estimate.friction, self.intervals.temperature
         if friction.law.uses_temperature and T is not None:
             T = of_last_joints(plant.mechanism, np.stack([T.min(axis=0), T.max(axis=0)]))
             friction = friction.at_temperature(T)
         away = step_size_of(plant, friction, longest, longest=_PIECE).pieces / longest
-        return rounded_up(np.maximum(np.ceil(self.intervals.dt * away - 1e-6), 1))
+        return rounded_up(np.maximum(np.ceil(self.intervals.dt[rows] * away - 1e-6), 1))
 
     def _motor_torque(
         self, estimate: Estimate, drive: Drive, rows: Array, pieces: int

@@ -168,20 +168,19 @@ def with_windows_checked(
 
 
 def _with_windows_back(point: Point, last: Point, which: Array, move: Array) -> Point:
-    """The point with some windows as they were, but for the shared parameters' move since."""
+    """The point with some windows as they were, but for the shared parameters' move since.
+
+    Their predictions are written over: copies of all of them are gigabytes.
+    """
     new, old = point.prediction, last.prediction.take(which)
     size = old.slope.shape[-1] - len(move)
-    prediction = new._replace(
-        error=_replaced(new.error, which, old.error - old.slope[..., size:] @ move),
-        slope=_replaced(new.slope, which, old.slope),
-        moved=_replaced(new.moved, which, old.moved + old.carried[..., size:] @ move),
-        carried=_replaced(new.carried, which, old.carried),
-    )
+    new.error[which] = old.error - old.slope[..., size:] @ move
+    new.moved[which] = old.moved + old.carried[..., size:] @ move
+    new.slope[which], new.carried[which] = old.slope, old.carried
     at = point.windows[which]
     at = at[at >= 0]
     wanted = _replaced(point.prior[0], which, last.prior[0][which])
     return point._replace(
-        prediction=prediction,
         nodes=_replaced(point.nodes, at, last.nodes[at]),
         prior=np.stack([wanted, point.prior[1]]),
         gap=_replaced(point.gap, which, last.gap[which]),
