@@ -43,6 +43,17 @@ def columns(xp: Any, *entries: Array) -> Array:
     return out
 
 
+def rows_by(label: Array) -> list[Array]:
+    """Rows of each label (K,), in the order of the labels, sorted once: masks are quadratic.
+
+    >>> rows_by(np.array([7, 3, 7]))
+    [array([1]), array([0, 2])]
+    """
+    order = np.argsort(label, kind="stable")
+    first = np.unique(label[order], return_index=True)[1]
+    return np.split(order, first)[1:]
+
+
 def like(values: Any, array: Array) -> Array:
     """Values as an array of the kind and type of another one, on its device.
 

@@ -29,9 +29,9 @@ def plant_of(dataset: Dataset, parameters: Mapping[str, float] | None = None) ->
     _check_columns(dataset, mechanism)
     # most recordings have the same parameters: these are completed and checked once
     parameter_sets = [tuple(sorted(r.parameters.items())) for r in dataset.recordings]
-    different = list(dict.fromkeys(parameter_sets))
+    different = {pairs: k for k, pairs in enumerate(dict.fromkeys(parameter_sets))}
     each = [mechanism.nominal({**(parameters or {}), **dict(pairs)}) for pairs in different]
-    at = np.array([different.index(pairs) for pairs in parameter_sets])
+    at = np.array([different[pairs] for pairs in parameter_sets])
     plant = Plant.from_parameters(
         mechanism, {k: np.array([e[k] for e in each])[at] for k in mechanism.defaults}
     )

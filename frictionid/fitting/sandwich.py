@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rows_by
 
 from .gauss_newton import scaled_inverse
 from .parameters.parameter_block import Parameter, limits_of
 
 FEW = 4  # recordings: of fewer, stretches of time are the clusters
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger
+_AT_ONCE = 4_000_000  # pairs of recordings: there may be thousands
 SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
 
 
@@ -46,10 +47,10 @@ def sandwich(H: Array, groups: Groups) -> Array:
     a variance, which is divided by its excess, with fewer degrees of freedom than G - 1, so that
     it is enlarged until its 95 % interval by the t distribution with G - 1 is that with its own.
     """
-    inner = scatter(H, groups, groups.cluster)
-    count = len(np.unique(groups.cluster))
+    left = _left_out(H, groups, groups.cluster)
+    inner, count = scatter(H, groups, groups.cluster, left), len(left)
     if count > 1:
-        excess, freedom = expected(H, groups)
+        excess, freedom = expected(H, groups, left)
         wider = stdtrit(freedom, 0.975) / stdtrit(count - 1, 0.975) / np.sqrt(excess)
         inner = inner * np.outer(wider, wider)
     if _SOME <= len(np.unique(groups.recording)) < FEW:
@@ -100,20 +101,25 @@ def worth(H: Array, groups: Groups) -> float:
     return float(np.sum(sandwich(H, groups._replace(free=free)) * inner))
 
 
-def scatter(H: Array, groups: Groups, label: Array) -> Array:
+def _left_out(H: Array, groups: Groups, label: Array) -> Array:
+    """(H - H_g)^-1 (G, N, N) of the N free parameters without the groups of each label (W,)."""
+    keep = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free))
+    rests = ((H - groups.H[rows].sum(axis=0))[keep] for rows in rows_by(label))
+    return np.stack([scaled_inverse(rest, SINGULAR) for rest in rests])
+
+
+def scatter(H: Array, groups: Groups, label: Array, left: Array | None = None) -> Array:
     """Covariance of the free parameters from what the groups of each label (W,) would change in it.
 
     C = (G - 1)/G sum_g (m_g - m)(m_g - m)',  m_g = -(H - H_g)^-1 s_g,  s = g - H move per group
+
+    left : the inverses, where they are known
     """
-    keep, score = np.flatnonzero(groups.free), groups.score
-    names = np.unique(label)
-    moves = np.zeros((len(names), len(keep)))
-    for c, name in enumerate(names):
-        rows = label == name
-        rest = (H - groups.H[rows].sum(axis=0))[np.ix_(keep, keep)]
-        moves[c] = -solve_scaled(rest, score[rows].sum(axis=0)[keep])
+    left, score = _left_out(H, groups, label) if left is None else left, groups.score
+    pairs = zip(left, rows_by(label), strict=True)
+    moves = np.stack([-(each @ score[rows].sum(axis=0)[groups.free]) for each, rows in pairs])
     off = moves - moves.mean(axis=0)
-    return np.asarray((len(names) - 1) / len(names) * off.T @ off)
+    return np.asarray((len(left) - 1) / len(left) * off.T @ off)
 
 
 def shown_once(H: Array, groups: Groups) -> Array:
@@ -121,14 +127,13 @@ def shown_once(H: Array, groups: Groups) -> Array:
 
     What scatters between the clusters says nothing of these, and they would spoil the others.
     """
-    label, most = groups.cluster, SINGULAR * np.diag(H)
-    names = np.unique(label)
-    left = [np.diag(H - groups.H[label == name].sum(axis=0)) for name in names]
-    shape = (len(names), len(H))  # nothing may be free
+    most = SINGULAR * np.diag(H)
+    left = [np.diag(H - groups.H[rows].sum(axis=0)) for rows in rows_by(groups.cluster)]
+    shape = (len(left), len(H))  # nothing may be free
     return np.asarray(np.min(np.reshape(left, shape), axis=0, initial=np.inf) <= most)
 
 
-def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
+def expected(H: Array, groups: Groups, left: Array | None = None) -> tuple[Array, Array]:
     """Excess of each free parameter's variance by clusters, and its degrees of freedom.
 
     Where only noise scatters, the scores have the covariance of residuals, and the moves m_g that
@@ -136,19 +141,23 @@ def expected(H: Array, groups: Groups) -> tuple[Array, Array]:
     on average; Satterthwaite's freedom is that of their sum of squares [BellMcCaffrey2002].
 
         cov(s_g, s_h) = H_g delta_gh - H_g H^-1 H_h,   C = cov(m_g, m_h),   (tr C)^2 / tr(C C)
+
+    left : (H - H_g)^-1, where they are known
     """
-    keep, label = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free)), groups.cluster
-    parts = np.stack([groups.H[label == g].sum(axis=0)[keep] for g in np.unique(label)])
-    left = np.stack([scaled_inverse(H[keep] - part, SINGULAR) for part in parts])
+    left = _left_out(H, groups, groups.cluster) if left is None else left
+    keep = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free))
+    parts = np.stack([groups.H[rows].sum(axis=0)[keep] for rows in rows_by(groups.cluster)])
     moved, inverse, count = left @ parts, scaled_inverse(H[keep], SINGULAR), len(parts)
     trace, square = np.zeros(len(inverse)), np.zeros(len(inverse))
-    for k in range(len(inverse)):  # one (G, G) at a time: there may be thousands of recordings
-        C = -moved[:, k] @ inverse @ moved[:, k].T
-        C[np.diag_indices(count)] += (moved[:, k] * left[:, k]).sum(axis=1)
-        C -= C.mean(axis=0)
-        C -= C.mean(axis=1, keepdims=True)
-        trace[k] = np.trace(C)
-        square[k] = ((C / (trace[k] if trace[k] > 0 else 1.0)) ** 2).sum()
+    for k in range(len(inverse)):
+        A, diagonal = moved[:, k], (moved[:, k] * left[:, k]).sum(axis=1)
+        mean = (diagonal - A @ (inverse @ A.sum(axis=0))) / count
+        trace[k] = (diagonal - (A @ inverse * A).sum(axis=1) - mean).sum()
+        for rows in np.array_split(np.arange(count), -(-count * count // _AT_ONCE)):
+            C = -A[rows] @ inverse @ A.T
+            C[np.arange(len(rows)), rows] += diagonal[rows]
+            C += mean.mean() - mean - mean[rows, None]
+            square[k] += ((C / (trace[k] if trace[k] > 0 else 1.0)) ** 2).sum()
     excess = (count - 1) / count * trace / np.maximum(np.diag(inverse), 1e-300)
     # of very few the approximation errs on the large side
     freedom = np.clip(1.0 / np.maximum(square, 1e-300), (count - 1) / 3, count - 1)

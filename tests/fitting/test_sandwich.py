@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import stdtrit
 
+from frictionid.fitting import sandwich as module
 from frictionid.fitting.sandwich import (
     Groups,
     expected,
@@ -84,6 +85,14 @@ def test_the_variance_is_that_of_the_noise_on_average(largest):
         freedom.append(own)
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.06)  # 600 cases
     assert np.all(np.array(freedom) <= RECORDINGS - 1)
+
+
+def test_clusters_in_pieces_are_those_at_once(monkeypatch):
+    groups = unequal(np.random.default_rng(4), 20, [1.0, 30.0])
+    H = groups.H.sum(axis=0)
+    whole = expected(H, groups)
+    monkeypatch.setattr(module, "_AT_ONCE", 60)
+    assert_allclose(expected(H, groups), whole, rtol=1e-12)
 
 
 def test_a_parameter_of_one_recording_has_no_interval_and_spoils_no_other():

@@ -9,7 +9,7 @@ Rows that have the same weight in every fold are added up once; each fold then a
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rows_by
 from frictionid.friction import Law
 
 from .linearised import Linearised
@@ -37,12 +37,10 @@ def clusters(problem: Problem) -> Array:
     >>> len(np.unique(labels))
     21
     """
-    _, recording = np.unique(problem.recording, return_inverse=True)
-    count = int(recording.max()) + 1
-    pieces = 1 if count >= FEW else -(-_STRETCHES // count)
-    labels = np.empty(len(recording), dtype=int)
-    for i in range(count):
-        rows = np.flatnonzero(recording == i)
+    each = rows_by(problem.recording)
+    pieces = 1 if len(each) >= FEW else -(-_STRETCHES // len(each))
+    labels = np.empty(len(problem.recording), dtype=int)
+    for i, rows in enumerate(each):
         rows = rows[np.argsort(problem.time[rows], kind="stable")]
         labels[rows] = i * pieces + np.arange(len(rows)) * pieces // max(len(rows), 1)
     return labels

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr  # scipy.stats takes half a second to import
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, rows_by
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.friction.coordinates import of_parts, turns_of
@@ -318,16 +318,15 @@ def odd_recordings(solution: Solution) -> tuple[OddRecording, ...]:
     """
     smooth, intervals = ~solution.kinked, solution.problem.intervals
     owner = intervals.recording[solution.windows[smooth, 0]]
-    rows = np.unique(owner)
     residual = np.minimum(np.abs(solution.residual[smooth]) / solution.sigma, _WILD)
     share = solution.share[smooth, :, None] * np.ones_like(residual)
     sizes = np.array(
         [
             np.sqrt((residual[windows] ** 2 * share[windows]).sum() / share[windows].sum())
-            for windows in (owner == row for row in rows)
+            for windows in rows_by(owner)
         ]
     )
-    names = [intervals.dataset.recordings[int(row)].name for row in rows]
+    names = [intervals.dataset.recordings[int(row)].name for row in np.unique(owner)]
     return odd_among(sizes, names)
 
 
