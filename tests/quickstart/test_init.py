@@ -191,6 +191,10 @@ NAMED = {
         {"stamp": 1e6 * TIME, "q": Q, "tau": U},
         ("stamp", "us", "q", "rad", "tau", "N m"),
     ),
+    "as a bag of ROS": (
+        {"%time": 1.7e18 + 1e9 * TIME, "field.position0": Q, "field.effort0": U},
+        ("%time", "ns", "field.position0", "rad", "field.effort0", "N m"),
+    ),
     "by range": ({"t": TIME, "pos": 57.3 * 4 * Q, "u": U}, ("t", "s", "pos", "deg", "u", "N m")),
     "units named": (
         {"time [ms]": 1e3 * TIME, "Angle [deg]": Q, "Torque [mNm]": U},

@@ -14,7 +14,7 @@ from frictionid.errors import InputError
 
 # SI value of one unit. A prismatic joint has positions and forces in place of angles and torques.
 UNITS = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "angle": {
         "rad": 1.0,
         "mrad": 1e-3,
@@ -38,7 +38,14 @@ OWN = {"angle": {"counts": 2 * math.pi}, "velocity": {"counts/s": 2 * math.pi}}
 OWN |= {"torque": {"permille": 1e-3}, "time": {}}
 RELATIVE = {key: [*units, *(CURRENTS if key == "torque" else ())] for key, units in OWN.items()}
 SPELLINGS = {
-    "time": {"sec": "s", "seconds": "s", "milliseconds": "ms", "µs": "us", "microseconds": "us"},
+    "time": {
+        "sec": "s",
+        "seconds": "s",
+        "milliseconds": "ms",
+        "µs": "us",
+        "microseconds": "us",
+        "nanoseconds": "ns",
+    },
     "angle": {"radians": "rad", "degrees": "deg", "degree": "deg", "°": "deg", "turns": "rev"},
     "velocity": {"degrees/s": "deg/s", "°/s": "deg/s", "radians/s": "rad/s", "rev/min": "rpm"},
     "torque": {
