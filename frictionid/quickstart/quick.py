@@ -131,7 +131,7 @@ def plan_for(dataset: Dataset) -> Plan:
 _FAST = 2  # joints, above which a fit by angles takes many seconds
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
-_SHORTEST = 3.0  # [s] of a recording
+_SHORTEST, _LONG = 3.0, 5.0  # [s] of a recording: of longer ones several in part tell more
 
 
 def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
@@ -196,7 +196,7 @@ def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
     seconds = most * (sample_time or usual_interval(dataset))
     if spans.sum() <= seconds:
         return dataset, sample_time
-    count = int(np.clip(seconds / spans.mean(), min(_FEWEST, len(spans)), len(spans)))
+    count = int(np.clip(seconds / min(spans.mean(), _LONG), min(_FEWEST, len(spans)), len(spans)))
     chosen = np.unique(np.linspace(0, len(spans) - 1, count).round().astype(int))
     each = max(seconds / len(chosen), _SHORTEST)
     parts = tuple(within(dataset.recordings[i], 0.0, each) for i in chosen)
