@@ -5,7 +5,7 @@ from pathlib import Path
 from frictionid.errors import InputError
 from frictionid.files import is_shipped, regular_file, shipped
 
-TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat")
+TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat", ".npz")
 
 
 def dataset_path(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Tables of numbers: CSV, gzipped CSV, Parquet and MAT, by column, with the rows of the file."""
+"""Tables of numbers: CSV, Parquet, MAT, NumPy ..., by column, with the rows of the file."""
 
 import csv
 import io
@@ -83,15 +83,9 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     >>> read_table(b"time,q\n0.0,1.5\n0.1,\n", "a.csv", ["q"]).columns
     {'q': array([1.5, nan])}
     """
-    lower = file.lower()
-    if lower.endswith(".parquet"):
-        table = _parquet(content, file, columns)
-    elif lower.endswith(".mat"):
-        table = _mat(content, file, columns)
-    elif lower.endswith((".csv", ".csv.gz", ".xlsx")):
-        table = Table(file, *csv_columns(_csv(content, file), file, columns))
-    else:
+    if not file.lower().endswith(TABLES):
         raise InputError(f"{file}: tables end with {', '.join(TABLES)}; narrow the patterns")
+    table = _table(content, file, columns)
     if not len(table.rows):
         raise InputError(f"{file} has no rows below its header; record again or leave it out")
     return table
@@ -110,15 +104,26 @@ def numeric_table(content: bytes, file: str) -> Table:
     >>> list(numeric_table(b"t,mode,q\n0.0,hold,1.5\n", "a.csv").columns)
     ['t', 'q']
     """
-    if file.lower().endswith(".parquet"):
-        table = _parquet(content, file, None)
-    elif file.lower().endswith(".mat"):
-        table = _mat(content, file, None)
-    else:
-        table = Table(file, *csv_columns(_csv(content, file), file, None))
+    table = _table(content, file, None)
     if not len(table.rows) or not table.columns:
         raise InputError(f"{file} has no rows of numbers below its header; name another table")
     return table
+
+
+def _table(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
+    """Table of some columns, or of all that hold numbers."""
+    for end, read in ((".parquet", _parquet), (".mat", _mat), (".npz", _npz)):
+        if file.lower().endswith(end):
+            return read(content, file, columns)
+    return Table(file, *csv_columns(_csv(content, file), file, columns))
+
+
+def _check_archive(content: bytes, file: str) -> None:
+    """Check that a zip archive unpacks to no more than a recording has."""
+    with zipfile.ZipFile(io.BytesIO(content)) as parts:
+        size = sum(part.file_size for part in parts.infolist())
+    if size > most_bytes(len(content)):
+        raise InputError(f"{file} unpacks to {size / 1e6:.0f} MB: save it as CSV")
 
 
 def _csv(content: bytes, file: str) -> bytes:
@@ -130,10 +135,7 @@ def _csv(content: bytes, file: str) -> bytes:
     if not content:
         raise InputError(f"{file} is empty; record again or leave it out")
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as parts:
-            size = sum(part.file_size for part in parts.infolist())
-        if size > most_bytes(len(content)):
-            raise InputError(f"{file} unpacks to {size / 1e6:.0f} MB: save it as CSV")
+        _check_archive(content, file)
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         lines = list(book.worksheets[0].iter_rows(values_only=True))
     except InputError:
@@ -336,12 +338,39 @@ def _mat(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
     """Table of some columns, or of all that hold numbers."""
     variables = read_mat(content, file)
     names = mat_names(variables) if columns is None else columns
-    picked = {name: mat_column(variables, name, file) for name in names}
+    return _of_arrays({name: mat_column(variables, name, file) for name in names}, file)
+
+
+def _npz(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
+    """Table of some columns, or of all as long as most are; those of a matrix q are q[0], q[1]."""
+    try:
+        _check_archive(content, file)
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays = {name: np.asarray(archive[name]) for name in archive}
+    except InputError:
+        raise
+    except Exception as error:  # of zip, zlib, or the headers of arrays
+        raise InputError(f"{file} is no whole NumPy archive ({_first_line(error)})") from None
+    each: dict[str, Array] = {}
+    for name, array in arrays.items():
+        if array.dtype.kind in "fiu" and array.ndim == 1:
+            each[name] = array.astype(float)
+        elif array.dtype.kind in "fiu" and array.ndim == 2:
+            each |= {f"{name}[{i}]": column.astype(float) for i, column in enumerate(array.T)}
+    if columns is None:
+        lengths = [len(column) for column in each.values()]
+        usual = max(lengths, key=lambda length: length * lengths.count(length), default=0)
+        columns = [name for name, column in each.items() if len(column) == usual]
+    check_header(file, list(each), columns)
+    return _of_arrays({name: each[name] for name in columns}, file)
+
+
+def _of_arrays(picked: dict[str, Array], file: str) -> Table:
+    """Table of columns of one length, whose rows count from 1, as there is no header."""
     lengths = {name: len(column) for name, column in picked.items()}
     if len(set(lengths.values())) > 1:
         sizes = ", ".join(f"{name!r} {length}" for name, length in lengths.items())
         raise InputError(f"{file}: the columns differ in length ({sizes}); export them alike")
-    # MATLAB counts from 1, and there is no header.
     return Table(file, np.arange(1, next(iter(lengths.values()), 0) + 1), picked)
 
 
