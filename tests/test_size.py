@@ -11,7 +11,7 @@ from fixtures.source import docstring_of, lines_of, nodes_of, token_lines
 
 PACKAGE = ROOT / "frictionid"
 TOKENS, FILES, CLASSES, NAMES = 565_626, 389, 573, 70
-TEST_TOKENS, WORDS = 421_345, 27_970
+TEST_TOKENS, WORDS = 421_345, 27_971
 
 
 def tokens(path):
