@@ -228,8 +228,8 @@ def _angle(table: Table, kinds: Sequence[str], time: Guess, named: Sequence[str]
     n = len(kinds)
     free = [name for name in table.columns if name not in time.columns]
     called = [name for name in free if quantity_of(name) == "angle" and is_measured(name)]
-    trusted = [c for c in by_trust(called) if len(c) >= n]
-    columns, evidence = list(named or [*trusted, called][0]), "as named"
+    trusted = next((names for names in by_trust(called) if len(names) >= n), called)
+    columns, evidence = list(named or trusted), "as named"
     if len(columns) < n and not named:
         clock = table.columns[time.columns[0]] * UNITS["time"][str(time.unit)]
         slopes = _with_slopes(table, free, clock)

@@ -1,4 +1,4 @@
-"""A first verdict in about a minute: check, a few laws on held-out motion, the one that predicts.
+"""A first verdict in a minute or two: check, a few laws on held-out motion, the one that predicts.
 
 The rule is that of a comparison (`frictionid.evaluation.reference_model`), on fewer candidates:
 the simplest law whose predictions are not practically worse than those of the best one. Laws are

@@ -100,7 +100,11 @@ def test_columns_of_sensors_come_before_filtered_ones_and_commands(call, exact):
     _, q, u = exact
     others = {f"{name}{j}": u[:, 0] for name in ("pos_filt", "tau_con", "tau_fric") for j in "123"}
     names = [f"{name}_meas{j}" for name in ("pos", "tau") for j in "123"]
-    call({**others, **dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True))})
+    document, _ = call(
+        {**others, **dict(zip(names, np.concatenate([q, u], axis=1).T, strict=True))}
+    )
+    columns = document["columns"]
+    assert [*columns["angle"], *columns["torque"]] == names
     same(call.folder, exact)
 
 

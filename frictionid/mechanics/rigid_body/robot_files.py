@@ -249,7 +249,7 @@ def _without_shapes(spec: Any) -> Any:
         material.textures = [""] * len(material.textures)
     by_shapes = spec.compiler.inertiafromgeom == _ALWAYS
     for body in spec.bodies:
-        if body.name == "world" or (body.explicitinertial and not by_shapes):
+        if body.name == _WORLD or (body.explicitinertial and not by_shapes):
             for shape in [g for g in body.geoms if g.meshname or g.hfieldname]:
                 spec.delete(shape)
     used = {shape.meshname for shape in spec.geoms}

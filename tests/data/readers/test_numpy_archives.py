@@ -52,4 +52,5 @@ def test_what_is_wrong_is_said_in_a_line(content, columns, words):
 @given(damaged(archive(**LOG)) | st.binary(max_size=300))
 def test_whatever_chance_brings_is_read_or_refused(content):
     with suppress(InputError):
-        numeric_table(content, "a.npz")
+        table = numeric_table(content, "a.npz")
+        assert {column.shape for column in table.columns.values()} == {table.rows.shape}
