@@ -119,33 +119,15 @@ _PARTS = (
     Parameter("rotor", 0.0, "kg m^2", "rotor inertia on the motor side (not in the study)"),
     Parameter("gear", 18.0, "1", "gear ratio"),
     Parameter("g", 9.81, "m/s^2", "gravity"),
-)
-_PRINTED = (
     Parameter("J_shaft", 6.91e-5, "kg m^2", "supporting shaft"),
     Parameter("J_clamp", 2.24e-5, "kg m^2", "slip-ring clamp"),
     Parameter("J_bush", 3.81e-5, "kg m^2", "clamping bush"),
     Parameter("J_link1", 3.73e-4, "kg m^2", "link 1 about its centre of mass"),
     Parameter("J2", 3.39e-4, "kg m^2", "link 2 about its centre of mass"),
 )
-_SHAPES = (
-    Parameter("M_shaft", 1.38, "kg", "supporting shaft, solid cylinder"),
-    Parameter("R_shaft", 0.01, "m", "its radius"),
-    Parameter("M_clamp", 0.097, "kg", "slip-ring clamp, hollow cylinder"),
-    Parameter("R_clamp", 0.019, "m", "its outer radius"),
-    Parameter("r_clamp", 0.01, "m", "its inner radius"),
-    Parameter("M_bush", 0.26, "kg", "clamping bush, hollow cylinder"),
-    Parameter("R_bush", 0.014, "m", "its outer radius"),
-    Parameter("r_bush", 0.01, "m", "its inner radius"),
-    Parameter("H1", 0.175, "m", "height of link 1, a plate"),
-    Parameter("W1", 0.05, "m", "width of link 1"),
-    Parameter("H2", 0.185, "m", "height of link 2, a plate"),
-    Parameter("W2", 0.025, "m", "width of link 2"),
-)
 
 
 def acrobot(
-    inertias: str = "printed",
-    link2_rate: str = "absolute",
     *,
     m1: float | None = None,
     m2: float | None = None,
@@ -163,73 +145,38 @@ def acrobot(
     J_bush: float | None = None,
     J_link1: float | None = None,
     J2: float | None = None,
-    M_shaft: float | None = None,
-    R_shaft: float | None = None,
-    M_clamp: float | None = None,
-    R_clamp: float | None = None,
-    r_clamp: float | None = None,
-    M_bush: float | None = None,
-    R_bush: float | None = None,
-    r_bush: float | None = None,
-    H1: float | None = None,
-    W1: float | None = None,
-    H2: float | None = None,
-    W2: float | None = None,
 ) -> SymbolicMechanism:
     """Acrobot with the parts of [DeMeester2020].
 
-    Parameters
-    ----------
-    inertias : "printed" or "shapes"
-        Moments of inertia as printed, or by the shapes of the parts (the printed one of the bush
-        differs by 1 %).
-    link2_rate : "absolute" or "relative"
-        Link 2 turns at w1 + w2; the printed energy has the relative rate w2.
-    m1, m2, ... : float, optional
-        Values of its parameters, SI; `frictionid mechanisms acrobot` lists their meanings.
+    m1, m2, ... : values of its parameters, SI; `frictionid mechanisms acrobot` lists them
 
-    The rotor sits on link 1 and turns against its joint, at w1 - gear w2.
-
-    Raises
-    ------
-    ValueError
-        For another option.
-    InputError
-        For a parameter that is no finite number, or that the other kind of inertias has.
+    Link 2 turns at w1 + w2 (the printed energy has w2). The rotor sits on link 1 and turns against
+    its joint, at w1 - gear w2.
 
     >>> acrobot().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
     >>> acrobot(m4=0.1)
     acrobot(m4=0.1)
     """
-    arguments, usual = dict(locals()), {"inertias": "printed", "link2_rate": "absolute"}
-    return SymbolicMechanism.from_description(_acrobot(inertias, link2_rate), arguments, usual)
+    return SymbolicMechanism.from_description(_acrobot(), dict(locals()))
 
 
 @cache
-def _acrobot(inertias: str, link2_rate: str) -> Description:
-    for value, allowed in (
-        (inertias, ("printed", "shapes")),
-        (link2_rate, ("absolute", "relative")),
-    ):
-        if value not in allowed:
-            raise ValueError(f"acrobot: option {value!r} must be one of {', '.join(allowed)}")
-    parameters = _PARTS + (_PRINTED if inertias == "printed" else _SHAPES)
-    s = {p.name: sp.Symbol(p.name) for p in parameters}
-    J1, J2 = _printed(s) if inertias == "printed" else _shapes(s)
-    m1, m2, m3, m4, L1, L2, L3, L4, rotor, gear, g = (s[p.name] for p in _PARTS)
-    turn = sp.Integer(link2_rate == "absolute")
+def _acrobot() -> Description:
+    symbols = [sp.Symbol(p.name) for p in _PARTS]
+    m1, m2, m3, m4, L1, L2, L3, L4, rotor, gear, g = symbols[:11]
+    J1, J2 = sum(symbols[11:15]), symbols[15]
     bodies = (
         Body(m1, *_at(L1, 0), J1, _Q1, 0),
         Body(m2, *_at(L2, 0), 0, _Q1, 0),
-        Body(m3, *_at(L2, L3), J2, turn * _Q1 + _Q2, 1),
+        Body(m3, *_at(L2, L3), J2, _Q1 + _Q2, 1),
         Body(m4, *_at(L2, L4), 0, _Q1 + _Q2, 1),
     )
     swing = m3 * L3**2 + m4 * L4**2
     fixed = J1 + m1 * L1**2 + (m2 + m3 + m4) * L2**2
     base = (
-        Base("inertia_11", fixed + swing + turn * J2 + rotor, "kg m^2"),
-        Base("inertia_12", swing + turn * J2 - gear * rotor, "kg m^2"),
+        Base("inertia_11", fixed + swing + J2 + rotor, "kg m^2"),
+        Base("inertia_12", swing + J2 - gear * rotor, "kg m^2"),
         Base("inertia_22", swing + J2 + gear**2 * rotor, "kg m^2"),
         Base("coupling", L2 * (m3 * L3 + m4 * L4), "kg m^2"),
         Base("gravity_1", g * (m1 * L1 + (m2 + m3 + m4) * L2), "N m"),
@@ -240,24 +187,9 @@ def _acrobot(inertias: str, link2_rate: str) -> Description:
         joints=("joint 1", "joint 2"),
         q=(_Q1, _Q2),
         gravity=g,
-        parameters=parameters,
+        parameters=_PARTS,
         bodies=bodies,
         rotors=((rotor, _Q1 - gear * _Q2),),
         driven=(False, True),
         base=base,
     )
-
-
-def _printed(s: dict[str, sp.Symbol]) -> tuple[sp.Expr, sp.Expr]:
-    return s["J_shaft"] + s["J_clamp"] + s["J_bush"] + s["J_link1"], s["J2"]
-
-
-def _shapes(s: dict[str, sp.Symbol]) -> tuple[sp.Expr, sp.Expr]:
-    def hollow(part: str) -> sp.Expr:
-        return s[f"M_{part}"] * (s[f"R_{part}"] ** 2 + s[f"r_{part}"] ** 2) / 2
-
-    def plate(mass: str, link: int) -> sp.Expr:
-        return s[mass] * (s[f"H{link}"] ** 2 + s[f"W{link}"] ** 2) / 12
-
-    shaft = s["M_shaft"] * s["R_shaft"] ** 2 / 2
-    return shaft + hollow("clamp") + hollow("bush") + plate("m1", 1), plate("m3", 2)

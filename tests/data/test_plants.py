@@ -28,7 +28,7 @@ def recording(name, parameters):
 
 
 def dataset(parameters, overrides):
-    table = {"kind": "acrobot", "link2_rate": "relative", "parameters": parameters}
+    table = {"kind": "acrobot", "parameters": parameters}
     recordings = tuple(recording(f"r{i}", o) for i, o in enumerate(overrides))
     return Dataset("made up", table, recordings, {}, {}, None)
 
@@ -75,7 +75,7 @@ def test_recordings_keep_their_own_parameters_before_replacements_and_the_table(
     data = dataset({"m4": 0.084, "m3": 0.2}, [{}, {"m4": 0.0}])
     names = acrobot().base_names
     plant = plant_of(data)
-    assert plant.mechanism == acrobot(link2_rate="relative", m4=0.084, m3=0.2)
+    assert plant.mechanism == acrobot(m4=0.084, m3=0.2)
     assert plant.p.shape == (2, len(names))
     assert_array_equal(plant.parameters["m4"], [0.084, 0.0])
     assert_array_equal(plant.parameters["m3"], [0.2, 0.2])

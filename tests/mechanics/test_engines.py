@@ -16,7 +16,6 @@ from frictionid.mechanics import acrobot, double_pendulum, pendulum
 REASON = "a physics engine to compare with; the test extra installs it"
 MACHINES = {
     "acrobot": acrobot(),
-    "acrobot-shapes": acrobot(inertias="shapes"),
     "double_pendulum-11": double_pendulum(),
     "double_pendulum-10": double_pendulum((True, False)),
     "double_pendulum-01": double_pendulum((False, True)),

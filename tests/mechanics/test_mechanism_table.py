@@ -25,8 +25,6 @@ from frictionid.mechanics.symbolic import scalar_code
 
 def test_table_builds_the_mechanism_with_its_options():
     assert mechanism_of({"kind": "acrobot"}) == acrobot()
-    relative = mechanism_of({"kind": "acrobot", "link2_rate": "relative"})
-    assert relative == acrobot(link2_rate="relative")
     driven = mechanism_of({"kind": "double_pendulum", "driven": [False, True]})
     assert driven.driven == (False, True)
     assert mechanism_of({"kind": "pendulum", "driven": False}).driven == (False,)
@@ -47,11 +45,9 @@ kind = ""
     => known: 'acrobot', 'double_pendulum', 'linear_axis', 'pendulum', 'two_mass_axis'
 kind = "acrobott" => kind = 'acrobott' is unknown; did you mean 'acrobot'\?
 kind = 3 => kind = '3' is unknown
-kind = "acrobot"; inertia = "printed" => no option 'inertia'; did you mean 'inertias'
+kind = "pendulum"; motors = true => no option 'motors'; did you mean 'motor'
 kind = "pendulum"; colour = "red" => no option 'colour'; known: 'driven'
-kind = "acrobot"; inertias = "cad" => option 'cad' must be one of printed, shapes
-kind = "acrobot"; link2_rate = "" => option '' must be one of absolute, relative
-kind = "acrobot"; inertias = {J = 1} => inertias = .* a value or a list of values
+kind = "pendulum"; driven = {J = 1} => driven = .* a value or a list of values
 kind = "double_pendulum"; driven = true => driven = True must be a pair of true and
 kind = "double_pendulum"; driven = [true] => driven = \(True,\) must be a pair
 kind = "double_pendulum"; driven = ["no", "yes"] => must be a pair of true and false
