@@ -198,10 +198,9 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         ----------
         kind : str
             "rollouts", errors over the horizon; "curves", friction over velocity; "one_step",
-            losses of the folds; "complexity", errors over the effective parameters; "tradeoff",
-            errors over the loss where the truth is known;
+            losses of the folds; "tradeoff", errors over the loss where the truth is known;
             "motion", predicted over measured; "bands" and "correlation" of fits by shooting;
-            "members" of ensembles, "learning" of networks, "loops" of laws with memory.
+            "learning" of networks, "loops" of laws with memory.
         dataset : str, optional
             Where several were fitted.
 

@@ -22,7 +22,6 @@ from frictionid.evaluation import (
     Protocol,
     curves,
     initial_state_folds,
-    member_curves,
     nominal_torque_scores,
     prepare,
     prepared_for,
@@ -86,10 +85,9 @@ class Result(NamedTuple):
 
     `scores`, and `tests` by the names of the data sets, are score frames. `curves` stand at the
     velocities (V, n) of `grid`; `refined` is the result of shooting for all data. `loops` are of
-    the folds and of all data. `members` (N, V, n) are curves of the N members of an ensemble of all
-    data, none where it is no ensemble. `beyond` is what the friction of the folds and, last, of all
-    data says where no motion was recorded; None of black boxes. `torque` is measured and modelled
-    torque over time, of all data; None where none was measured.
+    the folds and of all data. `beyond` is what the friction of the folds and, last, of all data
+    says where no motion was recorded; None of black boxes. `torque` is measured and modelled torque
+    over time, of all data; None where none was measured.
     """
 
     scores: pd.DataFrame
@@ -102,7 +100,6 @@ class Result(NamedTuple):
     grid: Array
     refined: Fit | None = None
     loops: tuple[HysteresisLoop, ...] = ()
-    members: Array | None = None
     beyond: Beyond | None = None
     errors: HorizonErrors | None = None
     torque: Mapping[str, Any] | None = None
@@ -218,7 +215,7 @@ def score(
     """
     folds, overall = friction[:-1], friction[-1]
     prepared = prepared_for(shared.prepared, friction)
-    lines, members = _curves(friction, prepared.grid)
+    lines = _curves(friction, prepared.grid)
     scores, motions, errors = score_folds(folds, overall, prepared, benchmark.folds, views, lines)
     scores = _with_nominal(scores, shared.prepared, benchmark.folds)
     tests = {}
@@ -241,7 +238,6 @@ def score(
         seconds={},
         grid=prepared.grid,
         loops=_loops(friction, prepared, benchmark.protocol),
-        members=members,
         errors=errors,
         torque=torque_example(overall, shared.prepared),
         beyond=None if friction.mechanism else beyond_motion(friction, prepared.grid),
@@ -256,17 +252,10 @@ def _with_nominal(
     return score_frame([*rows, *nominal_torque_scores(prepared, folds)])
 
 
-def _curves(friction: Friction, grid: Array) -> tuple[Array, Array]:
-    """Curves (F + 1, V, n) at velocities (V, n), and those of an ensemble's members.
-
-    NaN, and none, for black boxes, which have no friction torque.
-    """
-    overall = friction[-1]
-    lines = np.concatenate([curves(friction[:-1], grid), curves(overall, grid)[None]])
-    members = member_curves(overall, grid)
-    if friction.mechanism:
-        return np.full_like(lines, np.nan), members[:0]
-    return lines, members
+def _curves(friction: Friction, grid: Array) -> Array:
+    """Curves (F + 1, V, n) at velocities (V, n); NaN for black boxes, which have no friction."""
+    lines = np.concatenate([curves(friction[:-1], grid), curves(friction[-1], grid)[None]])
+    return np.full_like(lines, np.nan) if friction.mechanism else lines
 
 
 def _loops(

@@ -291,7 +291,6 @@ def content_of(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[st
         "motions": list(result.motions),
         "seconds": dict(result.seconds),
         "refined": refined and refined.document(),
-        "members": result.members,
         "beyond": result.beyond and result.beyond._asdict(),
         "loops": [loop._asdict() for loop in result.loops],
         "errors": result.errors and _rounded(result.errors),

@@ -4,7 +4,6 @@ from .curves import (
     curve_error,
     curve_scores,
     curves,
-    member_curves,
     steady_state,
     true_calibration,
     true_friction,

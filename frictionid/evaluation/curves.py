@@ -13,7 +13,7 @@ from frictionid.data.signals import LARGEST
 from frictionid.errors import InputError
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import Ensemble, FilmLag, LuGre, Stribeck, members_of
+from frictionid.friction.laws import FilmLag, LuGre, Stribeck
 
 from .score_frame import Score
 
@@ -42,13 +42,6 @@ def curves(friction: Friction, grid: Array) -> Array:
     """Steady-state torque of each joint on its own velocity grid (V, n): (..., V, n) [N m]."""
     joints = [friction.curve(grid[:, j])[..., j] for j in range(friction.n)]
     return np.stack(joints, axis=-1)
-
-
-def member_curves(friction: Friction, grid: Array) -> Array:
-    """Curves (N, V, n) of the N members of an ensemble on the grid (V, n) [N m]; else (0, V, n)."""
-    if not isinstance(friction.law, Ensemble):
-        return np.empty((0, *grid.shape))
-    return curves(members_of(friction), grid)
 
 
 def curve_error(estimate: Array, truth: Array, grid: Array) -> Array:

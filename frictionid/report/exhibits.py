@@ -10,7 +10,7 @@ import pandas as pd
 from frictionid.files import file_names
 from frictionid.friction.provenance import Estimates
 
-from .figures.curves import curve_bands, friction_curves, spread_caption, spreads
+from .figures.curves import curve_bands, friction_curves
 from .figures.fits import correlation_caption, fit_correlation, friction_of_the_choice
 from .figures.motion import (
     example_motions,
@@ -215,10 +215,6 @@ FITTED: Mapping[str, tuple[Draw, str]] = {
         "out; dashed: loss of the true friction.",
     ),
     "curves": (friction_curves, "Friction over velocity, fitted on {dataset}, all folds."),
-    "members": (
-        spreads,
-        "Ensembles fitted on {dataset}; below, their members about the mean.{members}",
-    ),
     "learning": (
         learning_curves,
         "Learning curves on {dataset}: the loss over the epochs, each fold.",
@@ -271,7 +267,6 @@ def _words(section: Section, recipe: str | None) -> dict[str, Any]:
         "chosen": chosen.name if chosen else "",
         "beside": _beside(section, recipe),
         "error": verdict.measure.of_what[:1].upper() + verdict.measure.of_what[1:],
-        "members": spread_caption(section),
         "schemes": " and ".join(dict.fromkeys(model.scheme for model in section.shot)),
     }
 

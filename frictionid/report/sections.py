@@ -129,7 +129,6 @@ class Model:
     document, settings : the model file's content; constructor calls of identifier and recipe
     provenance : of the model, and what shooting or inverse dynamics estimated
     base : base parameters by the mechanism's parameters that the model brings, if any
-    members : (N, V, n) [N m], curves of an ensemble's members from all data, or None
     loops : friction along sinusoids, where the suite asked for it
     method : scheme of the recipe, and what corrects its data
     beyond : friction where no motion was recorded, None of black boxes
@@ -152,7 +151,6 @@ class Model:
     settings: Mapping[str, str]
     base: Mapping[str, float] = field(default_factory=dict)
     provenance: Provenance = Provenance()
-    members: Array | None = None
     loops: Sequence[HysteresisLoop] = ()
     method: Document = field(default_factory=dict)
     beyond: Beyond | None = None
@@ -364,7 +362,6 @@ def _model(number: int, task: Document, tasks: Iterable[Document], *, several: b
         settings=task["settings"],
         base=task["base"] or {},
         provenance=source,
-        members=np.asarray(task["members"], dtype=float) if task["members"] else None,
         loops=[HysteresisLoop(**loop) for loop in arrays_of(task["loops"])],
         method=task["method"],
         beyond=Beyond(**arrays_of(task["beyond"])) if task["beyond"] else None,

@@ -4,7 +4,7 @@ from .check_law import check_law
 from .cogging import Cogging
 from .combined import PerJoint, Sum
 from .curves import Spline, Table
-from .ensemble import Ensemble, members_of
+from .ensemble import Ensemble
 from .external import TorchModule
 from .levels import NoFriction
 from .library import Library

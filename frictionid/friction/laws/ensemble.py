@@ -1,4 +1,4 @@
-"""The mean of networks of one form, whose spread is a band about it [Lakshminarayanan2017]."""
+"""The mean of networks of one form [Lakshminarayanan2017]."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -86,20 +86,3 @@ def together(law: Any, thetas: Sequence[Array]) -> Friction:
         return Friction(law, thetas[0])
     ensemble = Ensemble(law, len(thetas), law.width, law.shape or Ensemble.shape)
     return Friction(ensemble, namespace(*thetas).concat(list(thetas), axis=-1))
-
-
-def members_of(friction: Friction) -> Friction:
-    """The members of an ensemble side by side: a batch axis of theta in front of all others.
-
-    Their spread is a band: where the data say little, networks with other starts differ.
-
-    >>> import numpy as np
-    >>> mean = together(MLP(), [np.array([MLP().initial[0]]) * scale for scale in (1.0, 1.2, 1.4)])
-    >>> bool((members_of(mean).curve(np.ones(1)).mean(0) == mean.curve(np.ones(1))).all())
-    True
-    """
-    law, theta = friction.law, friction.theta
-    if not isinstance(law, Ensemble):
-        return replace(friction, theta=theta[None], constraints=None)
-    members = namespace(theta).stack(_split(theta, law.members), axis=0)
-    return replace(friction, law=law.member, theta=members, constraints=None)

@@ -1,8 +1,8 @@
-"""Friction curves: folds, truth, ensembles with their members, and bands of shooting."""
+"""Friction curves: folds, truth, and bands of shooting."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,6 @@ from .style import (
     panels,
     patch,
     side_by_side,
-    unmeasured_key,
     unmeasured_patch,
     velocity_axis,
 )
@@ -140,37 +139,21 @@ def _folds(axis: Any, w: Array, curves: Array, colour: str) -> None:
     axis.plot(w, curves[-1], color=DARK, linewidth=0.7, linestyle=DOTTED, zorder=4)
 
 
-# --- A curve, and below what lies about it: bands of shooting, members of ensembles ---------------
+# --- A curve, and below it its bands by shooting --------------------------------------------------
 
 STRONG, WEAK = 0.5, 0.22  # opacity of the pointwise and the simultaneous band
 
 
 class Band(NamedTuple):
-    """Curve (V,) of a joint at velocities (V,), with half-widths (V,); or members (V, N) about it.
-
-    Of members there are no half-widths.
-    """
+    """Curve (V,) of a joint at velocities (V,), with half-widths (V,)."""
 
     velocity: Array
     curve: Array
     pointwise: Array
     simultaneous: Array
-    members: Array = np.empty((0, 0))
 
 
-class _Kind(NamedTuple):
-    """What is drawn about the curves: its words, height of its panels, and how it is read.
-
-    alike : whether the panels of all models have the same axis
-    """
-
-    about: str
-    ratio: float
-    alike: bool
-    read: Callable[[Model, DataDescription, int], Band]
-
-
-def band_of(model: Model, _data: DataDescription, joint: int) -> Band:
+def band_of(model: Model, joint: int) -> Band:
     """A joint's band."""
     assert model.refined is not None and model.refined.bands is not None
     return Band(*(part[:, joint] for part in model.refined.bands[:4]))
@@ -182,7 +165,7 @@ def curve_and_band(model: Model, data: DataDescription, joint: int) -> tuple[Arr
     By shooting, else by what leaving out each fold changes.
     """
     if model.refined is not None and model.refined.bands is not None:
-        velocity, curve, half = band_of(model, data, joint)[:3]
+        velocity, curve, half = band_of(model, joint)[:3]
         return velocity, curve, half
     curves = model.curves[..., joint]
     enough = model.role == "fitted" and len(curves) > FEWEST
@@ -190,115 +173,56 @@ def curve_and_band(model: Model, data: DataDescription, joint: int) -> tuple[Arr
     return data.velocity[:, joint], curves[-1], half
 
 
-def _members_of(model: Model, data: DataDescription, joint: int) -> Band:
-    mean = model.curves[-1][:, joint]
-    members = np.empty((0, 0, 0)) if model.members is None else model.members
-    about = (members[..., joint] - mean).T
-    return Band(data.velocity[:, joint], mean, *2 * (np.abs(about).max(axis=1),), about)
-
-
-BANDS = _Kind("fit", 1 / 1.5, False, band_of)
-MEMBERS = _Kind("mean", 1.3, True, _members_of)
-
-
 def curve_bands(section: Section, styles: Styles) -> list[Any]:
     """Pictures of fits with intervals: a column for each, its bands about it below."""
-    fits, data = section.shot, section.description
+    return [_bands_picture(section, part, styles) for part in side_by_side(section.shot)]
+
+
+def _bands_picture(section: Section, shown: Sequence[Model], styles: Styles) -> Any:
+    """Curves of the shown models and, below each, its bands, on the axes of all models."""
+    data = section.description
+    picture, axes = paired_panels(len(shown), data)
+    for joint in range(len(data.joints)):
+        bands = {model: band_of(model, joint) for model in section.shot}
+        high = 1.12 * max(_height(band, data, joint) for band in bands.values())
+        ends = {model: _near(model, band, data, joint) for model, band in bands.items()}
+        scale, prefix = prefixed(max(ends.values()))
+        axes[2 * joint + 1, 0].set_ylabel(f"about the fit\n[{prefix}{data.torque_units[joint]}]")
+        for c, model in enumerate(shown):
+            band, colour = bands[model], styles[model.label].colour
+            upper, lower = axes[2 * joint : 2 * joint + 2, c]
+            frame(upper, band.velocity, data, joint, high)
+            _fill(upper, band, colour)
+            upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
+            draw_truth(upper, data, joint)
+            frame(lower, band.velocity, data, joint, scale * ends[model])
+            halves = (scale * half for half in (band.pointwise, band.simultaneous))
+            _fill(lower, Band(band.velocity, 0.0 * band.curve, *halves), colour)
+            lower.axhline(0, color=colour, linewidth=1.2)
+            off = error_to_truth(model, data, joint)
+            if off is not None:
+                lower.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
+    label_panels(picture, axes, shown, data, styles)
     key = {
         "fit to all data": line(GREY),
         "95 % at each velocity": patch(GREY, STRONG + WEAK / 2),
         "95 % at all velocities": patch(GREY, WEAK),
         "not measured": unmeasured_patch(),
     }
-    return [_about_picture(part, fits, data, styles, BANDS, key) for part in side_by_side(fits)]
-
-
-def ensembles(section: Section) -> list[Model]:
-    """Models whose friction is the mean of several members."""
-    return [model for model in section.models if model.members is not None]
-
-
-def spread_caption(section: Section) -> str:
-    """Part of a caption on the members of ensembles; "" where there is none."""
-    sizes = {
-        m.label: f"{len(m.members)} members of {m.label}"
-        for m in ensembles(section)
-        if m.members is not None
-    }
-    return bool(sizes) * (
-        f" The {', '.join(sizes.values())} differ by their initial weights and the recordings held "
-        "out. That is no interval: how far they spread says little of how far their mean is off."
-    )
-
-
-def spreads(section: Section, styles: Styles) -> list[Any]:
-    """Pictures of ensembles: a column for each, its members about it below."""
-    models, data, pictures = ensembles(section), section.description, []
-    for part in side_by_side(models):
-        colour = styles[part[0].label].colour if len(part) == 1 else GREY
-        key = {
-            "mean, fit to all data": line(colour),
-            "each member": line(colour, linewidth=0.6, alpha=0.7),
-            **unmeasured_key(data),
-        }
-        pictures.append(_about_picture(part, models, data, styles, MEMBERS, key))
-    return pictures
-
-
-def _about_picture(
-    shown: Sequence[Model],
-    every: Sequence[Model],
-    data: DataDescription,
-    styles: Styles,
-    kind: _Kind,
-    key: Mapping[str, Any],
-) -> Any:
-    """Curves of the shown models and, below each, what lies about it, on the axes of all models."""
-    picture, axes = paired_panels(len(shown), data, kind.ratio)
-    for joint in range(len(data.joints)):
-        bands = {model: kind.read(model, data, joint) for model in every}
-        high = 1.12 * max(_height(band, data, joint) for band in bands.values())
-        ends = {model: _near(model, band, data, joint) for model, band in bands.items()}
-        scale, prefix = prefixed(max(ends.values()))
-        label = f"about the {kind.about}\n[{prefix}{data.torque_units[joint]}]"
-        axes[2 * joint + 1, 0].set_ylabel(label)
-        for c, model in enumerate(shown):
-            band, colour = bands[model], styles[model.label].colour
-            upper, lower = axes[2 * joint : 2 * joint + 2, c]
-            frame(upper, band.velocity, data, joint, high)
-            if not band.members.size:
-                _fill(upper, band, colour)
-            upper.plot(band.velocity, band.curve, color=colour, linewidth=1.2)
-            draw_truth(upper, data, joint)
-            end = max(ends.values()) if kind.alike else ends[model]
-            frame(lower, band.velocity, data, joint, scale * end)
-            if band.members.size:
-                thin = {"color": colour, "linewidth": 0.6, "alpha": 0.7}
-                lower.plot(band.velocity, scale * band.members, **thin)
-            else:
-                halves = (scale * half for half in (band.pointwise, band.simultaneous))
-                _fill(lower, Band(band.velocity, 0.0 * band.curve, *halves), colour)
-            lower.axhline(0, color=colour, linewidth=1.2)
-            off = error_to_truth(model, data, joint)
-            if off is not None:
-                lower.plot(off[0], scale * off[1], color=DARK, linewidth=1, linestyle=DASHED)
-            lower.tick_params(labelleft=c == 0 or not kind.alike)
-    label_panels(picture, axes, shown, data, styles)
     key_above(picture, {**key, **_truth_key(data)})
     return picture
 
 
 def _height(band: Band, data: DataDescription, joint: int) -> float:
-    """How high a curve reaches with what lies about it, where the joint moved."""
+    """How high a curve reaches with its band, where the joint moved."""
     inside = measured(band.velocity, data, joint)
     return most([(np.abs(band.curve) + np.nan_to_num(band.simultaneous))[inside]])
 
 
 def _near(model: Model, band: Band, data: DataDescription, joint: int) -> float:
-    """End of an axis that shows what is about a curve, and the truth if it is not far from it."""
+    """End of an axis that shows the band about a curve, and the truth if it is not far from it."""
     inside = measured(band.velocity, data, joint)
-    about = np.abs(band.members) if band.members.size else band.simultaneous[:, None]
-    parts = [about[inside].ravel()]
+    parts = [band.simultaneous[inside]]
     off = error_to_truth(model, data, joint)
     if off is not None:
         # a truth far away must not flatten the rest

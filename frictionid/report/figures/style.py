@@ -226,11 +226,11 @@ def panels(
     return picture
 
 
-def paired_panels(columns: int, data: DataDescription, ratio: float) -> tuple[Any, Any]:
-    """A figure and its axes (2 n, columns); each lower panel is so many times as tall."""
+def paired_panels(columns: int, data: DataDescription) -> tuple[Any, Any]:
+    """A figure and its axes (2 n, columns); each lower panel is two thirds as tall."""
     joints = len(data.joints)
     picture = figure(0.55 + 2.5 * joints)
-    heights = {"height_ratios": [1.0, ratio] * joints}
+    heights = {"height_ratios": [1.0, 1 / 1.5] * joints}
     axes = picture.subplots(2 * joints, columns, squeeze=False, gridspec_kw=heights)
     for c in range(columns):
         for axis in axes[::2, c]:

@@ -27,7 +27,6 @@ from frictionid.friction.laws import (
     TorchModule,
     WindowMLP,
     check_law,
-    members_of,
 )
 from frictionid.friction.model_files import load_model, save_model
 
@@ -189,9 +188,9 @@ def test_an_ensemble_is_the_mean_of_its_members_which_spread(tmp_path):
     mean = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,), members=3).fit(problem, weights, 0)
     one = CompressedNetwork(MLP((6,)), prior_deviations=(1.0,)).fit(problem, weights, 0)
     check_law(Ensemble(WindowMLP(2, hidden=(2,)), 2))
-    members = members_of(mean)
-    assert members.theta.shape[:3] == (3, 3, 1)
-    assert_array_equal(members[0].theta, one.theta)
+    thetas = np.split(mean.theta, 3, axis=-1)
+    members = Friction(mean.law.member, np.stack(thetas))
+    assert_array_equal(thetas[0], one.theta)
     w = np.linspace(-6.0, 6.0, 50)
     assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
     seen, far = (members.curve(np.array([v])).std(axis=0).max() for v in (2.0, 30.0))
