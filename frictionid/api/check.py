@@ -19,7 +19,7 @@ from frictionid.report.console import printed, printed_html
 from frictionid.report.diagnostics import PICTURES, as_json, show_verdict
 from frictionid.report.figures.style import drawn
 
-from .models import DatasetLike, dataset_of, friction_of
+from .models import DatasetLike, dataset_of
 from .notebook import counted
 
 _NONE = (float("nan"),) * 2
@@ -115,14 +115,12 @@ class Verdict:
         return as_json(self.details)
 
 
-def check(data: DatasetLike, published: Any = None) -> Verdict:
+def check(data: DatasetLike) -> Verdict:
     """Report errors in recordings, what the recordings identify, and what to record next.
 
     Parameters
     ----------
     data : Dataset, or path or name of one
-    published : Fit, Friction or path of a model file, optional
-        Somebody's model, to compare with the data.
 
     Returns
     -------
@@ -134,8 +132,7 @@ def check(data: DatasetLike, published: Any = None) -> Verdict:
     InputError
         Where the data do not fit their mechanism.
     """
-    model = None if published is None else friction_of(published)
-    return Verdict(checks.check(dataset_of(data), model))
+    return Verdict(checks.check(dataset_of(data)))
 
 
 def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> Quick:

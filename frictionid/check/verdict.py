@@ -6,9 +6,7 @@ from dataclasses import dataclass, replace
 from frictionid.arrays import Array
 from frictionid.data.clock_facts import ClockFacts, clock_of
 from frictionid.data.envelope import Reached
-from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset
-from frictionid.friction import Friction
 
 from .conventions import Scored
 from .facts import JointFacts, joints_of
@@ -19,7 +17,7 @@ from .model_errors import ModelError
 from .motion import Measured, Motion, adapted, is_blurred, motions_of
 from .passive import energy_findings, gravity_findings, gravity_shares, passive_time, rest_findings
 from .questions import Identifiable, Question, advice, identifiable, questions, still_joints
-from .regression import Compared, Estimate, Regression, compared, incompatible, regress, widened
+from .regression import Estimate, Regression, regress, widened
 from .sensors import (
     frozen_angles,
     frozen_findings,
@@ -62,7 +60,6 @@ class Verdict:
     identifiable : tuple of Identifiable
     next : tuple of str
         Recordings to make next.
-    published : Compared or None
     envelopes : tuple of Reached
         What of its torque-speed envelope each motor's measured torque reaches.
     regression : Regression
@@ -84,19 +81,12 @@ class Verdict:
     nominal: Array
     identifiable: tuple[Identifiable, ...]
     next: tuple[str, ...]
-    published: Compared | None
     envelopes: tuple[Reached, ...]
     regression: Regression
 
 
-def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
+def check(dataset: Dataset) -> Verdict:
     """Verdict on a data set, before any model is fitted.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    published : Friction, optional
-        Somebody's model, with mechanism parameters of its own, to compare with the data.
 
     Examples
     --------
@@ -113,15 +103,10 @@ def check(dataset: Dataset, published: Friction | None = None) -> Verdict:
     motions = motions_of(corrected.recordings)
     corrected, of_targets = with_late_targets(corrected, motions)
     findings = [*of_time, *findings, *of_targets, *servo_findings(corrected)]
-    return judge(corrected, motions, findings, published)
+    return judge(corrected, motions, findings)
 
 
-def judge(
-    dataset: Dataset,
-    motions: Sequence[Motion],
-    findings: Sequence[Finding] = (),
-    published: Friction | None = None,
-) -> Verdict:
+def judge(dataset: Dataset, motions: Sequence[Motion], findings: Sequence[Finding] = ()) -> Verdict:
     """Verdict on a data set without wrapped angles whose motions are known.
 
     Sensor faults, then the tests against the nominal mechanism, then least squares on what these
@@ -135,7 +120,6 @@ def judge(
     tests = untested(usable) if is_command else run_tests(usable)
     regression, estimate = _least_squares(tests)
     sources = torque_sources(dataset, commanded)
-    model = _compared(regression, estimate, published) if published else None
     motion = [m.states for m in motions]
     envelopes = tuple(torque_speeds(dataset, motion))
     unsorted = [
@@ -147,7 +131,6 @@ def judge(
         *limit_findings(dataset, motion, envelopes),
         *still_joints(tests, facts),
         *_of_tests(tests, regression, estimate, sources),
-        *(incompatible(model) if model else []),
     ]
     everything = sorted(unsorted, key=lambda f: -LEVELS.index(f.level))
     passive = passive_time(tests.measured)
@@ -170,7 +153,6 @@ def judge(
         if tests.done
         else (Identifiable("everything", False, untestable),),
         next=(*servo_advice(dataset), *advice(tests, facts, passive, estimate)),
-        published=model,
         envelopes=envelopes,
         regression=regression,
     )
@@ -221,8 +203,3 @@ def _least_squares(tests: HypothesisTests) -> tuple[Regression, Estimate]:
         means = tests.longer.means(measured.torque, tests.shift)
         estimate = widened(estimate, regress(tests.longer, means, mechanism, nominal))
     return Regression(measured, rows, torque), estimate
-
-
-def _compared(regression: Regression, estimate: Estimate, published: Friction) -> Compared:
-    parameters = plant_of(regression.measured.dataset, published.parameters).p
-    return compared(regression.rows, regression.torque, estimate, parameters, published)

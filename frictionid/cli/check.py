@@ -13,7 +13,6 @@ def check(
     dataset: DatasetPath,
     *,
     data: Path | None = None,
-    published: Path | None = None,
     json: bool = False,
     out: Path | None = None,
     replace: bool = False,
@@ -28,7 +27,6 @@ def check(
 
     Parameters
     ----------
-    published : Model file to compare with the data.
     out : Folder for pictures.
     """
     from frictionid.api.check import check as check_data
@@ -40,10 +38,8 @@ def check(
         from frictionid.outputs import check_outputs
         from frictionid.report.diagnostics import picture_paths
 
-        check_outputs(
-            picture_paths(out), (*dataset_files(dataset, data), published), replace=replace
-        )
-    verdict = check_data(load_dataset(dataset, data, trust=trust), published)
+        check_outputs(picture_paths(out), dataset_files(dataset, data), replace=replace)
+    verdict = check_data(load_dataset(dataset, data, trust=trust))
     if json:
         print(verdict.json())
     else:

@@ -101,31 +101,18 @@ def _joints(verdict: Verdict) -> Table:
     return table_of(heads, rows)
 
 
-def _published(verdict: Verdict) -> dict[str, float]:
-    """Parameters of the published model, by their names; none where there is no such model."""
-    model = verdict.published
-    return dict(zip(model.names, model.published, strict=True)) if model else {}
-
-
 def _estimate(verdict: Verdict) -> Table:
-    """Base parameters by least squares, beside nominal and published ones."""
-    published = _published(verdict)
-    heads = [
-        *text_columns("least squares"),
-        "estimate",
-        "nominal",
-        *["published"] * bool(published),
+    """Base parameters by least squares, beside nominal ones."""
+    rows = [
+        [name, _with_error(verdict, name), f"{nominal:.4g}"]
+        for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False)
     ]
-    rows = []
-    for name, nominal in zip(verdict.estimate.names, verdict.nominal, strict=False):
-        others = [nominal, *([published[name]] if published else [])]
-        rows.append([name, _with_error(verdict, name), *(f"{value:.4g}" for value in others)])
-    return table_of(heads, rows)
+    return table_of([*text_columns("least squares"), "estimate", "nominal"], rows)
 
 
 def _friction(verdict: Verdict) -> Table:
     """Friction of joints, and of parts that turn with several, by least squares."""
-    mechanism, published = _mechanism(verdict), _published(verdict)
+    mechanism = _mechanism(verdict)
     torque = either(mechanism.torque_units)
     pairs = zip(mechanism.torque_units, mechanism.position_units, strict=True)
     viscous = either([f"{force} s/{position}" for force, position in pairs])
@@ -135,9 +122,8 @@ def _friction(verdict: Verdict) -> Table:
     for part in [*(str(joint.joint) for joint in verdict.joints), *coupled]:
         rows.append([part])
         for key in (f"{name}_{part}" for name in units):
-            also = f" (published {published[key]:.3g})" if key in published else ""
             has_one = key in verdict.estimate.names  # a part of several joints has no offset
-            rows[-1].append(_with_error(verdict, key) + also if has_one else NOTHING)
+            rows[-1].append(_with_error(verdict, key) if has_one else NOTHING)
     return table_of([*text_columns("joint"), *(f"{n} [{u}]" for n, u in units.items())], rows)
 
 

@@ -27,7 +27,6 @@ from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.signals import Signal
 from frictionid.evaluation import Protocol, prepare
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.report.diagnostics import as_json, write_pictures
 from frictionid.simulate import Camera, Drive, Multisine, Rig, Run, Steps, simulate
@@ -189,16 +188,6 @@ def test_slow_recordings_without_decay_ask_for_both():
     words = " / ".join(check(one_recording(t, q, u, 0.5, 0.4)).next)
     assert "joint 1 never exceeds 0.6 rad/s: add a swing" in words
     assert "no free decay: add one of 20 s" in words
-
-
-def test_a_published_model_is_compared_with_the_data(swings):
-    dataset = drawn(swings, np.random.default_rng(8))
-    right = Friction(CoulombViscous(), np.array([[0.25, 0.02]]))
-    wrong = replace(right, parameters={"mass": 0.2, "length": 0.4})
-    kinds = [[f.kind for f in check(dataset, model).findings] for model in (right, wrong)]
-    assert kinds == [[], ["published"]]
-    text = check(dataset, wrong).findings[0].text
-    assert "incompatible" in text and "inertia 0.032 published" in text
 
 
 def test_the_clean_acrobot_is_good_and_the_other_one_is_late_with_a_rotor():

@@ -62,7 +62,6 @@ def test_each_wrong_path_is_one_line(refused):
 
 PIPES = """
 evaluate pipe acrobot_clean --out s.csv
-check acrobot_clean --published pipe
 export weights.json --to python --out f.py
 compare pipe
 check pipe
