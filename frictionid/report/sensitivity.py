@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from frictionid.comparison.results import Results
 from frictionid.comparison.search_space import Objective, text_of
 from frictionid.comparison.tuning import (
     Study,
@@ -20,11 +19,10 @@ from frictionid.comparison.tuning import (
     chosen_suite,
     own_modules,
 )
-from frictionid.errors import InputError
-from frictionid.files import file_names, json_text, read_json
+from frictionid.files import file_names, json_text
 from frictionid.outputs import replace_files
 
-from .exhibits import NamedTable, Names, Picture
+from .exhibits import NamedTable
 from .figures.studies import (
     CHANGE,
     ERROR,
@@ -38,7 +36,6 @@ from .figures.studies import (
 )
 from .figures.style import drawing, rendered
 from .numbers import NOTHING, decimals, fixed, mean_sd, short
-from .sections import Section
 from .tables import (
     Cell,
     Column,
@@ -77,12 +74,15 @@ def write_sensitivity(
     with drawing():
         for key, part in parts.items():
             stem = stems["--".join(key)]
-            table, figures = sensitivity_table(part), list(_pictures(part, stem))
+            table, lines = sensitivity_table(part), over_amounts(part)
             contents |= NamedTable(f"sensitivity--{stem}", table).files
-            for picture in figures:
-                files = rendered(picture.figure).items()
-                contents |= {f"figures/{picture.stem}.{kind}": drawn for kind, drawn in files}
-            shown.append((key, table, [picture.stem for picture in figures]))
+            figures = {f"tornado--{stem}": tornado(part)}
+            if lines is not None:
+                figures[f"amounts--{stem}"] = lines
+            for name, figure in figures.items():
+                files = rendered(figure).items()
+                contents |= {f"figures/{name}.{kind}": drawn for kind, drawn in files}
+            shown.append((key, table, list(figures)))
     context = {"studies": shown, "provenance": provenance}
     contents[PAGE] = render("sensitivity.md.j2", context).encode()
     replace_files(folder, contents, replace=replace)
@@ -108,36 +108,6 @@ def sensitivity_table(frame: pd.DataFrame) -> Table:
         "with nothing wrong."
     )
     return table_of(heads, lines, caption, f"sensitivity-{dataset}-{identifier}")
-
-
-def beside(results: Results, section: Section, names: Names) -> Iterator[Picture]:
-    """Pictures of the study of a section's data set; none where there is no study of these data."""
-    folder = results.folder.resolve()
-    study = folder.with_name(f"{folder.name}-sensitivity")
-    if not (study / FRAME).is_file():
-        return
-    try:
-        data = read_json(study / PROVENANCE).get("data", {})
-        frame = pd.read_csv(study / FRAME, dtype={"text": str})
-    except (InputError, ValueError):
-        return  # a damaged study is no reason to have no report
-    hashes = results.provenance.get("data", {}).get(section.dataset)
-    if hashes is None or data.get(section.dataset) != hashes:
-        return
-    stem = names.stems[section.dataset, section.dataset]
-    parts = {name: part for (dataset, name), part in studies(frame) if dataset == section.dataset}
-    files = file_names(parts)
-    for identifier, part in parts.items():
-        words = f"{identifier} on {section.dataset} with one thing wrong at a time"
-        yield from _pictures(part, f"{stem}--{files[identifier]}", words)
-
-
-def _pictures(frame: pd.DataFrame, stem: str, words: str = "") -> Iterator[Picture]:
-    """What each cause changes, and how it depends on the amount where there are several."""
-    yield Picture(f"tornado--{stem}", tornado(frame), f"{words}: what it changes.")
-    lines = over_amounts(frame)
-    if lines is not None:
-        yield Picture(f"amounts--{stem}", lines, f"{words}, over the amounts.")
 
 
 def write_outcome(

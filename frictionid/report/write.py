@@ -40,7 +40,6 @@ from .figures.style import Style, drawing, rendered
 from .fit_table import equation_of, horizons_of, parameter_rows
 from .memory import memory_analysis
 from .sections import Model, Section, SummaryData, rollout, sections_of
-from .sensitivity import beside
 from .shooting_results import shooting_words
 from .summary_table import MEDIANS, caption_of, summary_of, summary_table
 from .tables import (
@@ -83,9 +82,6 @@ def _contents(results: Results, jobs: int) -> dict[str, bytes]:
         for section, verdict in zip(sections, verdicts, strict=True):
             for data in section.data:
                 shown = exhibits_of(section, data, names, verdict)
-                if data.held_out:
-                    studies = beside(results, section, names)
-                    shown = shown._replace(pictures=(*shown.pictures, *studies))
                 exhibits[section.dataset, data.dataset] = shown
     contents = reduction(results)
     for table in (table for shown in exhibits.values() for table in shown.tables):

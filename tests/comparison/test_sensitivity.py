@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.tiny_pendulums import PENDULUM, QUICK, compare_into, dataset, write_suite
+from fixtures.tiny_pendulums import PENDULUM, QUICK, dataset, write_suite
 from fixtures.true_curves import plain_friction
 
 import frictionid as fid
 from frictionid.api.sensitivity import sensitivity_of_suite
-from frictionid.comparison.results import load_results
 from frictionid.comparison.sensitivity_study import training_and_test, with_and_without_inertia
 from frictionid.comparison.variations import (
     SensitivitySettings,
@@ -23,9 +22,6 @@ from frictionid.comparison.variations import (
     varied,
 )
 from frictionid.fitting.shooting import Shooting
-from frictionid.report.exhibits import names_of
-from frictionid.report.sections import sections_of
-from frictionid.report.sensitivity import beside
 from frictionid.simulate import Camera, Rig, Run, noise_free, simulate
 
 NONE = {key: [] for key in ("levels", "gain", "delay", "tilt", "noise", "rate", "recordings")}
@@ -162,23 +158,6 @@ def test_the_command_writes_a_page_and_computes_nothing_twice(studied, suite, mo
     monkeypatch.setattr("frictionid.api.sensitivity.sensitivity_of_suite", lambda *_, **__: studied)
     code, out, _ = run(*words)
     assert code == 0 and "torque delay" in out
-
-
-def test_the_page_of_a_comparison_shows_the_study_of_its_recordings(studied, suite):
-    folder = suite.parent / "report" / "small"
-    compare_into(suite, folder)
-    results = load_results(folder)
-    (section,) = sections_of(results)
-    names = names_of([section])
-    stems = [picture.stem for picture in beside(results, section, names)]
-    assert stems == [f"{kind}--tiny--coulomb_viscous" for kind in ("tornado", "amounts")]
-    provenance = studied[1].parent / "provenance.json"
-    before = provenance.read_text()
-    document = json.loads(before)
-    document["data"]["tiny"] = {"00.csv": "of other recordings"}
-    provenance.write_text(json.dumps(document))
-    assert list(beside(results, section, names)) == []
-    provenance.write_text(before)
 
 
 def test_unknown_names_end_in_one_line(suite, run):
