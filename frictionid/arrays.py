@@ -43,6 +43,15 @@ def columns(xp: Any, *entries: Array) -> Array:
     return out
 
 
+def usual_step(time: Array) -> float:
+    """Usual step between samples (T,).
+
+    >>> usual_step(np.array([0.0, 0.5, 1.0, 9.0]))
+    0.5
+    """
+    return float(np.median(np.diff(time)))
+
+
 def rows_by(label: Array) -> list[Array]:
     """Rows of each label (K,), in the order of the labels, sorted once: masks are quadratic.
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.check.conventions import (
     Scored,
     better,
@@ -291,7 +291,7 @@ def _limit(first: Scored, tests: HypothesisTests, delay: Delay | None) -> Scored
 def _sample_interval(measured: Measured) -> float:
     """Usual time [s] between two samples, of torque or angle, whichever is longer."""
     longest = [
-        max(float(np.median(np.diff(s.time))) for s in (r.torque, r.angle) if len(s.time) > 1)
+        max(usual_step(s.time) for s in (r.torque, r.angle) if len(s.time) > 1)
         for r in measured.dataset.recordings
         if len(r.angle.time) > 1
     ]

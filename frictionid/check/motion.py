@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import SignalIntegrals, integrals_of
 from frictionid.data.kalman import by_length
 from frictionid.data.outliers import Smoothed, smoothed
@@ -71,7 +71,7 @@ def _rounding(angle: Signal, averaged: Signal) -> Array:
 
 
 def _motion(recording: Recording, angle: Signal, smooth: Smoothed) -> Motion:
-    left = noise_left(smooth.rho, float(np.median(np.diff(angle.time))))
+    left = noise_left(smooth.rho, usual_step(angle.time))
     mean, left_out = smooth.mean, smooth.left_out
     scatter = (angle.value - mean[..., 0]).var(axis=0, where=~left_out)
     rounding = _rounding(recording.angle, angle)
@@ -225,7 +225,7 @@ class Measured:
 
 def _averaged(angle: Signal) -> Signal:
     """Means over neighbouring samples that are closer than FINEST, time and angle alike."""
-    count = round(FINEST / float(np.median(np.diff(angle.time))))
+    count = round(FINEST / usual_step(angle.time))
     blocks = len(angle.time) // max(count, 1)
     if count < 2 or blocks < 2:
         return angle

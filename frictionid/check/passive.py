@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import sample
@@ -245,7 +245,7 @@ def gravity_shares(dataset: Dataset) -> GravityShares:
 def _log(recording: Recording) -> _Log:
     torque = recording.torque
     keep = slice(None, None, max(len(torque.time) // _SAMPLES, 1))
-    time, dt = torque.time[keep], float(np.median(np.diff(torque.time)))
+    time, dt = torque.time[keep], usual_step(torque.time)
     q = np.stack([sample(recording.angle, time - late) for late in (0.0, dt)])
     return _Log(recording.name, torque.value[keep], q)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
 from .kalman import padded_series
@@ -114,5 +114,5 @@ def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:
     check_signal(where, motion)
     if motion.value.shape[1] != BASE_COLUMNS or motion.hold == "previous":
         raise InputError(f"{where}: it needs {BASE_COLUMNS} columns, interpolated")
-    usual = np.median(np.diff(motion.time)) + np.median(np.diff(angle.time))
+    usual = usual_step(motion.time) + usual_step(angle.time)
     check_span(f"{where}: it is", motion, angle, _LATE * usual)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.pictures import COLOURS, figure
 
 from .clock_facts import GAP, clock_of, run_edges, usual_intervals
@@ -45,7 +45,7 @@ def losses_of(time: Array) -> Losses:
 def quiet_spans(angle: Signal, slow: Array) -> Array:
     """Spans (k, 2) [s] of half a second or more in which no joint is faster than slow (n,)."""
     time, value = angle.time, angle.value
-    size = max(int(round(_WINDOW / float(np.median(np.diff(time))))), 1) + 1
+    size = max(int(round(_WINDOW / usual_step(time))), 1) + 1
     moved = maximum_filter1d(value, size, axis=0) - minimum_filter1d(value, size, axis=0)
     still = np.asarray((moved < slow * _WINDOW).all(axis=1))
     still[1:] &= np.diff(time) < _WINDOW  # a gap is no rest

@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from frictionid.arrays import usual_step
 from frictionid.programs.loops import compiled
 
 from .envelope import Envelope, of_motor
@@ -300,7 +301,7 @@ def with_steps(time: Array, steps: Array) -> Array:
     array([0.      , 0.999999, 1.      , 1.499999, 1.5     , 2.      ])
     """
     inside = steps[(steps > time[0]) & (steps <= time[-1])]
-    just = inside - max(_JUST * float(np.median(np.diff(time))), 10 * _AFTER)
+    just = inside - max(_JUST * usual_step(time), 10 * _AFTER)
     return np.unique(np.concatenate([time, just, inside]))
 
 

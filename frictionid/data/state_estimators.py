@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
 from .kalman import by_length, causal_states
@@ -164,7 +164,7 @@ def thin(states: States, sample_time: float) -> States:
     >>> thin(States(t, t[:, None], t[:, None]), 0.02).time.tolist()
     [0.0, 0.02, 0.04]
     """
-    slack = 0.25 * float(np.median(np.diff(states.time)))
+    slack = 0.25 * usual_step(states.time)
     keep = [0]
     for k, time in enumerate(states.time):
         if time >= states.time[keep[-1]] + sample_time - slack:
@@ -242,7 +242,7 @@ def _with_noise(states: States, angle: Signal, rho: Array) -> States:
     The angle noise follows from what the smoother took off, and is no less than that of rounding to
     the resolution of the angles.
     """
-    left = noise_left(rho, float(np.median(np.diff(angle.time))))
+    left = noise_left(rho, usual_step(angle.time))
     off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
     noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
     noise = np.maximum(noise, resolution(angle.value) / np.sqrt(12)) * left.velocity

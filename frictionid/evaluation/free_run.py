@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import averages
 from frictionid.data.joint_scales import joint_sizes, norm_of
 from frictionid.data.recordings import Dataset, Recording
@@ -122,7 +122,7 @@ def make_trajectory(dataset: Dataset, states: Sequence[States], begin: float = 0
 
 def _lengthened(time: Array, length: int) -> Array:
     """A clock that ticks on behind its end at its usual interval."""
-    after = np.arange(1, length - len(time) + 1) * np.median(np.diff(time))
+    after = np.arange(1, length - len(time) + 1) * usual_step(time)
     return np.concatenate([time, time[-1] + after])
 
 

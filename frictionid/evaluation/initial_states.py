@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import averages, pieces_of
 from frictionid.data.plants import on_recorded_base
@@ -200,7 +200,7 @@ def _places(
     chosen = [_indices(s.time, horizons[0], every, begin) for s in states]
     owner = np.repeat(np.arange(len(chosen)), [len(c) for c in chosen])
     index = np.concatenate(chosen)
-    usual = [float(np.median(np.diff(s.time))) if len(s.time) > 1 else 0.0 for s in states]
+    usual = [usual_step(s.time) if len(s.time) > 1 else 0.0 for s in states]
     reached = [
         _reach(states[int(r)].time, k, horizons, usual[int(r)])
         for r, k in zip(owner, index, strict=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from frictionid.arrays import usual_step
 from frictionid.config import Positive, validated
 from frictionid.data.readers.table import read_table, signal_of
 from frictionid.data.signals import Array, Signal, sample
@@ -117,7 +118,7 @@ def _played(
 
     The torque is the signal times an envelope: up within the ramp, down from `ramp_down` on.
     """
-    length = float(signal.time[-1]) + float(np.median(np.diff(signal.time)))
+    length = float(signal.time[-1]) + usual_step(signal.time)
     start = heard = time.monotonic()
     reason, ramp_down, count = "", float("inf"), 0
     while (now := time.monotonic() - start) < min(length, ramp_down) + settings.ramp:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.errors import InputError
 
 from ..base_motion import base_motion
@@ -156,7 +156,7 @@ def _servo(table: Table, toml: DatasetToml, name: str, angle: Signal) -> Servo:
         return _at_joints(quantity, columns, toml.motor) if quantity else columns
 
     goal = signal("angle" if actuator.kind == "position" else "velocity", actuator.target)
-    gaps = [float(np.median(np.diff(s.time))) for s in (goal, angle) if len(s.time) > 1]
+    gaps = [usual_step(s.time) for s in (goal, angle) if len(s.time) > 1]
     check_span(f"{table.file}: targets are", goal, angle, _GAPS * max(gaps, default=0.0))
     goal_velocity = feedforward = None
     if actuator.target_velocity:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import SignalIntegrals, window_means
 from frictionid.data.state_estimators import States
 from frictionid.mechanics import Mechanism
@@ -133,7 +133,7 @@ class Samples(NamedTuple):
         sizes = zip(self.sizes.tolist(), self.ends.tolist(), strict=True)
         for i, (count, end) in enumerate(sizes):
             time = self.time[first : first + count]
-            interval = float(np.median(np.diff(time)))
+            interval = usual_step(time)
             half = max(round(width / 2 / interval), 1)
             start = np.arange(0, count - 2 * half, half)
             start = start[(start >= end) & (start + 2 * half < count - end)]

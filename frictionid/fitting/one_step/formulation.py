@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.config import NotNegative, validated
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.recordings import Dataset
@@ -147,7 +147,7 @@ def problem_of(
 
 def _samples(seconds: float, time: Array) -> int:
     """Samples of a clock in so many seconds."""
-    return round(seconds / float(np.median(np.diff(time)))) if len(time) > 1 else 0
+    return round(seconds / usual_step(time)) if len(time) > 1 else 0
 
 
 def training_problem(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import averages
 from frictionid.data.plants import on_recorded_base
 from frictionid.data.recordings import Dataset, Recording
@@ -160,7 +160,7 @@ def _footprint(torque: Signal, at: Array, off: Array, time: Array) -> csr_array:
 
 def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -> Array:
     """Which of C candidates the balances (K,) of a recording deny, see the module."""
-    half = max(round(_BLUR / float(np.median(np.diff(time)))), 2)
+    half = max(round(_BLUR / usual_step(time)), 2)
     F, p = _blurred(footprint, half), np.convolve(left, np.full(2 * half + 1, 1.0 / (2 * half + 1)))
     p = p[half : half + len(left)]
     normal = csr_array(F.T @ F)

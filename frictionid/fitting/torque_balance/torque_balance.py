@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
 from frictionid.data.joint_scales import are_mixed
 from frictionid.data.plants import on_recorded_base, plant_of
@@ -225,7 +225,7 @@ def _slowest(balance: TorqueBalance, counts: Array) -> Array:
 
 def _counts(states: States, window: float, node_time: float) -> tuple[int, int]:
     """Samples from one node to the next, and such steps in a window."""
-    dt = float(np.median(np.diff(states.time)))
+    dt = usual_step(states.time)
     step = max(1, int(node_time / dt + 1e-9))
     return step, max(1, round(window / (step * dt)))
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, usual_step
 
 _BLOCKS = 24  # stretches of time whose scatter gives the standard errors
 _MAX_DELAY = 0.3  # [s]
@@ -87,7 +87,7 @@ def drive_response(time: Array, command: Array, measured: Array) -> DriveRespons
 
 def _fitted(record: _Record) -> Array:
     """Robust least squares for (gain, bias, delay, low, high), from the best delay of a grid."""
-    step = float(np.median(np.diff(record.time)))
+    step = usual_step(record.time)
     spread = max(float(np.ptp(record.measured)), 1e-12)
     scale = np.array([1.0, spread, step, spread, spread])
     levels = np.quantile(record.measured, [0.01, 0.99])
@@ -103,7 +103,7 @@ def _fitted(record: _Record) -> Array:
 def _best_delay(record: _Record) -> tuple[float, float, float]:
     """Gain, bias and delay [s] of the best line measured = gain command(t - delay) + bias."""
     time, measured = record.time, record.measured
-    step = float(np.median(np.diff(time)))
+    step = usual_step(time)
     longest = min(_MAX_DELAY, (time[-1] - time[0]) / 10)
     least, best = np.inf, (1.0, 0.0, 0.0)
     for delay in np.arange(-longest / 3, longest + step / 2, max(step, longest / 150)):
