@@ -99,13 +99,13 @@ class Residuals(NamedTuple):
     Numbers are less the two that a window's free initial state takes.
 
     parameters : how many the fit is worth by the scatter between clusters, `sandwich.worth`
-    clusters : number of recordings, or of stretches of few; None for both in older files
+    clusters : number of recordings, or of stretches of few
     """
 
     squares: Numbers
     counts: Numbers
-    parameters: float | None = None
-    clusters: int | None = None
+    parameters: float
+    clusters: int
 
 
 class OddRecording(NamedTuple):

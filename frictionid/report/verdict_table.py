@@ -77,17 +77,13 @@ def shooting_criteria(candidates: Sequence[Candidate]) -> Mapping[Model, tuple[f
     for candidate in candidates:
         refined = candidate.model.refined
         if refined and refined.residuals and not refined.unexplained:
-            worth = refined.residuals.parameters
-            worth = candidate.complexity if worth is None else worth
-            shot[candidate.model] = refined.residuals, worth
-    counts = [residuals.counts for residuals, _ in shot.values()]
+            shot[candidate.model] = refined.residuals
+    counts = [residuals.counts for residuals in shot.values()]
     if len(counts) < 2 or np.ptp(counts, axis=0).max() > _SAME * np.max(counts):
         return {}
     return {
-        model: information_criteria(
-            residuals.squares, residuals.counts, parameters, residuals.clusters
-        )
-        for model, (residuals, parameters) in shot.items()
+        model: information_criteria(r.squares, r.counts, r.parameters, r.clusters)
+        for model, r in shot.items()
     }
 
 
