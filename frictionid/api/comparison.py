@@ -211,19 +211,6 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         """
         return drawn(lambda: self._pictures(kind, dataset)[0].figure)
 
-    def figures(self, dataset: str | None = None) -> dict[str, Any]:
-        """All figures of the report by their names, which are those of its files."""
-        section = self._section(dataset)
-        out: dict[str, Any] = {}
-
-        def draw() -> Any:
-            pictures = [picture for kind in PLOTS for picture in self._drawn(kind, section)]
-            out.update({picture.stem: picture.figure for picture in pictures})
-            return pictures[0].figure
-
-        drawn(draw)
-        return out
-
     def _pictures(self, kind: str, dataset: str | None) -> list[Picture]:
         names = [k for k in PLOTS if k.rstrip("s") == kind.rstrip("s")]
         if not names:
