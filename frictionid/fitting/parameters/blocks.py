@@ -21,6 +21,7 @@ from .parameter_block import FREE, Estimate, Logged, Parameter, ParameterBlock, 
 MOTOR = ("kt", "R")
 _UNITS = ("N m/A", "Ohm")
 _LEAST = 0.05  # of where a motor's constant begins: it stays positive
+_FLANGE = 0.01  # of the largest inertia of any joint
 _HEAVIEST = 30.0  # of the largest inertia of a joint: a rotor, seen at the joint
 _KEPT = 0.05  # of the nominal mass matrix that is left in any direction
 
@@ -125,16 +126,22 @@ class InertiaBlock(ParameterBlock):
 def heaviest_rotors(mechanism: Mechanism) -> Array:
     """Largest plausible base parameters (nb,): a rotor outweighs its joint 30 times; others inf.
 
-    A joint that a huge rotor holds fast shows nothing any more, and a fit would not come back.
+    A joint that a huge rotor holds fast shows nothing any more, and a fit would not come back. A
+    flange alone is as good as nothing: 1 % of the machine's largest inertia counts at least.
     """
     rotors, base = {p.name for p in mechanism.parameters if p.rotor}, mechanism.nominal_base
     q, out = configurations(mechanism.n, 9), np.full(len(base), np.inf)
     inertia = np.diagonal(mechanism.inertia(base, q), axis1=-2, axis2=-1)
+    most, slides = inertia.max(axis=0), np.array([u == "m" for u in mechanism.position_units])
+    largest = np.where(
+        slides, most.max(where=slides, initial=0), most.max(where=~slides, initial=0)
+    )
+    most = _HEAVIEST * np.maximum(most, _FLANGE * largest)
     for i, name in enumerate(mechanism.base_names):
         if name in rotors:
             unit = mechanism.inertia(base + np.eye(len(base))[i], q)
             by = (np.diagonal(unit, axis1=-2, axis2=-1) - inertia).max(axis=0)
-            out[i] = np.min(_HEAVIEST * inertia.max(axis=0)[by > 0] / by[by > 0])
+            out[i] = np.min(most[by > 0] / by[by > 0])
     return out
 
 

@@ -9,6 +9,7 @@ from fixtures import driven_wrist as wrist
 from fixtures.refusals import assert_refused
 from fixtures.sines import sines
 
+import frictionid as fid
 from frictionid.arrays import times
 from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
@@ -38,7 +39,7 @@ from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings, t
 from frictionid.fitting.torque_balance.solve import TorqueProblem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad, Stribeck
-from frictionid.mechanics import double_pendulum
+from frictionid.mechanics import double_pendulum, urdf
 from frictionid.simulate import Camera, Curve, Drive, Multisine, Rig, Run, simulate, write_dataset
 from frictionid.simulate import Stribeck as TrueStribeck
 from frictionid.simulate.rig import true_system
@@ -288,3 +289,14 @@ def test_rotors_end_where_they_would_hold_a_joint_fast(tmp_path):
     arm = arm.with_values({"rotor_three": 2 * wrist.PARAMETERS["rotor_three"]})
     heavier = dict(zip(arm.base_names, heaviest_rotors(arm), strict=True))
     assert all(heavier[n] >= v for n, v in rotors.items())
+
+
+def test_the_rotor_of_a_bare_flange_is_found(tmp_path):
+    """It outweighs the links behind it a thousand times, as in wrists whose file has no rotors."""
+    arm, _, links = wrist.URDF.replace('"6"', '"60"').partition('<link name="b">')
+    flange = links.replace('"0.02"', '"1e-5"').replace('"3"', '"0.02"').replace('"2"', '"0.01"')
+    (tmp_path / "flange.urdf").write_text(f'{arm}<link name="b">{flange}', encoding="utf-8")
+    arm = urdf(tmp_path / "flange.urdf")
+    data = wrist.dataset(arm, wrist.frame(arm.with_values({"rotor_two": 0.3})))
+    base = fid.fit(data, "coulomb_viscous").calibration.base
+    assert base[arm.base_names.index("rotor_two")] == pytest.approx(0.3, rel=0.05)
