@@ -42,21 +42,21 @@ def step_size_of(
     NoFitError
         When the law is so steep that no reasonable number of substeps resolves it.
     """
-    rate = stiffness(plant, friction)
+    sliding = (
+        replace(friction, law=friction.law.sharpened()) if is_sharp(friction.law) else friction
+    )
+    away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
+    near = away if has_break_away(friction) else stiffness(plant, friction)
+    rate = max(away, near)
     if rate > _FASTEST:
         raise NoFitError(
             f"{friction.law}: a slope of {slopes(friction).max():.3g} N m s/rad slows a joint down "
             f"in {1 / rate:.1g} s and needs {np.ceil(dt * rate / _STABLE):.0f} substeps in "
             f"{dt:.3g} s: widen the law's smoothing, or check its parameters"
         )
-    sliding = (
-        replace(friction, law=friction.law.sharpened()) if is_sharp(friction.law) else friction
-    )
-    away = stiffness(plant, sliding, plant.slow_like(np.zeros(plant.parts)))
     longest = min(longest, friction.law.longest_substep)
     loop = dt * feedback_rate(plant) / _RESOLVED
     pieces = int(np.ceil(max(dt / longest, dt * away / _STABLE, loop, 1.0)))
-    near = away if has_break_away(friction) else rate
     part = dt / pieces
     return StepSize(pieces, halved(max(part / _FINE, part * near / _STABLE)))
 

@@ -11,6 +11,7 @@ from fixtures.steps import step, substeps
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
+from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import Instant, State
 from frictionid.dynamics.step import euler_step, semi_implicit_step
 from frictionid.dynamics.step_size import slopes, step_size_of, stiffness
@@ -282,7 +283,17 @@ def test_the_default_count_is_stable_where_a_third_of_it_is_not(width):
 
 
 def test_a_law_too_steep_for_any_step_is_refused():
-    absurd = Friction(CoulombViscous(width=1e-6), np.array([[50.0, 0.0], [0.1, 0.0]]))
+    absurd = Friction(CoulombViscous(), np.array([[0.1, 5e7], [0.1, 0.0]]))
     words = r"slope of [\d.e+]+ N m s/rad .* needs \d+ substeps in 0.0167 s: widen the law's"
     with assert_refused(words):
         step_size_of(CASES["double"].plant, absurd, 1 / 60)
+
+
+def test_a_steep_rise_at_rest_takes_no_more_steps_than_a_break_away():
+    """A joint is held there, however steep; the motion is that of a rise a thousand times wider."""
+    plant, theta = CASES["double"].plant, np.array([[50.0, 0.1], [0.1, 0.01]])
+    steep, wide = (Friction(CoulombViscous(width=width), theta) for width in (1e-6, 1e-3))
+    assert step_size_of(plant, steep, 1 / 60) == step_size_of(plant, wide, 1 / 60)
+    start, u = State(np.array([0.3, -0.8]), np.array([1.0, 2.0])), np.zeros((120, 2))
+    ends = [rollout(plant, f, start, u, np.full(120, 1 / 60)).q[-1] for f in (steep, wide)]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-3)
