@@ -53,7 +53,7 @@ class ColumnGuesses:
 
     signs : 1 or -1 per joint, by quantity; hold : what the torque does between two samples
     unused : names of the columns with numbers that are left over
-    missing : rows without all angles
+    missing : rows without all angles ; header : whether the tables have one
     split : column that tells runs apart, with what speaks for it; None where there is one run
     """
 
@@ -63,6 +63,7 @@ class ColumnGuesses:
     hold: str
     unused: tuple[str, ...]
     missing: int = 0
+    header: bool = True
     split: Guess | None = None
     signs: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
@@ -85,6 +86,8 @@ def guess_columns(
     driven: Sequence[bool],
     kinds: Sequence[str],
     named: Mapping[str, Sequence[str]] | None = None,
+    *,
+    kt: bool = False,
 ) -> ColumnGuesses:
     """Columns and units of a table's time, angles and torques.
 
@@ -94,6 +97,7 @@ def guess_columns(
     driven : whether each joint has a motor
     kinds : unit of each joint's angle, "rad" or "m"
     named : columns of "time", "angle" or "torque" that are known
+    kt : whether torque constants are known, so that columns whose names say nothing hold currents
 
     Raises
     ------
@@ -115,12 +119,13 @@ def guess_columns(
     split = _split(table, time.columns[0])
     taken = (*time.columns, *angle.columns, *(split.columns if split else ()))
     free = [name for name in table.columns if name not in taken]
-    torque = _torque(table, driven, kinds, free, named.get("torque"))
+    torque = _torque(table, driven, kinds, free, named.get("torque"), kt=kt)
     pushes = [name for name in torque.columns if name]
     hold = "linear" if pushes and all(_varies(table, name) for name in pushes) else TORQUE_HOLD
     unused = tuple(name for name in free if name not in pushes)
     missing = len(table.rows) - len(table.complete(angle.columns).rows)
-    return ColumnGuesses(time, angle, torque, hold, unused, missing, split)
+    header = bool(table.faults) or not all(map(str.isdecimal, table.columns))
+    return ColumnGuesses(time, angle, torque, hold, unused, missing, header, split)
 
 
 def check_named(table: Table, named: Mapping[str, Sequence[str]]) -> None:
@@ -309,6 +314,8 @@ def _torque(
     kinds: Sequence[str],
     free: Sequence[str],
     named: Sequence[str] | None,
+    *,
+    kt: bool,
 ) -> Guess:
     motors = sum(driven)
     if not motors:
@@ -324,6 +331,8 @@ def _torque(
     if len(columns) < motors:
         fault = f"{len(columns)} columns look like torques or currents, for {motors} motors"
         raise _unknown(table, "torque", fault)
+    silent = not any(quantity_of(name) or unit_of(name, "torque") for name in columns)
+    quantity = "current" if kt and silent else quantity
     each = iter(columns)
     chosen = tuple(next(each) if motor else "" for motor in driven)
     unit, reason = _by_kind(
@@ -353,7 +362,8 @@ def _torque_unit(table: Table, names: Sequence[str], quantity: str, kind: str) -
     command = "" if all(map(is_measured, names)) else "a command, no measurement; "
     reason = f"the name says {unit}"
     if not unit and quantity == "current":
-        unit, reason = "mA" if top > _AMPERES else "A", "named like a current"
+        unit = "mA" if top > _AMPERES else "A"
+        reason = "named like a current" if quantity_of(names[0]) else "a current, as it has a kt"
     elif not unit:
         unit = _TORQUE[kind]
         reason = f"no unit in the name, taken as {unit}"

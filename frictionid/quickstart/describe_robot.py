@@ -188,7 +188,8 @@ def _guesses(
     if columns.torque:
         named["torque"] = columns.torque
     driven = [bool(columns.torque)] * machine.n
-    guesses = guess_columns(tables.first, driven, machine.position_units, named)
+    kt = facts.kt is not None
+    guesses = guess_columns(tables.first, driven, machine.position_units, named, kt=kt)
     if columns.guessed:
         guess = guesses.torque
         guesses = replace(guesses, torque=guess._replace(evidence=LEFT_OVER + guess.evidence))

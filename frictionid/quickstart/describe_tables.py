@@ -121,7 +121,8 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> 
     """
     machine = mechanism_of(mechanism)
     driven = [False] * machine.n if targets_in(tables.first, facts, machine.n) else machine.driven
-    return guess_columns(tables.first, driven, machine.position_units, facts.columns)
+    kt = facts.kt is not None
+    return guess_columns(tables.first, driven, machine.position_units, facts.columns, kt=kt)
 
 
 def _is_passive(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> bool:

@@ -101,7 +101,7 @@ def table(*rows):
 
 
 ROWS = r"""
-0,1,2,3 / 1,1,2 => row 3: 3 cells under 4 column names
+0,1,2,3 / 1,1,2 => row 3: 3 cells where the first line has 4
 0,1,"2,3 / 1,1,2,3" / 2,1,2,3 => row 2: a quote is left open
 0,1,2,3 / 1,1,2,"3 => no CSV text.*unexpected end
 0,1,2,3 / 1,1,abc,3 => row 3: column 'q2' holds 'abc', which is no number

@@ -91,6 +91,19 @@ def test_columns_of_structures_in_mat_files_are_recognised(call, tmp_path):
     same_motion(tmp_path / "arm")
 
 
+@pytest.mark.parametrize("separator", [",", ";", "  "])
+def test_tables_without_a_header_have_counted_columns(call, tmp_path, separator):
+    for file in (tmp_path / "arm").iterdir():
+        lines = pd.read_csv(file).drop(columns="state").astype(str).to_numpy().tolist()
+        file.write_text("".join(f"{separator.join(line)}{separator.strip()}\n" for line in lines))
+    code, out, err = call(f"init arm {INIT} {MOTOR} --angle 2 --torque 4")
+    assert (code, err) == (0, "")
+    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    assert document["columns"] == {"header": False, "time": "1", "angle": "2", "torque": "4"}
+    assert document["units"]["torque"] == "A"  # as it has a torque constant
+    same_motion(tmp_path / "arm")
+
+
 def test_signs_that_contradict_the_motion_are_turned_and_said(call, tmp_path):
     assert call(f"init turned {INIT} {MOTOR}")[0] == 0
     text = (tmp_path / "turned" / "dataset.toml").read_text()
@@ -135,7 +148,7 @@ arm/run1.csv single/run1.csv INIT => lie in 2 folders
 . INIT                       => \. has no table that ends with \.csv
 words INIT                   => run1.csv, row 3: column 'pos_deg' holds 'lost', which is no
 repeated INIT --torque u     => run1.csv, row 3: .* .66 such rows: 3
-nameless INIT                => run1.csv: the first line holds numbers; write a line above
+nameless INIT                => run1.csv: 0 columns look like angles, .* there are '1' \(0 to 10\)
 """
 
 

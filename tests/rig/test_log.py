@@ -164,7 +164,7 @@ def test_a_full_disk_is_reported_with_the_rows_that_are_safe():
 DAMAGES = """
 host,time / 1,2 / 3,x => row 3: column 'time' holds 'x'
 host,time / 1,2 / 3,  => row 3: 'time' is empty
-host,time / 1,2 / 3   => row 3: 1 cells under 2 column names
+host,time / 1,2 / 3   => row 3: 1 cells where the first line has 2
 host,time             => has no rows
 host,u2 / 0,1         => no column 'time'
 """

@@ -8,6 +8,7 @@ from codecs import BOM_UTF16_LE
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,27 +26,28 @@ _ODD = (b'"', b"_", b"\r", b"\n\n")
 
 
 def csv_columns(
-    content: bytes, file: str, columns: Sequence[str] | None
+    content: bytes, file: str, columns: Sequence[str] | None, *, header: bool = True
 ) -> tuple[NDArray[np.int64], dict[str, Array], dict[str, str]]:
     """Numbers (R,) of the rows of a CSV text, and columns (R,): some, or all that hold numbers.
 
     Of columns that are left out, the third part says what they hold in place of a number. It is
     read row by row: a wrong row is refused before the next is read. Long texts of nothing but
-    numbers are read at once, in a fifth of the time.
+    numbers are read at once, in a fifth of the time. Without a header, columns are called "1",
+    "2", ...; where all are asked for, a first line of numbers is none.
     """
     content = _in_utf8(content)
     lines = _csv_lines(content, file)
-    _, header = next(lines)
-    names = header if columns is None else columns
-    check_header(file, header, names)
-    if columns is None and all(map(_is_number, header)):
-        raise InputError(
-            f"{file}: the first line holds numbers; write a line above it with the columns' names"
-        )
-    places = {name: header.index(name) for name in names}
-    if (numbers := _numbers_alone(content, len(header))) is not None:
+    row, head = next(lines)
+    if columns is None and any(head):
+        header = not all(map(_is_number, filter(None, head)))
+    if not header:
+        lines, head = chain([(row, head)], lines), [str(k + 1) for k in range(len(head))]
+    names = head if columns is None else columns
+    check_header(file, head, names)
+    places = {name: head.index(name) for name in names}
+    if (numbers := _numbers_alone(content, len(head), header=header)) is not None:
         whole = {name: numbers[:, at].copy() for name, at in places.items()}
-        return np.arange(2, len(numbers) + 2, dtype=np.int64), whole, {}
+        return np.arange(len(numbers), dtype=np.int64) + 1 + header, whole, {}
     rows, cells = array("q"), {name: array("d") for name in places}
     faults = {}
     for row, line in lines:
@@ -85,18 +87,20 @@ def _is_utf8(text: bytes) -> bool:
     return False
 
 
-def _numbers_alone(content: bytes, cells: int) -> Array | None:
+def _numbers_alone(content: bytes, cells: int, *, header: bool) -> Array | None:
     """All numbers (R, cells) of a long CSV text, or None where a row needs a closer look.
 
     That is where a cell is empty, quoted or no number, a line is blank, or rows differ in length.
     """
     names = content.partition(b"\n")[0]
-    odd = any(content.find(mark, len(names)) >= 0 for mark in _ODD)
+    odd = any(content.find(mark, header * len(names)) >= 0 for mark in _ODD)
     if len(content) < _LONG or not content.isascii() or odd:
         return None
     try:
         text, separator = io.StringIO(content.decode()), separator_of(names.decode())
-        numbers = np.loadtxt(text, delimiter=separator, comments=None, skiprows=1, ndmin=2)
+        numbers = np.loadtxt(
+            text, delimiter=separator, comments=None, skiprows=int(header), ndmin=2
+        )
     except ValueError:
         return None
     return numbers if numbers.shape[1] == cells else None
@@ -110,11 +114,15 @@ def _csv_lines(content: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
     try:
         separator = separator_of(head.decode("utf-8-sig"))
         text = io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", newline="")
-        reader = csv.reader(text, strict=True, delimiter=separator)
+        blank = separator == " "  # several separate cells as one does, and may end a line
+        reader = csv.reader(text, strict=True, delimiter=separator, skipinitialspace=blank)
         header = [cell.strip() for cell in next(reader, [])]
+        header = header[:-1] if blank and not header[-1] else header
         yield reader.line_num, header
         expected = reader.line_num
         for cells in reader:
+            if blank and cells and not cells[-1]:
+                cells.pop()
             expected += 1  # a blank line is no row, but it counts where rows are named
             _check_row(file, header, cells, (expected, reader.line_num))
             if cells:
@@ -166,7 +174,7 @@ def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[in
         raise InputError(f"{file}, row {expected}: a quote is left open; delete it")
     if cells and len(cells) != len(header):
         raise InputError(
-            f"{file}, row {row}: {len(cells)} cells under {len(header)} column names; "
+            f"{file}, row {row}: {len(cells)} cells where the first line has {len(header)}; "
             "repair or delete the row (decimal commas need semicolons between the cells; "
             f"lines above the names need {_RECORDER})"
         )
@@ -178,9 +186,12 @@ def _number(cell: str, row: int, name: str, file: str) -> float:
     try:
         return number(text) if text else np.nan
     except ValueError:
+        if row == 1:
+            wanted = "a table with a header needs header = true"
+        else:
+            wanted = 'write a number; of angles it may be empty, with missing = "drop" in [columns]'
         raise InputError(
-            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; "
-            'write a number; of angles it may be empty, with missing = "drop" in [columns]'
+            f"{file}, row {row}: column {name!r} holds {text[:40]!r}, which is no number; {wanted}"
         ) from None
 
 

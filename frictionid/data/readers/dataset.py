@@ -24,7 +24,7 @@ from .dataset_path import dataset_path
 from .dataset_toml import DatasetToml, check_dataset_toml
 from .formats import READERS, part_of
 from .public_collections import cached, check_file, download_hint, is_cached
-from .table import read_headerless, read_table, table_name
+from .table import read_table, table_name
 from .table_recording import recorded
 
 # From a file and the settings in [reader] to a recording in SI units.
@@ -261,8 +261,7 @@ def _from_tables(content: bytes, folder: Path, name: str, toml: DatasetToml) -> 
     if toml.reader is None:
         split = toml.recordings.split
         names = asked.names() if split is None else list(dict.fromkeys([*asked.names(), split]))
-        read = read_table if asked.header else read_headerless
-        tables = toml.runs(read(content, file, names))
+        tables = toml.runs(read_table(content, file, names, header=asked.header))
     else:
         read_tables = part_of(toml.reader.kind, "tables")
         tables = read_tables(content, file, toml.reader.settings, asked)

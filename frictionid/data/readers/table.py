@@ -63,15 +63,17 @@ class Table(NamedTuple):
         return [self.taken(part) for part in np.split(np.arange(len(self.rows)), begins)]
 
 
-def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
+def read_table(content: bytes, file: str, columns: Sequence[str], *, header: bool = True) -> Table:
     r"""Table with the asked columns of a file's content.
 
     Parameters
     ----------
     content : bytes
     file : str
-        Name of the file: its ending is the format; errors name it.
+        Name of the file: its ending is the format, of texts without a header any; errors name it.
     columns : sequence of str
+    header : bool
+        Whether a text has a line with the columns' names; else they are "1", "2", ...
 
     Raises
     ------
@@ -82,10 +84,12 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
     --------
     >>> read_table(b"time,q\n0.0,1.5\n0.1,\n", "a.csv", ["q"]).columns
     {'q': array([1.5, nan])}
+    >>> read_table(b"1,2,3\n4,,6\n", "a.csv", ["3", "2"], header=False).columns
+    {'3': array([3., 6.]), '2': array([ 2., nan])}
     """
-    if not file.lower().endswith(TABLES):
+    if header and not file.lower().endswith(TABLES):
         raise InputError(f"{file}: tables end with {', '.join(TABLES)}; narrow the patterns")
-    table = _table(content, file, columns)
+    table = _table(content, file, columns, header=header)
     if not len(table.rows):
         raise InputError(f"{file} has no rows below its header; record again or leave it out")
     return table
@@ -93,6 +97,8 @@ def read_table(content: bytes, file: str, columns: Sequence[str]) -> Table:
 
 def numeric_table(content: bytes, file: str) -> Table:
     r"""Table with all columns of a file that hold numbers, in its order.
+
+    Where the first line of a text holds numbers, it is row 1, and the columns are "1", "2", ...
 
     Raises
     ------
@@ -110,12 +116,14 @@ def numeric_table(content: bytes, file: str) -> Table:
     return table
 
 
-def _table(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
+def _table(
+    content: bytes, file: str, columns: Sequence[str] | None, *, header: bool = True
+) -> Table:
     """Table of some columns, or of all that hold numbers."""
     for end, read in ((".parquet", _parquet), (".mat", _mat), (".npz", _npz)):
         if file.lower().endswith(end):
             return read(content, file, columns)
-    return Table(file, *csv_columns(_csv(content, file), file, columns))
+    return Table(file, *csv_columns(_csv(content, file), file, columns, header=header))
 
 
 def _check_archive(content: bytes, file: str) -> None:
@@ -161,58 +169,6 @@ def table_name(file: str) -> str:
         if file.lower().endswith(suffix):
             return file[: -len(suffix)]
     return file
-
-
-def read_headerless(content: bytes, file: str, columns: Sequence[str]) -> Table:
-    r"""Table with some columns of a text without a header, plain or gzipped.
-
-    Parameters
-    ----------
-    content : bytes
-    file : str
-        Name of the file, for errors; gzipped where it ends with ".gz".
-    columns : sequence of str
-        Numbers of columns, from "1"; commas or blanks separate the cells.
-
-    Raises
-    ------
-    InputError
-        Where the text is no such table, or a cell is no number. An empty cell is nan.
-
-    Examples
-    --------
-    >>> read_headerless(b"1,2,3\n4,,6\n", "a.csv", ["3", "2"]).columns
-    {'3': array([3., 6.]), '2': array([ 2., nan])}
-    """
-    try:
-        text = unzip(content, file).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file} is no text in UTF-8 ({error}); export it again") from None
-    lines = [(row, line) for row, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not lines:
-        raise InputError(f"{file} has no rows; record again or leave it out")
-    separator = "," if "," in lines[0][1] else None
-    width = len(lines[0][1].split(separator))
-    for name in columns:
-        if not (name.isdecimal() and 1 <= int(name) <= width):
-            raise InputError(f"{file} has no column {name!r}; it has 1 to {width}")
-    numbers = np.array([_cells(line.split(separator), width, file, row) for row, line in lines])
-    picked = {name: numbers[:, int(name) - 1] for name in columns}
-    return Table(file, np.array([row for row, _ in lines]), picked)
-
-
-def _cells(cells: list[str], width: int, file: str, row: int) -> list[float]:
-    if len(cells) != width:
-        raise InputError(
-            f"{file}, row {row}: {len(cells)} cells where the first row has {width}; "
-            "repair or delete the row"
-        )
-    try:
-        return [float(cell) if cell.strip() else np.nan for cell in cells]
-    except ValueError as error:
-        raise InputError(
-            f"{file}, row {row}: {str(error)[:80]}; a table with a header needs header = true"
-        ) from None
 
 
 def signal_of(

@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
-from frictionid.data.readers.table import read_headerless
+from frictionid.data.readers.table import read_table
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
@@ -80,7 +80,7 @@ y = ["y0", "y1"] => x names 3 columns and y 2
 x = ["x0", "x1", "y0"] => name a column twice
 x = ["x0"]; y = ["y0"] => \\[reader\\]: x: .*at least 2
 x = ["x0", "x1", "x9"] => has no column 'x9'
-header = false => has no column 'x0'; it has 1 to 7
+header = false => has no column 'x0'; it has '1', '2'
 pivot = "flying" => 'moving' or 'fixed', not 'flying'
 """
 
@@ -183,7 +183,7 @@ def test_a_wrong_name_of_a_mat_column_is_one_clear_line(tmp_path, wrong, words):
 
 BARE = {"x": ["2", "4", "6"], "y": ["1", "3", "5"], "header": False, "rate": 400.0}
 TABLES = """
-1,2,3,4,5,6 / 1,2 => row 2: 2 cells where the first row has 6
+1,2,3,4,5,6 / 1,2 => row 2: 2 cells where the first line has 6
 a,b,c,d,e,f => row 1: .*header = true
 1,2,3,4,5,6 / 2,3,4,,6,7 => row 2: '4' is empty or nan
 1,2,3,4,5,6 / 1,2,1,2,5,6 => row 2: two neighbouring markers coincide
@@ -197,7 +197,7 @@ def test_a_damaged_table_of_markers_is_one_clear_line(tmp_path, wrong, words):
     assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
 
-@pytest.mark.parametrize(("content", "words"), [(b"", "has no rows"), (b"\xff\xfe", "is no text")])
+@pytest.mark.parametrize(("content", "words"), [(b"", "is empty"), (b"\x81", "is no CSV text")])
 def test_what_is_no_table_of_markers_is_refused(tmp_path, content, words):
     assert_file_refused(read_markers, tmp_path / "0.csv", content, BARE, words)
 
@@ -247,7 +247,7 @@ def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
 )
 def test_junk_without_a_header_ends_in_one_line(content):
     with suppress(InputError):
-        table = read_headerless(content, "a.csv", ["1"])
+        table = read_table(content, "a.csv", ["1"], header=False)
         assert len(table.rows) == len(table.columns["1"])
 
 

@@ -20,7 +20,7 @@ BOMBS = {  # how a file begins, what is repeated and how often, and what is said
     "nothing": (b"", b"\0", 300_000_000, "unpack to over"),
     "blank lines": (HEAD, b"\n", 300_000_000, "unpack to over"),
     "wide header": (b"", b"a,", 10_000_000, "its first line is longer"),
-    "wide row": (HEAD, b",", 30_000_000, "cells under 2 column names|is no CSV"),
+    "wide row": (HEAD, b",", 30_000_000, "cells where the first line has 2|is no CSV"),
     "long cell": (HEAD, b"1", 30_000_000, "is no CSV text|which is no number"),
 }
 READ_ALL = """

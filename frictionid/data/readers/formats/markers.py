@@ -16,7 +16,7 @@ from ...marker_geometry import hold_pivot, link_angles, link_lengths, mirror, tu
 from ...recordings import Recording
 from ...signals import Array, Signal
 from ..column_toml import UNITS, Column
-from ..table import Table, read_headerless, read_table, signal_of, table_name
+from ..table import Table, read_table, signal_of, table_name
 
 FRAME = "time of the frame"
 
@@ -70,8 +70,7 @@ def read(path: Path, settings: Mapping[str, Any]) -> Recording:
 def _table(path: Path, settings: MarkerSettings) -> Table:
     """The table, with a column of times where it has only a rate."""
     names = [*settings.x, *settings.y, *([] if settings.time is None else [settings.time])]
-    read = read_table if settings.header else read_headerless
-    table = read(read_bytes(path), str(path), names)
+    table = read_table(read_bytes(path), str(path), names, header=settings.header)
     if settings.rate is None:
         return table
     return table._replace(
