@@ -307,7 +307,8 @@ def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
         if use.sum() < 10:
             continue
         terms = np.stack([inertia[use, j], gravity[use, j], torque[use, j]])
-        matters[j] = (terms[:2] ** 2).sum() >= MATTERS**2 * (terms[2] ** 2).sum()
+        varying = terms.var(axis=1)  # friction's offset takes what is constant
+        matters[j] = varying[:2].sum() >= MATTERS**2 * varying[2]
         target = terms[2] - terms[0] - terms[1]
         left = _residual_squares(rows.shapes(j)[use], target)
         out[j] = np.log(left / max((terms**2).sum(), 1e-300) + FLOOR**2)

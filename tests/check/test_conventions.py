@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures import driven_wrist as wrist
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.true_curves import plain_friction
@@ -153,3 +154,13 @@ def test_recordings_in_two_units_of_angle_are_told_apart(acrobot):
     texts = _of_recordings(verdict)
     assert len(texts) == len(data.recordings) - 1
     assert all("angles are in rad, not degrees" in text for text in texts)
+
+
+@pytest.mark.parametrize("factor", [3.0, 6.0, 20.0])
+def test_a_constant_load_of_an_arm_is_no_sign_of_degrees(tmp_path, factor):
+    """In degrees an arm would hardly move, and an offset would be all its gravity."""
+    arm = wrist.mechanism(tmp_path)
+    table = wrist.frame(arm)
+    table[wrist.COLUMNS[1]] /= factor  # currents, whose constant nobody gave
+    kinds = {finding.kind for finding in check(wrist.dataset(arm, table)).findings}
+    assert kinds & {"gain", "nominal_mechanism"} and "degrees" not in kinds
