@@ -1,8 +1,9 @@
 """Parameters of a law that the data do not tell: they stay at the law's neutral values.
 
 A parameter is not identified where its standard error between recordings exceeds half of its usual
-size, and its interval holds the neutral value. It is held there, and the others are fitted on, as
-long as that does not make the fit clearly worse: the deviance counts samples as independent, and is
+size, and its interval holds the neutral value; one of friction also where it is ten sizes off. It
+is held there, and the others are fitted on, as long as that does not make the fit clearly worse:
+the deviance counts samples as independent, and is
 divided by the ratio of the parameter's variance between recordings to that by the curvature
 [Ribatet2012].
 """
@@ -36,6 +37,7 @@ from .sandwich import Groups, solve_scaled
 F = TypeVar("F")
 S = TypeVar("S", "tuple[Unknown, ...]", Array)
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
+_FAR = 10.0  # sizes from neutral, which is hardly plausible
 _BLIND = 1e-13  # of the largest information
 _DAMPING = 1e-8  # of unit diagonals
 _ROUNDING = 1e-9  # of a size
@@ -98,7 +100,8 @@ def least_known(
         if p.key in tried or (covariance.bound[k] and not blind[k]):
             continue
         error, off = float(covariance.error[k]), abs(float(covariance.values[k]) - neutral)
-        if off == 0.0 or error <= max(KNOWN * size, off / 2.0):
+        plausible = p.block != "friction" or off <= _FAR * size
+        if off == 0.0 or (plausible and error <= max(KNOWN * size, off / 2.0)):
             continue
         excess = max(float(ratio[k]) if np.isfinite(ratio[k]) else usual, 1.0)
         if worst is None or error / size > worst[0]:

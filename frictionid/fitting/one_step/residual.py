@@ -47,6 +47,7 @@ from ..gauss_newton import MAD
 GAP = 5.0
 _RESTING = 0.02  # of the speeds in a recording: a joint that is slower may be at rest
 _BLIND = 1e-9  # of the best seen combination of joints
+_HARDLY = 0.03  # of the largest load of a joint: by less, no coefficient shows
 _SLOWEST = 0.01  # of the fastest speed: slowest one of a problem that does not know it
 
 
@@ -120,6 +121,7 @@ def data_range(problem: Problem, weights: Array) -> DataRange:
     by_sign = problem.G * problem.mean(np.sign(x.w))[:, None]
     each = [_usual(by_sign, problem.r, load, square, fold) for fold in weights]
     level, load, square = (np.stack(part) for part in zip(*each, strict=True))
+    load = np.maximum(load, _HARDLY * load.max(axis=-1, keepdims=True))
     return DataRange(slowest, fastest, level, load, np.sqrt(square))
 
 

@@ -59,6 +59,30 @@ def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
     assert_allclose(by_name["coulomb"], COULOMB, rtol=0.03)
 
 
+def test_friction_by_the_pose_is_no_load_of_a_joint_that_carries_nothing(tmp_path):
+    """A wrist's load of 2e-4 N m explained it by a coefficient of 127, which no gear has."""
+    balanced = ARM.replace("0.15 0.01 0", "0.1 2e-5 0").replace("0 1 0.5", "1 0 0")
+    begin, end = balanced.rsplit('ixx="0.01"', 1)
+    (tmp_path / "arm.urdf").write_text(f'{begin}ixx="1e-5"{end}')
+    arm = urdf(tmp_path / "arm.urdf").with_values({"rotor_one": 0.2, "rotor_two": 0.1})
+    t = np.arange(0.0, 12.0, 0.002)
+    q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
+    needed = torque_without_friction(arm, q, w, a)
+    load = np.abs(needed - np.array([0.2, 0.1]) * a)
+    assert load[:, 1].mean() < 2e-4
+    coulomb = COULOMB * (1 + [0.0, 0.1] * np.cos(q[:, 1:]) ** 2)
+    u = needed + (coulomb + [0.12, 0.0] * load) * np.sign(w) + VISCOUS * w
+    noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
+    data = Dataset("arm", arm, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),))
+    balance = torque_balance(data, states_of(data, INTEGRAL.states, None), 0.05, 0.004)
+    found = fit_torques(
+        LeastSquares(LoadDependent()), balance, (FrictionBlock(),), TorqueSettings()
+    ).friction
+    coulomb, coefficient, _ = np.asarray(found.theta).T
+    assert_allclose(coefficient, [0.12, 0.0], atol=0.002)
+    assert 0.4 < coulomb[1] < 0.44
+
+
 def test_steps_to_impossible_inertias_stay_on_the_border(arm):
     """However often they are wanted: M keeps a twentieth of the nominal one."""
     none = Friction(NoFriction(), np.zeros((2, 0)))
