@@ -25,7 +25,7 @@ from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.comparison.usual_method import time_between_samples, usual_method
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.readers.dataset import within
-from frictionid.data.recordings import Dataset
+from frictionid.data.recordings import Dataset, Recording
 from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds
 from frictionid.evaluation.complexity import (
@@ -110,7 +110,7 @@ BY_TORQUES = Plan(
     ),
     horizons=(0.05,),
     folds=5,
-    samples=24_000,
+    samples=120_000,
 )
 
 
@@ -188,7 +188,7 @@ def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
     """So many samples of all joints of a data set, and the time [s] between them.
 
     Fast samples are thinned first; then some recordings are taken, evenly spread; then the begin of
-    each.
+    each, from where it moves.
     """
     most = samples / np.shape(dataset.recordings[0].angle.value)[1]
     spans = np.array([r.angle.duration for r in dataset.recordings])
@@ -199,8 +199,18 @@ def shortened(dataset: Dataset, samples: int) -> tuple[Dataset, float | None]:
     count = int(np.clip(seconds / min(spans.mean(), _LONG), min(_FEWEST, len(spans)), len(spans)))
     chosen = np.unique(np.linspace(0, len(spans) - 1, count).round().astype(int))
     each = max(seconds / len(chosen), _SHORTEST)
-    parts = tuple(within(dataset.recordings[i], 0.0, each) for i in chosen)
-    return replace(dataset, recordings=parts), sample_time
+    several = [dataset.recordings[i] for i in chosen]
+    begins = [max(min(_rest(r), r.angle.duration - each), 0.0) for r in several]
+    parts = (within(r, begin, begin + each) for r, begin in zip(several, begins, strict=True))
+    return replace(dataset, recordings=tuple(parts)), sample_time
+
+
+def _rest(recording: Recording) -> float:
+    """How long [s] no joint leaves its first angle, by 1 % of the widest motion of any."""
+    q = recording.angle.value
+    left = np.abs(q - q[0]) > 0.01 * np.ptp(q, axis=0).max()
+    first = int(left.any(axis=1).argmax())
+    return float(recording.angle.time[first] - recording.angle.time[0])
 
 
 def _compared(

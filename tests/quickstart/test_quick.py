@@ -257,3 +257,25 @@ def test_long_data_are_shortened_to_the_same_work(copies):
     assert samples <= 6_000 * 1.02
     assert len(part.recordings) >= 3
     assert all(r.name in {m.name for m in many} for r in part.recordings)
+
+
+def test_parts_of_long_data_begin_where_they_move():
+    """Logs of arms begin with seconds at rest, of which a verdict was made."""
+
+    def resting(recording, seconds=8.0):
+        def later(signal):
+            rest = np.arange(0.0, seconds, 0.01)
+            still = np.repeat(signal.value[:1], len(rest), axis=0)
+            moving = signal.time - signal.time[0] + seconds
+            value = np.concatenate([still, signal.value])
+            return signal._replace(time=np.concatenate([rest, moving]), value=value)
+
+        signals = {name: later(getattr(recording, name)) for name in ("angle", "torque")}
+        return replace(recording, **signals, velocity=None, truth=None)
+
+    many = tuple(replace(resting(r), name=f"{r.name}-{k}") for k in range(40) for r in recordings())
+    part, _ = shortened(Dataset("late", MACHINE, many), 2_000)
+    for recording in part.recordings:
+        q = recording.angle.value
+        early = recording.angle.time < recording.angle.time[0] + 0.5
+        assert np.ptp(q[early]) > 0.02 * np.ptp(q)
