@@ -23,6 +23,7 @@ from frictionid.evaluation import (
 )
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
+from frictionid.friction.provenance import tables_of
 
 from .models import (
     DatasetLike,
@@ -146,11 +147,11 @@ def scores_of(
 
 def training_notes(name: str, friction: Friction, dataset: Dataset) -> Iterator[str]:
     """A sentence where the model was fitted to tables of the data set."""
-    fitted = set(friction.provenance.data.values())
-    shared = [file for file, digest in dataset.hashes.items() if digest in fitted]
+    fitted, scored = tables_of(friction.provenance.data), tables_of(dataset.hashes)
+    shared = set(fitted.values()) & set(scored.values())
     if shared:
         yield (
-            f"{name} was fitted to {len(shared)} of the {len(dataset.hashes)} files of "
+            f"{name} was fitted to {len(shared)} of the {len(scored)} files of "
             f"{dataset.name!r}: its scores are of training data, not of held-out recordings"
         )
 

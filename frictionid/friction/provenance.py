@@ -240,6 +240,15 @@ class Pooled(NamedTuple):
     left_out: tuple[str, ...]
 
 
+def tables_of(files: Mapping[str, str]) -> dict[str, str]:
+    """Hashes of recorded tables among those of a data set's files: a robot's file is no data.
+
+    >>> tables_of({"run1.csv": "1f", "arm.urdf": "c0"})
+    {'run1.csv': '1f'}
+    """
+    return {name: h for name, h in files.items() if not name.lower().endswith((".urdf", ".xml"))}
+
+
 class Provenance(BaseModel):
     """Where the numbers of a friction are from; others may be noted beside these.
 

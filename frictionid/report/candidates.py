@@ -26,6 +26,7 @@ from frictionid.evaluation.reference_model import (
     unsupported,
 )
 from frictionid.evaluation.statistics import FEWEST
+from frictionid.friction.provenance import tables_of
 
 from .memory import has_memory
 from .numbers import decimals, fixed, seconds, short
@@ -175,7 +176,7 @@ def _static(candidates: Sequence[Candidate], recipe: str) -> list[Candidate]:
 
 def _has_seen(model: Model, data: SummaryData) -> bool:
     """Whether a given model's file says that it was fitted to files of the data set."""
-    hashes = set(model.provenance.data.values())
+    hashes = set(tables_of(model.provenance.data).values())
     return model.role == "given" and bool(hashes & data.description.hashes)
 
 
