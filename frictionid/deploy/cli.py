@@ -157,6 +157,7 @@ def baseline(
     *,
     out: Path,
     law: str = "stribeck",
+    model: PresentOrNone = None,
     only: list[str] | None = None,
     data: PresentOrNone = None,
     json: bool = False,
@@ -169,16 +170,17 @@ def baseline(
     ----------
     out : Baseline to write (JSON).
     law : Identifier of the friction that changes are measured against.
+    model : Model file in place of that fit.
     """
     from frictionid.data.readers.dataset import dataset_files
     from frictionid.outputs import check_outputs
 
     from .monitor.changes import totals
 
-    check_outputs([out], dataset_files(dataset, data), replace=replace)
+    check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
     loaded = fid.load_dataset(dataset, data, trust=trust)
     with heard(f"baseline ({loaded.name})"):
-        healthy = fid.baseline(loaded, out, law=law, only=only or ())
+        healthy = fid.baseline(loaded, out, law=law, model=model, only=only or ())
     scatter = totals(healthy.changes, healthy.reference.speeds).std(axis=0, ddof=1) / healthy.level
     shares = dict(zip(healthy.joints, scatter.tolist(), strict=True))
     lines = [f"{len(healthy.names)} healthy recordings of {', '.join(healthy.joints)}"]

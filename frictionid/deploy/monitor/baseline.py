@@ -15,7 +15,7 @@ from frictionid.arrays import Array
 from frictionid.comparison.registry import LAWS
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
-from frictionid.evaluation import Prepared, speeds, training_of
+from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
 from frictionid.files import json_text, read_bytes, read_json, write_json
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction, along
@@ -99,7 +99,8 @@ def reference_of(prepared: Prepared, friction: Friction) -> Reference:
     """The reference with the speeds and the noise of the data."""
     fast = np.quantile(np.abs(speeds(prepared.dataset, prepared.smoothed)), [0.5, 0.95], axis=0)
     fast = np.maximum(fast, 1e-9)
-    problem = training_of(prepared, INTEGRAL)
+    view = with_calibration(prepared, friction.calibration)
+    problem = training_of(view, INTEGRAL)
     e = np.abs(problem.residual(along(friction, problem.nodes)))
     noise = np.array([1.4826 * np.median(row[row > 0]) if row.any() else 1.0 for row in e.T])
     grid = np.stack([_SLOW * fast[1], np.maximum(fast[0], _SLOW * fast[1]), fast[1]], axis=1)

@@ -37,7 +37,6 @@ from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment
-from frictionid.mechanics import Mechanism
 
 from .effects import PARTS, Effect, payloads
 from .motion import motion_of
@@ -54,7 +53,7 @@ _PASSES = 8  # at most, each with what the one before found left out
 class Reference(NamedTuple):
     """What changes are measured against.
 
-    friction : Friction, theta (n, P)
+    friction : Friction, theta (n, P), with the calibration of the machine and its sensors
     speeds : (n, 3) slow, usual and fast speed of each joint [rad/s or m/s]; the slow one is v
     noise : (n,) standard deviation of the residual of each joint [rad/s]
     effects : what may change, D of them
@@ -179,15 +178,17 @@ class _Rows(NamedTuple):
 
 def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
     """The residual of all recordings and its derivatives by all effects."""
+    mechanism = prepared.dataset.mechanism
+    calibration = reference.friction.calibration or Calibration.ideal(mechanism.n)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
         problem = training_of(with_calibration(prepared, calibration), INTEGRAL)
         return problem, problem.residual(along(reference.friction, problem.nodes))
 
-    problem, e = residual(Calibration.ideal(prepared.dataset.mechanism.n))
+    problem, e = residual(calibration)
     w = problem.nodes.inputs.w
     parts = -times(problem.G, problem.mean(_basis(w, reference.speeds)))
-    others = _stepped(prepared.dataset.mechanism)
+    others = _stepped(prepared, calibration)
     sensors = np.stack([_matched(problem, e, *residual(c)) / _STEP for c in others])
     columns = np.moveaxis(np.concatenate([parts, sensors]), 0, -1)
     size = reference.noise[:, None]
@@ -195,16 +196,17 @@ def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
     return _Rows(residuals, slopes, problem.time, problem.dt, problem.mean(w), problem.recording)
 
 
-def _stepped(mechanism: Mechanism) -> list[Calibration]:
+def _stepped(prepared: Prepared, calibration: Calibration) -> list[Calibration]:
     """Calibrations that differ by a step of each effect beside friction, in their order."""
-    base = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
-    ideal = Calibration.ideal(mechanism.n)
+    mechanism = prepared.dataset.mechanism
+    nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
+    base = nominal if calibration.base is None else calibration.base
     unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
     return [
-        *(replace(ideal, base=base + _STEP * d) for d in payloads(mechanism)[1]),
-        replace(ideal, delay=ideal.delay + _STEP),
-        *(replace(ideal, gain=ideal.gain * (1.0 + _STEP * unit[j])) for j in driven),
-        *(replace(ideal, offset=ideal.offset + _STEP * row) for row in unit),
+        *(replace(calibration, base=base + _STEP * d) for d in payloads(mechanism)[1]),
+        replace(calibration, delay=calibration.delay + _STEP),
+        *(replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j])) for j in driven),
+        *(replace(calibration, offset=calibration.offset + _STEP * row) for row in unit),
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.api.fit import fit
-from frictionid.api.models import DatasetLike, dataset_of
+from frictionid.api.models import DatasetLike, dataset_of, friction_of
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -39,6 +39,7 @@ def baseline(
     out: str | Path | None = None,
     *,
     law: Any = "stribeck",
+    model: Any = None,
     only: Sequence[str] = (),
 ) -> Baseline:
     """Baseline of healthy recordings of a machine: how its friction scatters between them.
@@ -50,6 +51,8 @@ def baseline(
         JSON file to write.
     law : as of `frictionid.fit`
         Fitted in one step to all recordings; changes are measured against it.
+    model : Fit, Friction or path of a model file, optional
+        In place of that fit, with its calibration.
     only : list of str
         Names of the recordings to take; all.
 
@@ -65,9 +68,11 @@ def baseline(
     (25, 16)
     """
     (dataset,) = chosen_recordings([dataset_of(data)], only)
-    friction = fit(dataset, law, method="one_step").friction
-    if friction.mechanism or not friction.law.names:
-        raise InputError("a baseline needs friction with physics, and a law other than none")
+    friction = (
+        fit(dataset, law, method="one_step").friction if model is None else friction_of(model)
+    )
+    if friction.theta.ndim != 2 or friction.mechanism or not friction.law.names:
+        raise InputError("a baseline needs one friction with physics, and a law other than none")
     healthy = make_baseline(prepared_data(dataset), friction)
     if out is not None:
         settings = {"law": str(friction.law), "dataset": dataset.name, "data": dataset.hashes}
