@@ -135,9 +135,11 @@ def robot_columns(
     if not by["angle"]:
         by["angle"] = _named_alike(movable, left)
     if not by["angle"]:
-        angles = [n for n in table.columns if _is(n, "angle")]
+        angles = ", ".join(n for n in table.columns if _is(n, "angle")) or "none"
+        if all(map(str.isdecimal, table.columns)):
+            angles = f"'1' to '{len(table.columns)}', without a header, do not"
         raise InputError(
-            f"{table.file}: columns {', '.join(angles) or 'none'} look like angles, and the robot "
+            f"{table.file}: columns {angles} look like angles, and the robot "
             f"has the joints {', '.join(j.name for j in movable)}: name one column for each joint "
             "that moves with --angle, and the joints with --set 'joints=[...]'"
         )
