@@ -32,7 +32,6 @@ from script import call
 
 import frictionid as fid
 from frictionid.api.machines import HeldOut, Machine
-from frictionid.comparison.registry import LAWS
 from frictionid.data.joint_scales import norm_of
 from frictionid.data.recordings import Dataset
 from frictionid.deploy.export.exported import exported
@@ -151,7 +150,7 @@ def ahead(models: dict[str, Friction], dataset: Dataset) -> dict[str, float]:
 
 def published(dataset: Dataset, file: Path) -> tuple[Friction, HeldOut, str]:
     """A published model, judged on our recordings."""
-    friction = load_model(file, LAWS)
+    friction = load_model(file)
     errors = ahead({"published": friction, "none": without_friction(friction)}, dataset)
     what = f"median of predictions after {AHEAD:g} s, of all"
     return friction, HeldOut(*errors.values(), "rad", what), "As published, not fitted here."
@@ -190,7 +189,7 @@ def made(name: str) -> dict[str, Any]:
         **{key: dataset.origin.get(key, "") for key in ("origin", "licence", "citation")},
         "verdict": sentence,
     }
-    return {**model_document(small(friction), LAWS), "machine": machine}
+    return {**model_document(small(friction)), "machine": machine}
 
 
 def simplified(friction: Friction, dataset: Dataset) -> dict[str, Any] | None:

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from script import call
 
-from frictionid.comparison.registry import LAWS
 from frictionid.files import shipped, write_json
 from frictionid.friction import Friction
 from frictionid.friction.bam_files import GRAVITY as G
@@ -109,7 +108,7 @@ def card(servo: Servo, numbers: dict[str, Any], first: Friction, source: str) ->
         "verdict": "As published, neither fitted nor judged here; "
         f"{MASS:g} kg at {LENGTH:g} m are an example of a load.",
     }
-    return {**model_document(friction, LAWS), "machine": machine}
+    return {**model_document(friction), "machine": machine}
 
 
 def main(checkout: Path) -> None:

@@ -15,7 +15,6 @@ from frictionid.comparison.cross_validate import (
     Result,
     prepare_benchmark,
 )
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
     results_in_memory,
 )
@@ -29,6 +28,7 @@ from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_for
 from frictionid.fitting.method import Method
 from frictionid.friction import Law
+from frictionid.friction.model_files import LAWS
 from frictionid.outputs import check_writable
 
 from .comparison import Comparison
@@ -158,7 +158,7 @@ def compare(
             by_model[task.name, task.recipe.name] = task, result
             step(task.name)
     ordered = [by_model[task.name, task.recipe.name] for task in tasks]
-    results = results_in_memory(dataset.name, settings, ordered, prepared, LAWS)
+    results = results_in_memory(dataset.name, settings, ordered, prepared)
     fitted = {key: r for key, (_, r) in by_model.items() if isinstance(r, Result)}
     return Comparison(results, dataset, fitted=fitted)
 

@@ -15,7 +15,6 @@ from frictionid.arrays import Array
 from frictionid.comparison.cross_validate import (
     Result,
 )
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import (
     Results,
     load_results,
@@ -259,8 +258,7 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
             source = task_provenance(task)
             friction, folds = replace(result.overall, provenance=source), result.friction
         else:
-            laws = {**LAWS, **{law.__name__: law for law in self.laws}}
-            friction = read_model(document, laws, str(self.results.folder))
+            friction = read_model(document, str(self.results.folder), self.laws)
             theta = np.asarray(task["folds"]["theta"], float).reshape(task["folds"]["shape"])
             folds = replace(friction, theta=theta, provenance=Provenance(), calibration=None)
         scores = self.results.scores.loc[[place]]

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from frictionid.arrays import Array
-from frictionid.comparison.registry import LAWS
 from frictionid.config import nearest
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
@@ -21,7 +20,7 @@ from frictionid.evaluation import EstimatedStates, speeds, torque_frame, velocit
 from frictionid.fitting.fit import estimates_of
 from frictionid.fitting.one_step.formulation import INTEGRAL
 from frictionid.friction import Friction
-from frictionid.friction.model_files import save_model
+from frictionid.friction.model_files import LAWS, save_model
 from frictionid.friction.provenance import Diagnostics, Estimate, Estimates
 from frictionid.report import show_fit
 from frictionid.report.console import printed, printed_html, say
@@ -262,7 +261,7 @@ class Fit:
         InputError
             Where the place cannot be written.
         """
-        save_model(self.friction, Path(path), LAWS)
+        save_model(self.friction, Path(path))
 
     def export(
         self, to: str, out: str | Path, *, settings: Any = None, replace: bool = False

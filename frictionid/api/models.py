@@ -12,7 +12,7 @@ import pandas as pd
 
 from frictionid.comparison import kind_descriptions
 from frictionid.comparison.kind_descriptions import KindDescription, described
-from frictionid.comparison.registry import IDENTIFIERS, LAWS, Part
+from frictionid.comparison.registry import IDENTIFIERS, Part
 from frictionid.comparison.suite import identifier_named
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset
@@ -20,7 +20,7 @@ from frictionid.errors import InputError
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import Frictionless, LeastSquares, Published
 from frictionid.friction import Friction, Law
-from frictionid.friction.model_files import load_model
+from frictionid.friction.model_files import LAWS, load_model
 
 OneLaw = str | Law | type[Law]
 LawLike = OneLaw | Identifier | type[Identifier] | Friction | Sequence[OneLaw]
@@ -170,7 +170,7 @@ def friction_of(model: Any, laws: Sequence[type[Law]] = ()) -> Friction:
         For anything else, and files that are no models.
     """
     if isinstance(model, str | Path):
-        return load_model(Path(model), {**LAWS, **{law.__name__: law for law in laws}})
+        return load_model(Path(model), laws)
     friction = getattr(model, "friction", model)
     if isinstance(friction, Friction):
         return friction

@@ -14,7 +14,6 @@ from joblib import cpu_count
 
 from frictionid.comparison import suite as suites
 from frictionid.comparison.cross_validate import PreparedBenchmark
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import UNFINISHED, lock, unfinished
 from frictionid.comparison.results import Results, describe, load_results
 from frictionid.comparison.search_space import Objective
@@ -63,7 +62,7 @@ def run_in_folder(
             describe(place, *about, tasks, prepared)
             new = place / "tasks"
             kept = (new, folder / "tasks") if resume else ()
-            run_tasks(tasks, prepared, new, LAWS, jobs=jobs, dask=dask, kept=kept, done=done)
+            run_tasks(tasks, prepared, new, jobs=jobs, dask=dask, kept=kept, done=done)
         results = load_results(folder)
         build(results, replace=replace, jobs=1 if dask else jobs or cpu_count())
     return results

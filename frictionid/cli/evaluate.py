@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from .options import (
     DatasetPath,
@@ -38,12 +38,11 @@ def evaluate(
     initial_states : Estimator of the states that rollouts start from: filter, or model.
     """
     from frictionid.api.evaluate import file_labels, scores_of, training_notes
-    from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import InputError
     from frictionid.evaluation import Protocol
     from frictionid.files import write_text
-    from frictionid.friction.model_files import model_paths
+    from frictionid.friction.model_files import load_model, model_paths
     from frictionid.outputs import check_outputs
     from frictionid.report import show_scores, show_torque_left
     from frictionid.report.summary_table import score_torque_frames
@@ -56,7 +55,8 @@ def evaluate(
     read = [path for model in models for path in model_paths(model)]
     check_outputs([out], [*read, *dataset_files(place, data)], replace=replace)
     named = dict(zip(file_labels(models), models, strict=True))
-    frictions = {name: friction_of(path, law or ()) for name, path in named.items()}
+    laws = [*map(_own_law, law or ())]
+    frictions = {name: load_model(path, laws) for name, path in named.items()}
     protocol = Protocol(
         horizons=tuple(numbers("--horizons", horizons, _HORIZONS)),
         sample_time=sample_time,
@@ -109,14 +109,14 @@ def predict(
     whole : Whole recordings from their start instead.
     """
     from frictionid.api.evaluate import predict as predicted
-    from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import dataset_files, load_dataset
     from frictionid.errors import needs
     from frictionid.files import json_text, write_bytes
+    from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
 
     check_outputs([out], [model, *dataset_files(dataset, data)], replace=replace)
-    friction = friction_of(model, law or ())
+    friction = load_model(model, [*map(_own_law, law or ())])
     table = predicted(
         friction, load_dataset(dataset, data, trust=trust), horizon, every, whole=whole
     )
@@ -131,3 +131,15 @@ def predict(
         print(json_text({"predictions": starts, "lines": len(table), "written": [out]}), end="")
         return
     print(f"{starts} predictions, {len(table)} lines\nwritten to {out}")
+
+
+def _own_law(reference: str) -> Any:
+    """Class of a law of one's own, `module:Class`."""
+    from frictionid.config import imported
+    from frictionid.errors import InputError
+    from frictionid.friction import Law
+
+    law = imported(reference, Path(), "--law")
+    if not (isinstance(law, type) and issubclass(law, Law)):
+        raise InputError(f"--law: {reference!r} does not subclass frictionid.friction.Law")
+    return law

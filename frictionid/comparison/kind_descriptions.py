@@ -14,10 +14,11 @@ from frictionid.config import nearest
 from frictionid.errors import InputError
 from frictionid.friction import Law
 from frictionid.friction.laws.levels import SIDES
+from frictionid.friction.model_files import LAWS
 from frictionid.mechanics import Mechanism
 from frictionid.mechanics.mechanism_table import mechanism_kinds, mechanism_options
 
-from .registry import IDENTIFIERS, LAWS, Choice, Kind
+from .registry import IDENTIFIERS, Choice, Kind
 
 _ENTRY = re.compile(r"([a-z]\w*(?:, [a-z]\w*)*) : (.*)", re.IGNORECASE)
 _SECTION = re.compile(r"[A-Z][a-z]+\n-{3,}$", re.MULTILINE)

@@ -8,9 +8,7 @@ import inspect
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any, Literal, NamedTuple, get_type_hints
 
 from pydantic import ValidationError, create_model
@@ -44,7 +42,7 @@ from frictionid.fitting.parameters import (
     ParameterBlock,
     TargetDelayBlock,
 )
-from frictionid.friction import Friction, Law, laws
+from frictionid.friction import Friction
 from frictionid.friction.laws import (
     LSTM,
     MLP,
@@ -55,7 +53,7 @@ from frictionid.friction.laws import (
     Table,
     WindowMLP,
 )
-from frictionid.friction.model_files import load_model, own_law
+from frictionid.friction.model_files import LAWS, load_model
 
 Part = Callable[..., Any]  # a dataclass, or a function whose arguments are settings
 
@@ -215,28 +213,9 @@ def built(table: Mapping[str, Any], kinds: Mapping[str, Kind], where: str) -> An
     return kinds[kind].build({k: v for k, v in table.items() if k != "kind"}, where)
 
 
-def _built_in() -> Iterator[type[Law]]:
-    """The laws of the files in `friction/laws` that model files can hold."""
-    for module in iter_modules(laws.__path__, f"{laws.__name__}."):
-        for law in vars(import_module(module.name)).values():
-            if not (isinstance(law, type) and issubclass(law, Law)):
-                continue
-            if law.kind and law.__module__ == module.name and "__dataclass_params__" in vars(law):
-                yield law
-
-
-LAWS: Mapping[str, type[Law]] = dict(sorted((law.kind, law) for law in _built_in()))
-
-
-def friction_of(path: Path, own_laws: Sequence[str] = ()) -> Friction:
-    """Friction of a model file, whose law is built in or one of `module:Class`."""
-    user_laws = {law.__name__: law for law in map(own_law, own_laws)}
-    return load_model(path, {**LAWS, **user_laws})
-
-
 def _published(file: str) -> Friction:
     """The friction of a model `file`."""
-    return friction_of(Path(file))
+    return load_model(Path(file))
 
 
 _FROM_THE_PROBLEM = ("sample_time", "joints", "others")

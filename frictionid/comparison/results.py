@@ -215,7 +215,6 @@ def results_in_memory(
     settings: Any,
     results: Sequence[tuple[Task, Outcome]],
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
-    laws: Mapping[str, type],
 ) -> Results:
     """Results of tasks as their folder would have them, without one.
 
@@ -228,7 +227,7 @@ def results_in_memory(
     document = {
         "provenance": provenance_of(title, title, settings, tasks),
         "datasets": descriptions_of(prepared_benchmarks),
-        "tasks": [content_of(task, result, laws) for task, result in results],
+        "tasks": [content_of(task, result) for task, result in results],
     }
     provenance, datasets, contents = json.loads(json_text(document)).values()
     return _results(Path(), provenance, datasets, contents, ())

@@ -18,6 +18,7 @@ from frictionid.fitting.parameters import ParameterBlock
 from frictionid.fitting.shooting import CalibratedRecipe, Settings, Shooting
 from frictionid.fitting.shooting.recipe import PARTS, KnownCalibration, known_calibration
 from frictionid.fitting.torque_balance import InverseDynamics, TorqueSettings
+from frictionid.friction.model_files import load_model
 
 from .registry import (
     BLOCKS,
@@ -26,7 +27,6 @@ from .registry import (
     RECIPES,
     Kind,
     built,
-    friction_of,
 )
 
 Start = Recipe | CalibratedRecipe  # what shooting begins with
@@ -187,7 +187,7 @@ def recipe_of(
         return _one_step(entry)
     entry.check_keys()
     if held is None and entry.known is not None:
-        held = known_calibration(friction_of(Path(entry.known)), entry.known)
+        held = known_calibration(load_model(Path(entry.known)), entry.known)
     starts: dict[str, Start] = {**RECIPES, CALIBRATED.name: CALIBRATED, **(beside or {})}
     return (_calibrated if entry.form == "calibrated" else _refining)(entry, starts, held)
 

@@ -125,7 +125,6 @@ def run_tasks(
     tasks: Sequence[Task],
     prepared_benchmarks: Mapping[str, PreparedBenchmark],
     folder: Path,
-    laws: Mapping[str, type],
     *,
     jobs: int = 0,
     dask: str | None = None,
@@ -154,7 +153,7 @@ def run_tasks(
         else:
             left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
-        write_sealed(folder / task.file, document(task, result, laws))
+        write_sealed(folder / task.file, document(task, result))
         if isinstance(result, NoFitError):
             reasons.setdefault(task.benchmark.dataset.name, []).append(str(result))
         report(task)
@@ -263,12 +262,12 @@ def _run(task: Task, shared: PreparedBenchmark) -> Outcome:
         return error
 
 
-def document(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[str, Any]:
+def document(task: Task, result: Outcome) -> dict[str, Any]:
     """JSON document of a result, and the digest of all that it depends on."""
-    return {"digest": task.digest, **content_of(task, result, laws)}
+    return {"digest": task.digest, **content_of(task, result)}
 
 
-def content_of(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[str, Any]:
+def content_of(task: Task, result: Outcome) -> dict[str, Any]:
     """All of a result that tables and figures need, as a JSON document."""
     if isinstance(result, NoFitError):
         return {"not_fitted": str(result)}
@@ -284,7 +283,7 @@ def content_of(task: Task, result: Outcome, laws: Mapping[str, type]) -> dict[st
         "settings": {"identifier": repr(task.identifier), "recipe": repr(task.recipe)},
         "method": {"scheme": task.recipe.scheme, "corrects": list(task.recipe.corrects)},
         "rows": rows,
-        "model": model_document(result.overall, laws),
+        "model": model_document(result.overall),
         "base": own_base(dataset, result.overall.parameters),
         "folds": {"theta": result.friction.theta, "shape": list(result.friction.theta.shape)},
         "curves": result.curves,

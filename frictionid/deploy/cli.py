@@ -86,15 +86,15 @@ def compensate(
     limit : Largest torque [N m].
     speed : Greatest measured speed [rad/s], the table's last; once, or for each joint.
     """
-    from frictionid.comparison.registry import friction_of
     from frictionid.files import write_bytes
+    from frictionid.friction.model_files import load_model
     from frictionid.outputs import check_outputs
 
     from .compensation import table_error
     from .export.exported import ExportSettings, exported
     from .export.nearest import TABLE_USE, lost_in_table
 
-    friction = friction_of(model)
+    friction = load_model(model)
     settings = fid.Compensation(gain=gain, smooth=smooth, torque_limit=limit)
     speeds = tuple(speed or friction.provenance.speeds)
     speeds = speeds * friction.n if len(speeds) == 1 else speeds
@@ -234,7 +234,6 @@ def pool(
 
 def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: bool) -> None:
     """Print the parameters over a covariate, and write the friction at one value of it."""
-    from frictionid.comparison.registry import LAWS
     from frictionid.friction.model_files import save_model
 
     name, _, numbers = over.partition("=")
@@ -244,7 +243,7 @@ def _over(models: list[Path], over: str, at: float | None, out: Path, *, json: b
         raise InputError(f"--over {over}: write it as temperature=20,30,40") from None
     lines = fid.over_covariate({str(model): model for model in models}, name, values)
     value = sum(lines.span) / 2 if at is None else at
-    save_model(lines.at(value), out, LAWS)
+    save_model(lines.at(value), out)
     print(lines.frame.to_json(orient="records") if json else lines)
     if not json:
         print(f"written to {out}: friction at {name} = {value:g}")

@@ -5,21 +5,23 @@ mechanism's parameters. The weights of networks stand beside it in a safetensors
 name. It never names code: a law outside this package needs its class at hand.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields
 from difflib import get_close_matches
 from hashlib import sha256
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
-from frictionid.config import imported, unknown
+from frictionid.config import unknown
 from frictionid.data.calibration import Calibration
 from frictionid.errors import InputError, needs
 from frictionid.files import TEMPORARY, model_path, read_json, regular_file, write_bytes, write_json
-from frictionid.friction import Friction, Law, units_of
+from frictionid.friction import Friction, Law, laws, units_of
 
 from .bam_files import is_bam, read_bam
 
@@ -33,8 +35,21 @@ _OF_SERVOS = (
 )  # of a calibration, where servos drive
 
 
-def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
-    """JSON document of a friction; its law stands under its name in `laws`, else its class's.
+def _built_in() -> Iterator[type[Law]]:
+    """The laws of the files in `friction/laws` that model files can hold."""
+    for module in iter_modules(laws.__path__, f"{laws.__name__}."):
+        for law in vars(import_module(module.name)).values():
+            if not (isinstance(law, type) and issubclass(law, Law)):
+                continue
+            if law.kind and law.__module__ == module.name and "__dataclass_params__" in vars(law):
+                yield law
+
+
+LAWS: dict[str, type[Law]] = dict(sorted((law.kind, law) for law in _built_in()))
+
+
+def model_document(friction: Friction) -> dict[str, Any]:
+    """JSON document of a friction; its law stands under its name in `LAWS`, else its class's.
 
     The means of a batch stand in `joints`, in words and units, for people; `theta` is what counts.
     Weights of a network have no words.
@@ -56,7 +71,7 @@ def model_document(friction: Friction, laws: Mapping[str, type[Law]]) -> dict[st
     ]
     return {
         "format": FORMAT,
-        "law": _law_table(friction.law, laws),
+        "law": _law_table(friction.law),
         **({} if friction.law.is_network else {"joints": words}),
         "theta": theta,
         "shape": list(theta.shape),
@@ -97,16 +112,16 @@ def _load_unit(document: Mapping[str, Any], where: str) -> str:
     return str(unit)
 
 
-def _law_table(law: Law, laws: Mapping[str, type[Law]]) -> dict[str, Any]:
+def _law_table(law: Law) -> dict[str, Any]:
     """Kind and settings of a law; one within another, as in an ensemble, is such a table itself."""
-    names = [name for name, kind_class in laws.items() if type(law) is kind_class]
+    names = [name for name, kind_class in LAWS.items() if type(law) is kind_class]
     table: dict[str, Any] = {"kind": names[0] if names else type(law).__name__}
     for field in fields(law):
         if field.name not in law.left_out_of_files:
             value = getattr(law, field.name)
             laws_inside = isinstance(value, tuple) and any(isinstance(v, Law) for v in value)
             entries = value if laws_inside else (value,)
-            plain = [_law_table(v, laws) if isinstance(v, Law) else v for v in entries]
+            plain = [_law_table(v) if isinstance(v, Law) else v for v in entries]
             table[field.name] = plain if laws_inside else plain[0]
     return table
 
@@ -124,7 +139,7 @@ def model_paths(path: Path) -> tuple[Path, Path]:
     return path, path.with_suffix(_WEIGHTS)
 
 
-def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) -> None:
+def save_model(friction: Friction, path: Path) -> None:
     """Write a friction as a JSON model file, the weights of a network beside it.
 
     Where it is interrupted, the model that was there before, if any, can still be read: its weights
@@ -135,7 +150,7 @@ def save_model(friction: Friction, path: Path, laws: Mapping[str, type[Law]]) ->
     InputError
         Where the place cannot be written, or has the ending of weights.
     """
-    document = model_document(friction, laws)
+    document = model_document(friction)
     path, beside = model_paths(path)
     if friction.law.is_network:
         with needs("networks"):
@@ -160,20 +175,6 @@ def _keep_named(path: Path, beside: Path) -> None:
         table = read_json(path).get("theta")
         if isinstance(table, Mapping) and table.get("file") == beside.name:
             write_bytes(_earlier(beside), _named(table, beside))
-
-
-def own_law(reference: str) -> type[Law]:
-    """Class of a law of one's own, `module:Class`, for `load_model`.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be imported, or does not subclass `Law`.
-    """
-    law = imported(reference, Path(), "--law")
-    if not (isinstance(law, type) and issubclass(law, Law)):
-        raise InputError(f"--law: {reference!r} does not subclass frictionid.friction.Law")
-    return law
 
 
 def _beside(table: Mapping[str, Any], path: Path) -> np.ndarray:
@@ -209,8 +210,8 @@ def _named(table: Mapping[str, Any], weights: Path) -> bytes:
     return regular_file(weights).read_bytes()
 
 
-def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
-    """Friction of a model file; its law must be named in `laws`.
+def load_model(path: Path, own_laws: Sequence[type[Law]] = ()) -> Friction:
+    """Friction of a model file; its law must be one of `LAWS`, or of `own_laws`.
 
     A file written by hand may leave out `theta` and give `joints` only. Parameter files of BAM are
     read, too, see `bam_files`; `machine:NAME` is a card, see `frictionid.machines`.
@@ -226,13 +227,16 @@ def load_model(path: Path, laws: Mapping[str, type[Law]]) -> Friction:
         return read_bam(document, str(path))
     if isinstance(document.get("theta"), Mapping):
         document["theta"] = _beside(document["theta"], path)
-    return read_model(document, laws, str(path))
+    return read_model(document, str(path), own_laws)
 
 
-def read_model(document: Mapping[str, Any], laws: Mapping[str, type[Law]], where: str) -> Friction:
+def read_model(
+    document: Mapping[str, Any], where: str, own_laws: Sequence[type[Law]] = ()
+) -> Friction:
     """Friction of a model document; `where` is named in errors."""
     _check_format(document.get("format"), where)
-    law = _law(document.get("law"), laws, where)
+    kinds = LAWS | {law.__name__: law for law in own_laws}
+    law = _law(document.get("law"), kinds, where)
     try:
         theta = _theta(document, law, where)
         parameters = {str(k): float(v) for k, v in document.get("parameters", {}).items()}
@@ -290,28 +294,28 @@ def _calibration(table: Any, where: str) -> Calibration | None:
     return Calibration(**numbers)
 
 
-def _law(table: Any, laws: Mapping[str, type[Law]], where: str) -> Law:
+def _law(table: Any, kinds: Mapping[str, type[Law]], where: str) -> Law:
     if not isinstance(table, Mapping) or "kind" not in table:
         raise InputError(f'{where}: "law" must be an object with a "kind"')
     kind = str(table["kind"])
-    if kind not in laws:
-        near = get_close_matches(kind, list(laws), n=1)
+    if kind not in kinds:
+        near = get_close_matches(kind, list(kinds), n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(
-            f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(laws)}; "
+            f"{where}: law {kind!r} is unknown; {hint}known are {', '.join(kinds)}; "
             "one's own is given as --law module:Class"
         )
     settings = {
-        k: _law(v, laws, where) if isinstance(v, Mapping) and "kind" in v else v
+        k: _law(v, kinds, where) if isinstance(v, Mapping) and "kind" in v else v
         for k, v in table.items()
         if k != "kind"
     }
-    names = [setting.name for setting in fields(laws[kind])]
+    names = [setting.name for setting in fields(kinds[kind])]
     for name in settings:
         if name not in names:
             raise InputError(f"{where}: law {kind!r}: {unknown(name, names)}")
     try:
-        return laws[kind](**settings)
+        return kinds[kind](**settings)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: law {kind!r}: {error}") from None
 

@@ -11,11 +11,10 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.comparison.kind_descriptions import meaning, summary
-from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.evaluation.example_motions import FEWEST, jackknife_width
 from frictionid.friction import Law
-from frictionid.friction.model_files import read_model
+from frictionid.friction.model_files import LAWS, read_model
 
 from .estimates import digits, interval, mark_of, rounded
 from .numbers import MINUS, NOTHING, either, fixed, short
@@ -203,7 +202,7 @@ def _fitted(model: Model) -> dict[tuple[int, str], Cell]:
 def _bounds(model: Model) -> dict[str, Array]:
     """Ends of each parameter's range by its name; nothing where the law is one's own."""
     try:
-        law = read_model(model.document, LAWS, model.name).law
+        law = read_model(model.document, model.name).law
     except (InputError, LookupError, TypeError, ValueError):
         return {}
     ends = np.asarray(law.bounds, dtype=float).reshape(-1, 2)

@@ -10,14 +10,13 @@ from fixtures.tiny_pendulums import write_dataset, write_suite
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.errors import InputError
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.friction.model_files import model_document
+from frictionid.friction.model_files import load_model, model_document
 
 MODEL = model_document(
-    Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3}, {"source": "test"}), LAWS
+    Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3}, {"source": "test"})
 )
 BARE = {**json.loads(json.dumps(MODEL, default=lambda array: array.tolist())), "joints": None}
 BARE.pop("joints")
@@ -214,7 +213,7 @@ def test_any_damage_to_a_model_is_taken_or_refused(place, where, length, instead
     file = place / "damaged.json"
     file.write_bytes(TEXT[:where] + instead + TEXT[where + length :])
     try:
-        friction = friction_of(file)
+        friction = load_model(file)
     except InputError as error:
         assert str(error).startswith(f"{file}: ")
     else:

@@ -17,7 +17,6 @@ from fixtures.refusals import assert_one_line
 from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, write_dataset, write_suite
 
-from frictionid.comparison.registry import friction_of
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
 from frictionid.comparison.suite import identifier_named
@@ -27,6 +26,7 @@ from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.files import read_json
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY, training_problem
 from frictionid.fitting.one_step.one_step_fit import checked_fit
+from frictionid.friction.model_files import load_model
 
 COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 
@@ -105,7 +105,7 @@ def test_what_fit_writes_is_what_evaluate_reads(place, call):
     problem = training_problem(data, plant_of(data), INTEGRAL, history=Protocol.history)
     weights = np.ones((1, len(problem.r)))
     expected = checked_fit(identifier_named("stribeck", {}), problem, weights, 0)
-    found = friction_of(place / "models" / "fitted.json")
+    found = load_model(place / "models" / "fitted.json")
     np.testing.assert_array_equal(found.theta, expected.theta[0])
     source = json.loads((place / "models" / "fitted.json").read_text())["provenance"]
     assert source["dataset"] == "tiny" and source["data"] == dict(data.hashes)

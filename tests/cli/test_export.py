@@ -8,7 +8,6 @@ import pytest
 from fixtures.refusals import assert_one_line
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS
 from frictionid.friction.model_files import save_model
 
 
@@ -17,7 +16,7 @@ def model(tmp_path):
     path = tmp_path / "model.json"
     theta = np.array([[0.1, 0.05, 0.5, 0.02]] * 2)
     friction = fid.Friction(fid.Stribeck(), theta, provenance={"speeds": [5.0, 5.0]})
-    save_model(friction, path, LAWS)
+    save_model(friction, path)
     return path
 
 

@@ -19,7 +19,6 @@ from fixtures.tiny_pendulums import (
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.tasks import Task, document, prepare_benchmarks, run_tasks
 from frictionid.data.state_estimators import RTS, SavitzkyGolay
 from frictionid.evaluation import Protocol, Split, make_folds, score_frame, true_friction
@@ -87,9 +86,7 @@ def test_one_worker_and_two_find_the_same(tmp_path, monkeypatch):
     for jobs in (1, 2):
         folder = tmp_path / f"jobs{jobs}"
         done = seen[jobs].append
-        run_tasks(
-            tasks, prepared_benchmarks, folder, LAWS, jobs=jobs, done=lambda t, to=done: to(t.file)
-        )
+        run_tasks(tasks, prepared_benchmarks, folder, jobs=jobs, done=lambda t, to=done: to(t.file))
     assert sorted(seen[1]) == sorted(seen[2]) == sorted(task.file for task in tasks)
     for task in tasks:
         one, two = (read_json(tmp_path / f"jobs{jobs}" / task.file) for jobs in (1, 2))
@@ -121,11 +118,11 @@ def test_fixed_friction_is_scored_once_and_written_for_each_recipe_and_seed(tmp_
         for recipe in RECIPES
         for seed in (0, 1)
     ]
-    run_tasks(tasks, prepare_benchmarks(tasks), tmp_path, LAWS, jobs=1)
+    run_tasks(tasks, prepare_benchmarks(tasks), tmp_path, jobs=1)
     assert len(calls) == 1 and len(list(tmp_path.iterdir())) == 8
     for task in tasks[1::2]:
         alone = run(whole, task.identifier, task.recipe, task.seed)
-        expected = document(task, alone, LAWS)
+        expected = document(task, alone)
         found = read_json(tmp_path / task.file)
         assert (found["fit"], found["seed"]) == (task.recipe.name, task.seed)
         assert found["digest"] == expected["digest"]
@@ -258,6 +255,6 @@ def test_the_friction_of_an_identifier_is_checked(theta, words, tmp_path):
     whole = benchmark()
     task = Task(whole, "broken", made(theta), INTEGRAL, 0)
     with assert_refused(words) as caught:
-        run_tasks([task], prepare_benchmarks([task]), tmp_path, LAWS, jobs=1)
+        run_tasks([task], prepare_benchmarks([task]), tmp_path, jobs=1)
     assert str(caught.value).startswith("tiny, broken by integral: ")
     assert not list(tmp_path.iterdir())

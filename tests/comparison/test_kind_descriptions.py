@@ -9,7 +9,8 @@ from fixtures.refusals import assert_one_line
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.kind_descriptions import identifiers, laws, mechanisms
-from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.comparison.registry import IDENTIFIERS
+from frictionid.friction.model_files import LAWS
 from frictionid.mechanics import mechanism_of
 from frictionid.mechanics.mechanism_table import mechanism_kinds
 

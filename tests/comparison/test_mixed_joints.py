@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 from frictionid.check import check
 from frictionid.check.conventions import hypotheses
 from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.registry import LAWS
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording, TrueMotion
 from frictionid.evaluation import Protocol, prepare, score_model
@@ -77,8 +76,8 @@ def test_a_fit_is_the_same_whatever_the_unit_of_the_track():
 def test_models_of_both_kinds_of_joints_are_saved_and_read(tmp_path):
     fitted = fit_model(cart_pole_data(), LeastSquares(CoulombViscous()))
     assert fitted.units_at(0) == ("N", "N s/m") and fitted.units_at(1) == ("N m", "N m s/rad")
-    save_model(fitted, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
+    save_model(fitted, tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json")
     assert again.position_units == ("m", "rad") and np.array_equal(again.theta, fitted.theta)
 
 

@@ -10,7 +10,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.results import descriptions_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -107,7 +106,7 @@ def test_reports_know_all_places_with_friction(compared):
     places = places if name == "tx40" else [f"arm_{j}_joint" for j in range(1, 5)]
     described = descriptions_of(prepared)[name]
     assert described["joints"] == places
-    refined = document(*results["coulomb_viscous"], LAWS)["refined"]
+    refined = document(*results["coulomb_viscous"])["refined"]
     found = [p.name for p in refined["parameters"] if p.block == "friction"]
     assert found == [f"{own} of {place}" for place in places for own in ("coulomb", "viscous")]
     assert np.shape(refined["bands"].simultaneous) == np.shape(described["velocity"])

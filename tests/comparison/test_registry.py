@@ -10,14 +10,14 @@ import pytest
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
-from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS, LAWS
+from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS
 from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT
 from frictionid.comparison.suite_recipes import SHOOTING
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
     check_law,
 )
-from frictionid.friction.model_files import load_model, save_model
+from frictionid.friction.model_files import LAWS, load_model, save_model
 
 REQUIRED = {"gear_load": {"moment": 0.1}, "sklearn": {"estimator": "knn"}}
 KINDS = {
@@ -63,8 +63,8 @@ def test_every_law_satisfies_the_protocol_and_survives_its_file(name, tmp_path):
     law = LAWS[name](*(0.5 for _ in needed))
     check_law(law, level=not name.startswith("state_"))
     theta = np.array([law.initial[0]] * 2) + 0.0
-    save_model(Friction(law, theta), tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
+    save_model(Friction(law, theta), tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json")
     assert again.law == law
     assert_array_equal(again.theta, theta)
 

@@ -17,7 +17,6 @@ from fixtures.tiny_pendulums import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named, load_suite
 from frictionid.data.state_estimators import SavitzkyGolay
 from frictionid.errors import InputError
@@ -36,11 +35,11 @@ def place(tmp_path_factory):
     write_dataset(folder / "tiny")
     write_dataset(folder / "other", name="other")
     model = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3})
-    save_model(model, folder / "model.json", LAWS)
+    save_model(model, folder / "model.json")
     two = Friction(CoulombViscous(), np.array([[0.02, 0.001], [0.0, 0.0]]))
-    save_model(two, folder / "two.json", LAWS)
+    save_model(two, folder / "two.json")
     strange = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"m4": 0.3})
-    save_model(strange, folder / "strange.json", LAWS)
+    save_model(strange, folder / "strange.json")
     (folder / "own_parts.py").write_text(OWN)
     (folder / "own_broken.py").write_text("1 / 0\n")
     return folder

@@ -9,7 +9,6 @@ from fixtures.dataset_files import assert_same
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import (
     Calibration,
     calibrated_dataset,
@@ -102,8 +101,8 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
     arrays = {name: np.array(value) for name, value in arrays.items()}
     calibration = replace(Calibration.ideal(1, base), **arrays)
     friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=calibration)
-    save_model(friction, tmp_path / "m.json", LAWS)
-    again = load_model(tmp_path / "m.json", LAWS).calibration
+    save_model(friction, tmp_path / "m.json")
+    again = load_model(tmp_path / "m.json").calibration
     for name in ("gain", "delay", "bias", "offset", "motor", "envelope", "base"):
         assert_array_equal(getattr(again, name), getattr(calibration, name))
 
@@ -118,9 +117,9 @@ def test_a_model_file_keeps_the_calibration(tmp_path, base):
 )
 def test_a_damaged_calibration_is_refused_in_one_line(tmp_path, change, words):
     friction = Friction(CoulombViscous(), np.array([[0.1, 0.2]]), calibration=Calibration.ideal(1))
-    save_model(friction, tmp_path / "m.json", LAWS)
+    save_model(friction, tmp_path / "m.json")
     table = json.loads((tmp_path / "m.json").read_text())
     table["calibration"] |= change
     (tmp_path / "m.json").write_text(json.dumps(table))
     with assert_refused(words):
-        load_model(tmp_path / "m.json", LAWS)
+        load_model(tmp_path / "m.json")

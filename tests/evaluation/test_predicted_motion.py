@@ -7,7 +7,6 @@ from fixtures import driven_wrist
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import TRUTH, dataset, write_dataset
 
-from frictionid.comparison.registry import LAWS
 from frictionid.evaluation import Protocol, prepare, score_model, score_value
 from frictionid.evaluation.predicted_motion import predicted_motion
 from frictionid.friction import Friction
@@ -79,7 +78,7 @@ def test_a_model_of_other_joints_is_refused():
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
 def test_the_command_writes_the_table(tmp_path, name, run):
     write_dataset(tmp_path / "tiny")
-    save_model(TRUE, tmp_path / "model.json", LAWS)
+    save_model(TRUE, tmp_path / "model.json")
     words = ("predict", "model.json", "tiny", "--out", name, "--horizon", 0.3)
     code, out, err = run(tmp_path, *words)
     assert (code, err) == (0, "") and out.endswith(f"written to {name}\n")

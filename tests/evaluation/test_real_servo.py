@@ -7,7 +7,6 @@ import pytest
 from fixtures.bam_formula import bam_friction
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.comparison.registry import friction_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.state_estimators import KalmanFilter
@@ -23,6 +22,7 @@ from frictionid.evaluation import (
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.friction.laws import MotorLoad
+from frictionid.friction.model_files import load_model
 
 pytestmark = pytest.mark.real
 
@@ -47,7 +47,7 @@ def logs(request, real_data):
 @pytest.fixture(scope="module")
 def models(request):
     folder = request.config.rootpath / "data" / "bam_xl330"
-    return {name: friction_of(folder / f"{name}.json") for name in MODELS}
+    return {name: load_model(folder / f"{name}.json") for name in MODELS}
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS
 from frictionid.errors import InputError
 from frictionid.files import read_json, write_json, write_text
 from frictionid.friction import Friction
@@ -50,7 +49,7 @@ class Foreign(CoulombViscous):
 
 def written(**changes):
     """The document of a model file with changes; None deletes."""
-    document = json.loads(json.dumps(_plain(model_document(FRICTION, LAWS))))
+    document = json.loads(json.dumps(_plain(model_document(FRICTION))))
     for key, value in changes.items():
         if value is None:
             del document[key]
@@ -89,8 +88,8 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
     shape = (*batch, 2, len(law.names))
     theta = np.random.default_rng(0).uniform(0.3, 1.0, shape) / 3
     friction = Friction(law, theta, {"m1": 1 / 3}, {"by": "a test"})
-    save_model(friction, tmp_path / "deep" / "model.json", LAWS)
-    again = load_model(tmp_path / "deep" / "model.json", LAWS)
+    save_model(friction, tmp_path / "deep" / "model.json")
+    again = load_model(tmp_path / "deep" / "model.json")
     assert again.law == law and hash(again.law) == hash(law)
     assert again.theta.shape == shape
     assert_array_equal(again.theta, theta)
@@ -98,7 +97,7 @@ def test_friction_comes_back_from_its_file_bit_by_bit(law, batch, tmp_path):
 
 
 def test_the_file_says_in_words_and_units_what_it_holds(tmp_path):
-    save_model(FRICTION, tmp_path / "model.json", LAWS)
+    save_model(FRICTION, tmp_path / "model.json")
     document = read_json(tmp_path / "model.json")
     assert document["law"] == {
         "kind": "stribeck",
@@ -113,7 +112,7 @@ def test_the_file_says_in_words_and_units_what_it_holds(tmp_path):
 
 def test_a_batch_is_described_by_its_means(tmp_path):
     theta = np.stack([FRICTION.theta, 3 * FRICTION.theta])
-    save_model(Friction(FRICTION.law, theta), tmp_path / "model.json", LAWS)
+    save_model(Friction(FRICTION.law, theta), tmp_path / "model.json")
     words = read_json(tmp_path / "model.json")["joints"][1]
     assert words["coulomb"] == {"value": pytest.approx(0.4), "unit": "N m"}
 
@@ -121,16 +120,16 @@ def test_a_batch_is_described_by_its_means(tmp_path):
 def test_a_file_written_by_hand_needs_no_theta_and_no_units():
     document = by_hand(coulomb={"value": 1})
     del document["parameters"], document["provenance"]
-    friction = read_model(document, LAWS, "hand.json")
+    friction = read_model(document, "hand.json")
     assert_array_equal(friction.theta, [[1.0, 0.5, 0.5, 0.5]])
 
 
 def test_a_law_outside_the_package_needs_its_class_at_hand(tmp_path):
     friction = Friction(Foreign(0.1), np.array([[1.0, 2.0]]))
-    save_model(friction, tmp_path / "model.json", LAWS)
+    save_model(friction, tmp_path / "model.json")
     with assert_refused("law 'Foreign' is unknown"):
-        load_model(tmp_path / "model.json", LAWS)
-    assert load_model(tmp_path / "model.json", {"Foreign": Foreign}).law == Foreign(0.1)
+        load_model(tmp_path / "model.json")
+    assert load_model(tmp_path / "model.json", [Foreign]).law == Foreign(0.1)
 
 
 MISTAKES = r"""
@@ -169,12 +168,12 @@ provenance = 3 => it should be one table of keys
 def test_mistakes_are_one_line_with_the_file_and_the_rule(wrong, words, tmp_path):
     write_json(tmp_path / "model.json", written(**changes(wrong)))
     with assert_refused(words) as raised:
-        load_model(tmp_path / "model.json", LAWS)
+        load_model(tmp_path / "model.json")
     assert f"{tmp_path / 'model.json'}: " in str(raised.value)
 
 
 def test_the_unchanged_document_is_none_of_these():
-    friction = read_model(written(), LAWS, "model.json")
+    friction = read_model(written(), "model.json")
     assert_array_equal(friction.theta, FRICTION.theta)
 
 
@@ -190,7 +189,7 @@ mass = {value = 1.0} => joint 1 must have the parameters coulomb, peak, .* mass
 @mistakes(ENTRIES)
 def test_joints_written_by_hand_are_checked_value_by_value(wrong, words):
     with assert_refused(words) as raised:
-        read_model(by_hand(**changes(wrong)), LAWS, "hand.json")
+        read_model(by_hand(**changes(wrong)), "hand.json")
     assert str(raised.value).startswith("hand.json: joint 1")
 
 
@@ -198,13 +197,13 @@ def test_a_joint_that_is_no_object_is_named():
     document = by_hand()
     document["joints"].append(3.0)
     with assert_refused("joint 2 must have the parameters .*; it has none"):
-        read_model(document, LAWS, "hand.json")
+        read_model(document, "hand.json")
 
 
 def test_reading_leaves_the_document_as_it_was():
     document = written()
     before = deepcopy(document)
-    read_model(document, LAWS, "model.json")
+    read_model(document, "model.json")
     assert document == before
 
 
@@ -258,7 +257,7 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
     law, path = MLP((3,)), tmp_path / "m.json"
     size, rng = (2, len(law.names)), np.random.default_rng(0)
     models = [Friction(law, rng.normal(size=size)) for _ in range(4)]
-    save_model(models[0], path, LAWS)
+    save_model(models[0], path)
     last = models[0]
     for model in models[1:]:  # killed again and again
         moves = []
@@ -272,12 +271,12 @@ def test_a_replaced_network_is_the_old_or_the_new_one_at_any_instant(moment, tmp
         with monkeypatch.context() as patch:
             patch.setattr(os, "replace", replaced)
             with suppress(Killed):
-                save_model(model, path, LAWS)
-        found = load_model(path, LAWS).theta
+                save_model(model, path)
+        found = load_model(path).theta
         assert any(np.array_equal(found, m.theta) for m in (last, model))
-        last = load_model(path, LAWS)
-    save_model(models[1], path, LAWS)
-    assert_array_equal(load_model(path, LAWS).theta, models[1].theta)
+        last = load_model(path)
+    save_model(models[1], path)
+    assert_array_equal(load_model(path).theta, models[1].theta)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["m.json", "m.safetensors"]
 
 
@@ -294,7 +293,7 @@ class Planted:
 @pytest.mark.parametrize("place", ["m.json", "m.safetensors"])
 def test_loading_a_model_never_executes_code(place, tmp_path):
     mark, law = tmp_path / "executed", MLP((3,))
-    save_model(Friction(law, np.zeros((2, len(law.names)))), tmp_path / "m.json", LAWS)
+    save_model(Friction(law, np.zeros((2, len(law.names)))), tmp_path / "m.json")
     content = pickle.dumps(Planted(mark))
     (tmp_path / place).write_bytes(content)
     if place == "m.safetensors":  # under the hash that the model file names
@@ -302,7 +301,7 @@ def test_loading_a_model_never_executes_code(place, tmp_path):
         document["theta"]["sha256"] = sha256(content).hexdigest()
         write_json(tmp_path / "m.json", document)
     with pytest.raises(InputError):
-        load_model(tmp_path / "m.json", LAWS)
+        load_model(tmp_path / "m.json")
     assert not mark.exists()
     pickle.loads(content)
     assert mark.exists()  # the trap is armed

@@ -8,7 +8,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.friction import Friction, units_of
@@ -66,10 +65,10 @@ def test_forces_are_printed_and_kept_in_newtons(tmp_path):
     friction = Friction(CoulombViscous(), np.array([[20.4, 203.5]]), position_units=("m",))
     assert "coulomb 20.4 N, viscous 203.5 N s/m" in str(friction)
     assert friction[..., :].position_units == ("m",)
-    save_model(friction, tmp_path / "model.json", LAWS)
+    save_model(friction, tmp_path / "model.json")
     text = (tmp_path / "model.json").read_text()
     assert '"N s/m"' in text and "N m" not in text
-    assert load_model(tmp_path / "model.json", LAWS).units_at(0) == ("N", "N s/m")
+    assert load_model(tmp_path / "model.json").units_at(0) == ("N", "N s/m")
 
 
 NUMBERS = dict(motor_inertia=0.01, load_inertia=0.04, stiffness=80.0)

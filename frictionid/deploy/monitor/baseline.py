@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.comparison.registry import LAWS
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.evaluation import Prepared, speeds, training_of, with_calibration
@@ -142,7 +141,7 @@ def save_baseline(baseline: Baseline, path: Path, settings: Mapping[str, Any]) -
         "settings": dict(settings),
         "mechanism": dict(b.mechanism),
         "joints": b.joints,
-        "model": model_document(reference.friction, LAWS),
+        "model": model_document(reference.friction),
         "speeds": reference.speeds,
         "noise": reference.noise,
         "effects": [effect._asdict() for effect in reference.effects],
@@ -181,7 +180,7 @@ def load_baseline(path: Path) -> Baseline:
             "make the baseline again by frictionid baseline"
         )
     try:
-        friction = read_model(document["model"], LAWS, str(path))
+        friction = read_model(document["model"], str(path))
         rows = document["recordings"]
         grid, noise = (np.array(document[name], dtype=float) for name in ("speeds", "noise"))
         baseline = Baseline(

@@ -12,7 +12,6 @@ from frictionid.api.models import count as whole
 from frictionid.api.models import friction_of
 from frictionid.arrays import Array
 from frictionid.comparison.equal_joints import groups_of
-from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration, stack_calibrations
 from frictionid.errors import InputError, printable
 from frictionid.friction import Friction
@@ -115,7 +114,7 @@ class Pooled:
         InputError
             Where the place cannot be written.
         """
-        save_model(self.friction, Path(path), LAWS)
+        save_model(self.friction, Path(path))
 
     @property
     def several(self) -> Specimens:

@@ -43,17 +43,17 @@ def watch(
     idle : End after so many seconds without data [never].
     code : C file of the observer to write.
     """
-    from frictionid.comparison.registry import friction_of
     from frictionid.data.readers.dataset import load_dataset
     from frictionid.deploy.compensation import friction_in
     from frictionid.errors import InputError
+    from frictionid.friction.model_files import load_model
 
     from .watch import watch_of, watched, write_code
 
     if code is None and (follow is None) == (not port):
         raise InputError("watch: name one of --follow FILE and --port NAME, or --code FILE")
     machine = watch_of(
-        friction_in(friction_of(model)), load_dataset(dataset, data, trust=trust), response, rate
+        friction_in(load_model(model)), load_dataset(dataset, data, trust=trust), response, rate
     )
     if code is not None:
         for path in write_code(machine, code, [model], replace=replace):

@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
-from frictionid.comparison.registry import friction_of
 from frictionid.data.integrals import averages
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
@@ -19,6 +18,7 @@ from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous, MotorLoad
+from frictionid.friction.model_files import load_model
 
 pytestmark = pytest.mark.real
 
@@ -226,7 +226,7 @@ def test_friction_fitted_on_driven_logs_predicts_passive_swings(dataset, request
     weights = np.ones((1, len(problem.r)))
     fitted = LeastSquares(MotorLoad()).fit(problem, weights, 0)[0]
     plain = LeastSquares(CoulombViscous()).fit(problem, weights, 0)[0]
-    m1 = friction_of(request.config.rootpath / "data" / "bam_xl330" / "m1.json")
+    m1 = load_model(request.config.rootpath / "data" / "bam_xl330" / "m1.json")
     published = swing_errors(passive, m1)
     # What predicts the swings are the Coulomb and viscous numbers alone: there is no torque.
     alone = Friction(CoulombViscous(), fitted.theta[:, :2])

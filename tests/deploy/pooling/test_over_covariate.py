@@ -7,11 +7,10 @@ from drive_logs import ServoPendulum
 from fixtures.refusals import assert_one_line, assert_refused
 
 import frictionid as fid
-from frictionid.comparison.registry import LAWS, friction_of
 from frictionid.deploy.pooling.random_effects import meta_regression
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
-from frictionid.friction.model_files import save_model
+from frictionid.friction.model_files import load_model, save_model
 
 WARM = np.array([20.0, 26.0, 32.0, 38.0, 44.0])
 
@@ -110,10 +109,10 @@ def test_far_from_the_fits_nothing_is_said():
 
 def test_the_command_writes_the_friction_at_one_value(tmp_path, run):
     for k, model in enumerate(models([0.12, 0.11, 0.1, 0.09]).values()):
-        save_model(model, tmp_path / f"{k}.json", LAWS)
+        save_model(model, tmp_path / f"{k}.json")
     pool = "pool 0.json 1.json 2.json 3.json --over"
     code, text, _ = run(tmp_path, f"{pool} temperature=20,30,40,50 --at 25 --out at.json")
     assert code == 0 and "coulomb" in text and "friction at temperature = 25" in text
-    assert friction_of(tmp_path / "at.json").theta[0, 0] == pytest.approx(0.115)
+    assert load_model(tmp_path / "at.json").theta[0, 0] == pytest.approx(0.115)
     outcome = run(tmp_path, f"{pool} temperature=20,cold --out no.json")
     assert_one_line(outcome, "write it as temperature=20,30,40")

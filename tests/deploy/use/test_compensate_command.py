@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from fixtures.refusals import assert_one_line
 
-from frictionid.comparison.registry import LAWS
 from frictionid.deploy.compensation import Compensation, compensating
 from frictionid.friction import Friction
 from frictionid.friction.laws import LuGre, Stribeck
@@ -21,7 +20,7 @@ CURVE = compensating(FRICTION, Compensation(gain=0.8, smooth=0.1, torque_limit=0
 
 @pytest.fixture
 def call(run, tmp_path):
-    save_model(FRICTION, tmp_path / "model.json", LAWS)
+    save_model(FRICTION, tmp_path / "model.json")
     return lambda options: run(tmp_path, f"compensate model.json {options}")
 
 
@@ -51,7 +50,7 @@ def test_code(call, tmp_path):
 
 def test_a_table_of_bristles_says_that_it_has_no_memory(call, tmp_path):
     bristles = Friction(LuGre(), np.array([[0.12, 0.05, 0.3, 0.01, 0.002, 0.0, 0.1]]))
-    save_model(bristles, tmp_path / "model.json", LAWS)
+    save_model(bristles, tmp_path / "model.json")
     code, out, _ = call("--out table.csv --speed 5")
     assert code == 0 and "a table has no memory" in out
 

@@ -11,7 +11,7 @@ from fixtures.memory_laws import Sampled
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.neighbors import KNeighborsRegressor
 
-from frictionid.comparison.registry import IDENTIFIERS, LAWS
+from frictionid.comparison.registry import IDENTIFIERS
 from frictionid.comparison.suite import identifier_named
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.identifiers import (
@@ -78,8 +78,8 @@ def test_every_identifier_of_the_suites_keeps_to_it_and_its_friction_comes_back(
         other = identifier.fit(problem, synthetic_weights(problem), 1)
         assert np.abs(friction.theta - other.theta).max() > 1e-3
     for fitted in (friction, friction[1]):
-        save_model(fitted, tmp_path / "model.json", LAWS)
-        again = load_model(tmp_path / "model.json", LAWS)
+        save_model(fitted, tmp_path / "model.json")
+        again = load_model(tmp_path / "model.json")
         assert again.law == fitted.law and again.mechanism == fitted.mechanism
         assert_array_equal(again.theta, fitted.theta)
 

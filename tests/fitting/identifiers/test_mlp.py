@@ -11,7 +11,6 @@ from fixtures.exact_problems import cost, everything, explained_by
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
-from frictionid.comparison.registry import LAWS
 from frictionid.evaluation import curve_error
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import (
@@ -148,18 +147,18 @@ def test_rows_held_out_inside_a_fold_are_whole_recordings_or_pieces_of_it():
 def test_weights_that_are_lost_or_of_another_fit_are_refused(tmp_path):
     law = MLP((3,))
     for name, seed in (("a", 0), ("b", 1)):
-        save_model(Friction(law, drawn(law, seed=seed)[0]), tmp_path / f"{name}.json", LAWS)
+        save_model(Friction(law, drawn(law, seed=seed)[0]), tmp_path / f"{name}.json")
     (tmp_path / "a.safetensors").write_bytes((tmp_path / "b.safetensors").read_bytes())
     with assert_refused("other weights than were saved"):
-        load_model(tmp_path / "a.json", LAWS)
+        load_model(tmp_path / "a.json")
     (tmp_path / "a.safetensors").write_bytes(b"no weights")
     with assert_refused("holds no tensor"):
-        load_model(tmp_path / "a.json", LAWS)
+        load_model(tmp_path / "a.json")
     (tmp_path / "a.safetensors").unlink()
     with assert_refused("cannot be read"):
-        load_model(tmp_path / "a.json", LAWS)
+        load_model(tmp_path / "a.json")
     document = json.loads((tmp_path / "b.json").read_text())
     document["theta"]["file"] = "../b.safetensors"
     (tmp_path / "b.json").write_text(json.dumps(document))
     with assert_refused("beside it"):
-        load_model(tmp_path / "b.json", LAWS)
+        load_model(tmp_path / "b.json")

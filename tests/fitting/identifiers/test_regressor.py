@@ -12,7 +12,6 @@ from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LinearRegression
 from sklearn.neighbors import KNeighborsRegressor
 
-from frictionid.comparison.registry import LAWS
 from frictionid.fitting.identifiers import Regressor
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.identifiers.regressor import NAMED, estimator_named, torques
@@ -118,7 +117,7 @@ def test_with_other_inputs_it_is_not_saved(tmp_path):
     for f in range(len(torque)):
         assert_array_equal(along(found[f], problem.nodes), torque[f])
     with assert_refused("cannot be saved: regressors of more than the velocity"):
-        save_model(found, tmp_path / "model.json", LAWS)
+        save_model(found, tmp_path / "model.json")
     assert not list(tmp_path.iterdir())
 
 

@@ -10,7 +10,6 @@ from fixtures.refusals import assert_refused
 from scipy.integrate import solve_ivp
 
 from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.registry import LAWS
 from frictionid.dynamics.rollout import rollout
 from frictionid.dynamics.state import State
 from frictionid.evaluation import Protocol, prepare, prepared_for, score_model
@@ -78,11 +77,11 @@ def test_scores_do_not_hang_on_what_is_told_of_the_machine():
 
 
 def test_a_file_of_an_unknown_mechanism_is_refused(tmp_path):
-    save_model(found(), tmp_path / "box.json", LAWS)
+    save_model(found(), tmp_path / "box.json")
     text = (tmp_path / "box.json").read_text()
     (tmp_path / "box.json").write_text(text.replace('"mechanism": "unit"', '"mechanism": "moon"'))
     with assert_refused("mechanism = 'moon' must be"):
-        load_model(tmp_path / "box.json", LAWS)
+        load_model(tmp_path / "box.json")
 
 
 def test_monomials_are_products_of_their_variables():

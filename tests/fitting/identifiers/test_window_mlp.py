@@ -12,7 +12,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from own_network import OwnLaw, own_network
 
-from frictionid.comparison.registry import LAWS
 from frictionid.fitting.identifiers import check_identifier
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.compressed import CompressedNetwork
@@ -169,11 +168,11 @@ def test_a_network_of_ones_own_learns_and_comes_back_from_its_file(tmp_path):
     weights = synthetic_weights(problem)
     found = own_network(100).fit(problem, weights, 0)
     assert (cost(problem, weights, found) < 0.1 * (weights @ (problem.r**2).sum(1))).all()
-    save_model(found, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", {**LAWS, "OwnLaw": OwnLaw})
+    save_model(found, tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json", [OwnLaw])
     assert_array_equal(along(again, problem.nodes), along(found, problem.nodes))
     with assert_refused("law 'OwnLaw' is unknown"):
-        load_model(tmp_path / "model.json", LAWS)
+        load_model(tmp_path / "model.json")
     check_law(TorchModule(torch.nn.Linear(2, 1)))
 
 
@@ -195,6 +194,6 @@ def test_an_ensemble_is_the_mean_of_its_members_which_spread(tmp_path):
     assert_allclose(members.curve(w).mean(axis=0), mean.curve(w), rtol=1e-12)
     seen, far = (members.curve(np.array([v])).std(axis=0).max() for v in (2.0, 30.0))
     assert 0 < seen < far
-    save_model(mean, tmp_path / "model.json", LAWS)
-    back = load_model(tmp_path / "model.json", LAWS)
+    save_model(mean, tmp_path / "model.json")
+    back = load_model(tmp_path / "model.json")
     assert back.law == mean.law and np.array_equal(back.theta, mean.theta)

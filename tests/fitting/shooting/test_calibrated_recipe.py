@@ -11,7 +11,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.cross_validate import Benchmark, prepare_benchmark, run
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.result_folder import write_sealed
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_recipes import CALIBRATED, RecipeEntry, recipes_of
@@ -152,7 +151,7 @@ def test_parameters_of_the_calibration_count_for_every_family(results):
 def test_what_is_finished_is_not_calibrated_anew(results, tmp_path):
     benchmark, _, _, corrected = results
     task = Task(benchmark, "rubs", RUBS, CORRECTED, 0)
-    write_sealed(tmp_path / task.file, document(task, corrected, LAWS))
+    write_sealed(tmp_path / task.file, document(task, corrected))
     (prepared,) = prepare_benchmarks([task], kept=[tmp_path]).values()
     assert not prepared.training.calibrations
 

@@ -10,7 +10,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import Suite
 from frictionid.comparison.suite_recipes import recipes_of
 from frictionid.fitting.identifiers import LeastSquares
@@ -91,11 +90,11 @@ def test_calibrations_of_no_machine_or_another_one_are_refused():
 
 def test_fit_takes_the_calibration_of_a_model_file(tmp_path, run):
     tiny.write_dataset(tmp_path / "tiny")
-    save_model(first_fit(), tmp_path / "first.json", LAWS)
+    save_model(first_fit(), tmp_path / "first.json")
     words = ("fit", "tiny", "--identifier", "coulomb_viscous", "--calibration", "first.json")
     code, out, err = run(tmp_path, *words, "--out", "second.json")
     assert (code, err) == (0, "")
-    read = known_calibration(load_model(tmp_path / "second.json", LAWS), "second")
+    read = known_calibration(load_model(tmp_path / "second.json"), "second")
     assert_allclose(read.calibration.base, first_fit().calibration.base)
     words = (*words, "--by", "shooting", "--windows", "0.2", "--iterations", "3")
     code, out, err = run(tmp_path, *words, "--out", "third.json")
@@ -107,7 +106,7 @@ def test_fit_takes_the_calibration_of_a_model_file(tmp_path, run):
 
 
 def test_a_suite_names_the_model_file_from_its_folder(tmp_path):
-    save_model(first_fit(), tmp_path / "first.json", LAWS)
+    save_model(first_fit(), tmp_path / "first.json")
     tables = [
         {"name": "held", "by": "shooting", "known": "first.json"},
         {"name": "corrected", "like": "integral", "known": "first.json"},

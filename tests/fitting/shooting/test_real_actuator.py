@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
-from frictionid.comparison.registry import friction_of
 from frictionid.data.plants import plant_of
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.formats.bam import XL330_GAIN
@@ -17,6 +16,7 @@ from frictionid.fitting.one_step.formulation import INTEGRAL, training_problem
 from frictionid.fitting.parameters import ActuatorBlock, FrictionBlock
 from frictionid.fitting.shooting import Settings, refine
 from frictionid.friction.laws import MotorLoad
+from frictionid.friction.model_files import load_model
 
 pytestmark = pytest.mark.real
 
@@ -34,7 +34,7 @@ def test_the_resistance_lies_where_published_models_have_it(request, real_data):
     found = refine(start, logs, blocks, SHORT, sample_time=0.01)
     kt, R = found.calibration.motor
     assert kt == logs.recordings[0].servo.kt and found.covariance.identified[-1]
-    published = [friction_of(folder / "bam_xl330" / f"{m}.json").parameters for m in ("m1", "m6")]
+    published = [load_model(folder / "bam_xl330" / f"{m}.json").parameters for m in ("m1", "m6")]
     low, high = sorted(kt / m["kt"] * m["R"] for m in published)  # with the same torque per volt
     assert 0.9 * low < R < 1.1 * high
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from fixtures.paths import ROOT
 
-from frictionid.comparison.registry import friction_of
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
 from frictionid.data.plants import plant_of
@@ -16,6 +15,7 @@ from frictionid.evaluation import Protocol, prepare, score_model, score_value, w
 from frictionid.fitting.identifiers import Frictionless, Published
 from frictionid.fitting.one_step.formulation import STUDY, training_problem
 from frictionid.fitting.shooting import Shooting, refine
+from frictionid.friction.model_files import load_model
 
 pytestmark = pytest.mark.real
 
@@ -102,7 +102,7 @@ def test_shooting_sees_friction_that_differences_of_velocities_do_not(real_data)
 def test_swing_ups_never_seen_are_predicted_twice_as_well_as_by_the_published_model(real_data):
     data = real_data / "dfki_double_pendulum"
     _, found = fitted("dfki_c1", data, only="motor_load")["motor_load"]
-    published = friction_of(ROOT / "data" / "dfki_c1" / "model_1.0.json")
+    published = load_model(ROOT / "data" / "dfki_c1" / "model_1.0.json")
     swings = load_dataset(ROOT / "data" / "dfki_c1_swingup", data)
     prepared = prepare(swings, Protocol(horizons=(0.5, 1.0), sample_time=0.01))
     own, *_ = score_model(found.friction, prepared)

@@ -5,7 +5,6 @@ import pytest
 from fixtures.sines import sines, torque_without_friction
 from numpy.testing import assert_allclose
 
-from frictionid.comparison.registry import LAWS
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
@@ -52,8 +51,8 @@ def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
     ).friction
     by_name = dict(zip(found.law.names, np.asarray(found.theta).T, strict=True))
     assert found.units_at(0) == ("N m", "1", "N m s/rad")  # N m of friction for each of load
-    save_model(found, tmp_path / "model.json", LAWS)
-    assert load_model(tmp_path / "model.json", LAWS).units_at(1) == found.units_at(1)
+    save_model(found, tmp_path / "model.json")
+    assert load_model(tmp_path / "model.json").units_at(1) == found.units_at(1)
     assert_allclose(by_name["load_coefficient"], LOSS, rtol=0.02)
     assert_allclose(by_name["viscous"], VISCOUS, rtol=0.02)
     assert_allclose(by_name["coulomb"], COULOMB, rtol=0.03)

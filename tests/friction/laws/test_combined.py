@@ -10,7 +10,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose
 
 from frictionid.comparison.fit_model import fit_model
-from frictionid.comparison.registry import LAWS
 from frictionid.comparison.suite import identifier_named
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.shooting import Settings, Shooting
@@ -97,8 +96,8 @@ def test_fits_find_each_joint_s_own(two_joints, tmp_path):
     names = [e.name for e in friction.provenance.refined.parameters]
     assert sum("peak" in name for name in names) == 1
     assert "peak" not in str(friction).splitlines()[2]
-    save_model(friction, tmp_path / "model.json", LAWS)
-    again = load_model(tmp_path / "model.json", LAWS)
+    save_model(friction, tmp_path / "model.json")
+    again = load_model(tmp_path / "model.json")
     assert again.law == MIXED
     assert again.theta == pytest.approx(friction.theta)
 

@@ -8,7 +8,6 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import BSpline
 
-from frictionid.comparison.registry import LAWS
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem
 from frictionid.friction import Friction, at_rest
@@ -129,7 +128,7 @@ degree = true => degree: it should be a valid integer, not True
 def test_settings_that_mean_nothing_are_refused(wrong, words):
     with assert_refused(words):
         Spline(**changes(wrong))
-    document = model_document(Friction(Spline(), drawn(Spline())), LAWS)
+    document = model_document(Friction(Spline(), drawn(Spline())))
     document["law"] |= changes(wrong)
     with assert_refused(words):
-        read_model(document, LAWS, "model.json")
+        read_model(document, "model.json")
