@@ -24,7 +24,6 @@ from frictionid.config import (
 )
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
-from frictionid.evaluation.hysteresis import HysteresisSettings
 from frictionid.files import suite_path
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
@@ -35,8 +34,7 @@ from .search_space import Search, Tuning
 from .suite_recipes import Name, RecipeEntry
 from .variations import SensitivitySettings
 
-SPLIT, LOOPS = Kind((Split,)), Kind((HysteresisSettings,))
-PROTOCOL = Kind((Protocol,), internal=frozenset({"loops"}))
+SPLIT, PROTOCOL = Kind((Split,)), Kind((Protocol,))
 
 
 def _split(table: Any) -> Any:
@@ -92,7 +90,7 @@ class IdentifierEntry(Strict):
 class Suite(Strict):
     """A suite's tables; its file has the keys of the `protocol` beside the others."""
 
-    settings: ClassVar[tuple[str, ...]] = (*PROTOCOL.settings, "loops")
+    settings: ClassVar[tuple[str, ...]] = PROTOCOL.settings
     name: Name
     title: str = ""
     protocol: Protocol = Protocol()
@@ -111,22 +109,12 @@ class Suite(Strict):
         if not isinstance(table, dict) or "protocol" in table:
             return table
         keys = {key: table.pop(key) for key in PROTOCOL.settings if key in table}
-        protocol: Protocol = PROTOCOL.build(keys, "")
-        if "loops" in table:
-            protocol = replace(protocol, loops=_loops(table.pop("loops")))
-        return {**table, "protocol": protocol}
+        return {**table, "protocol": PROTOCOL.build(keys, "")}
 
     def document(self) -> dict[str, Any]:
         """The tables with all defaults, as their file would have them."""
         tables = self.model_dump(mode="json")
         return {**tables.pop("protocol"), **tables}
-
-
-def _loops(table: Any) -> HysteresisSettings:
-    if not isinstance(table, dict):
-        raise InputError(f"loops: it should be one table of keys and values, not {table!r}")
-    loops: HysteresisSettings = LOOPS.build(table, "loops")
-    return loops
 
 
 def load_suite(path: Path) -> Suite:

@@ -8,12 +8,13 @@ that is off.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import Positive, Strict
 from frictionid.errors import InputError
 from frictionid.friction import Friction, Inputs, Nodes, along
 from frictionid.friction.coordinates import at_places
@@ -32,8 +33,10 @@ LATEST = 1 / 12  # of a period: what closes later than that is no lag
 NARROW = 0.01  # width of a loop, in units of the torque's size, below which it is none
 
 
-@dataclass(frozen=True)
-class HysteresisSettings:
+_Numbers = Annotated[list[Positive], Field(min_length=1)]
+
+
+class HysteresisSettings(Strict):
     """Sinusoids on which friction is shown.
 
     amplitude : [rad/s] of each joint; None takes 0.8 of the speed that 95 % of its motion is below
@@ -41,15 +44,9 @@ class HysteresisSettings:
     factors : of these frequencies, each is shown
     """
 
-    amplitude: tuple[float, ...] | None = None
-    frequency: tuple[float, ...] | None = None
-    factors: tuple[float, ...] = (0.5, 1.0, 2.0)
-
-    def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency", "factors"):
-            values = getattr(self, name)
-            if values is not None and not (len(values) and all(v > 0 for v in values)):
-                raise InputError(f"loops: {name} = {values} must be positive numbers")
+    amplitude: _Numbers | None = None
+    frequency: _Numbers | None = None
+    factors: _Numbers = [0.5, 1.0, 2.0]
 
     def check(self, joints: int) -> None:
         """Complain where amplitudes or frequencies are not those of so many joints."""

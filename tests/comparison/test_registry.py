@@ -11,7 +11,7 @@ from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
 
 from frictionid.comparison.registry import ESTIMATORS, IDENTIFIERS
-from frictionid.comparison.suite import LOOPS, PROTOCOL, SPLIT
+from frictionid.comparison.suite import PROTOCOL, SPLIT
 from frictionid.comparison.suite_recipes import SHOOTING
 from frictionid.friction import Friction
 from frictionid.friction.laws import (
@@ -23,7 +23,7 @@ REQUIRED = {"gear_load": {"moment": 0.1}, "sklearn": {"estimator": "knn"}}
 KINDS = {
     **{name: kind for name, kind in IDENTIFIERS.items() if name != "published"},
     **ESTIMATORS,
-    **{"split": SPLIT, "loops": LOOPS, "protocol": PROTOCOL, "shooting": SHOOTING},
+    **{"split": SPLIT, "protocol": PROTOCOL, "shooting": SHOOTING},
 }
 
 

@@ -6,7 +6,7 @@ from fixtures import result_folders as made
 from fixtures import tiny_pendulums as tiny
 from fixtures.refusals import assert_refused
 
-from frictionid.comparison.suite import load_suite
+from frictionid.comparison.suite import PROTOCOL, load_suite
 from frictionid.data.plants import plant_of
 from frictionid.evaluation import Protocol
 from frictionid.evaluation.hysteresis import (
@@ -80,7 +80,8 @@ def test_a_pure_delay_is_its_own_lag(shape, delay):
 
 def test_the_velocity_of_a_loop_is_the_rate_of_its_angle():
     spring = Friction(Spring(), np.ones((1, 1, 1)))
-    loops = hysteresis_loops(spring, PLANT, HysteresisSettings((3.0,), (0.7,)), GRID, 0.01)
+    settings = HysteresisSettings(amplitude=[3.0], frequency=[0.7])
+    loops = hysteresis_loops(spring, PLANT, settings, GRID, 0.01)
     assert {loop.kind for loop in loops} == {"reversing", "offset"}
     for loop in loops:
         angle, w = loop.torque[0], loop.velocity
@@ -112,7 +113,7 @@ def test_friction_of_the_velocity_alone_has_no_loop_and_is_its_curve():
 
 @pytest.mark.parametrize("lag", [0.005, 0.02])
 def test_a_film_that_lags_is_late_by_its_time_constant_where_motion_never_reverses(lag):
-    settings = HysteresisSettings((5.0,), (0.5,), (1.0,))
+    settings = HysteresisSettings(amplitude=[5.0], frequency=[0.5], factors=[1.0])
     found = {loop.kind: loop for loop in hysteresis_loops(film(lag), PLANT, settings, GRID, 1 / 60)}
     assert found["offset"].lag[0] == pytest.approx(lag, rel=0.1)
     assert found["offset"].width[0] > 0  # friction is higher while speed rises
@@ -125,7 +126,7 @@ def test_loops_grow_with_frequency_as_the_lag_does():
     widths = [
         loop.width[0]
         for loop in hysteresis_loops(
-            film(0.01), PLANT, HysteresisSettings((5.0,), (1.0,)), GRID, 1 / 60
+            film(0.01), PLANT, HysteresisSettings(amplitude=[5.0], frequency=[1.0]), GRID, 1 / 60
         )
         if loop.kind == "offset"
     ]
@@ -134,7 +135,7 @@ def test_loops_grow_with_frequency_as_the_lag_does():
 
 
 def test_memories_of_samples_advance_with_the_samples_of_the_data():
-    settings = HysteresisSettings((5.0,), (1.0,), (1.0,))
+    settings = HysteresisSettings(amplitude=[5.0], frequency=[1.0], factors=[1.0])
     for interval in (1 / 60, 1 / 100):
         friction = Friction(Echo(), DIP)
         (loop,) = [
@@ -147,7 +148,7 @@ def test_memories_of_samples_advance_with_the_samples_of_the_data():
 
 def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
     theta = np.concatenate([DIP, 2 * DIP])
-    settings = HysteresisSettings((5.0,), (1.0,), (1.0,))
+    settings = HysteresisSettings(amplitude=[5.0], frequency=[1.0], factors=[1.0])
     both = hysteresis_loops(film(0.01, theta), PLANT, settings, GRID, 1 / 60)
     for i in range(2):
         alone = hysteresis_loops(film(0.01, theta[i : i + 1]), PLANT, settings, GRID, 1 / 60)
@@ -157,9 +158,9 @@ def test_each_joint_and_each_friction_of_a_batch_is_as_it_is_alone():
 
 def test_settings_are_those_of_the_joints():
     with assert_refused("amplitude has 2 entries, the mechanism has 1 joints"):
-        hysteresis_loops(film(0.01), PLANT, HysteresisSettings((5.0, 10.0)), GRID, 1 / 60)
-    with assert_refused("loops: factors = .* must be positive"):
-        HysteresisSettings(factors=(0.0,))
+        hysteresis_loops(film(0.01), PLANT, HysteresisSettings(amplitude=[5.0, 10.0]), GRID, 1 / 60)
+    with assert_refused(r"loops\.factors\[0\]: it should be greater than 0, not 0\.0"):
+        PROTOCOL.build({"loops": {"factors": [0.0]}}, "")
 
 
 # --- Comparisons and pages ------------------------------------------------------------------------
@@ -182,7 +183,7 @@ def compared(tmp_path_factory):
 
 def test_what_a_suite_asks_for_is_shown_and_told(compared):
     file, folder = compared
-    assert load_suite(file).protocol.loops == HysteresisSettings(frequency=(2.0,))
+    assert load_suite(file).protocol.loops == HysteresisSettings(frequency=[2.0])
     section = made.section(folder)
     assert [model.identifier for model in with_memory(section)] == ["film_lag"]
     names = {path.name for path in (folder / "figures").glob("*.svg")}
