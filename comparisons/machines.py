@@ -23,6 +23,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -119,12 +120,19 @@ def suite_of(machine: Machine, dataset: Dataset) -> Suite:
 def run(machine: Machine, jobs: int) -> None:
     """Run what is left of a machine's suite."""
     suite = suite_of(machine, load_dataset(DATA / machine.name))
-    said, out = partial(print, "  ", flush=True), REPORT / machine.name
+    out = REPORT / machine.name
     table = suite.model_dump(exclude_none=True)
     with tempfile.NamedTemporaryFile("wb", suffix=".toml", dir=HERE) as file:
         tomli_w.dump(plain({**table.pop("protocol"), **table}), file)
         file.flush()
-        run_suite(file.name, out=out, jobs=jobs, resume=True, replace=True, done=said)
+        run_suite(
+            file.name,
+            out=out,
+            jobs=jobs,
+            resume=True,
+            replace=True,
+            progress=lambda _: nullcontext(partial(print, "  ", flush=True)),
+        )
 
 
 # --- Table ---------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -31,7 +30,7 @@ from frictionid.report.terminal import show_table
 
 from .fit import method_of
 from .models import DatasetLike, LawLike, dataset_of, identifier_of
-from .suites import open_suite
+from .suites import Count, open_suite, unheard
 
 CASES = "fits"  # folder of the results of single fits
 
@@ -140,7 +139,7 @@ def sensitivity_of_suite(
     jobs: int = 0,
     replace: bool = False,
     trust: bool = False,
-    progress: Callable[[int], AbstractContextManager[Callable[[str], None]]] | None = None,
+    progress: Callable[[int], Count] = unheard,
 ) -> tuple[pd.DataFrame, Path]:
     """Frame of a suite's sensitivity study, and the page that was written.
 
@@ -154,8 +153,8 @@ def sensitivity_of_suite(
         Result folder; report/<suite>-sensitivity.
     identifiers, recipes : list of str, optional
         In place of those that the suite names.
-    progress : function, optional
-        Called with the number of fits; gives a context of what is called with each finished one.
+    progress : function
+        Gets the number of fits; gives a context of what is called with each finished one.
 
     Raises
     ------
@@ -170,13 +169,9 @@ def sensitivity_of_suite(
     cases = sensitivity_cases(table, path, tables, trust=trust)
     with lock(folder, ["provenance.json", CASES], "sensitivity study"):
         check_unchanged(folder, replace=replace)
-        with nullcontext(_silent) if progress is None else progress(len(cases)) as done:
+        with progress(len(cases)) as done:
             frame = run_cases(cases, folder / CASES, jobs=jobs, done=done)
         tasks = [case.task for case in cases]
         provenance = provenance_of(table.name, table.title, table.document(), tasks)
         page = write_sensitivity(folder, frame, provenance, replace=replace)
     return frame, page
-
-
-def _silent(name: str) -> None:
-    del name

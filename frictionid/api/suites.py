@@ -72,6 +72,11 @@ def run_in_folder(
 Count = AbstractContextManager[Callable[[str], None]]
 
 
+def unheard(_: Any) -> Count:
+    """A context that says nothing of the steps."""
+    return nullcontext(lambda _: None)
+
+
 def open_suite(
     suite: str | Path, data: str | Path | None, out: str | Path | None, ending: str = ""
 ) -> tuple[Suite, Path, Path, Path | None]:
@@ -102,8 +107,7 @@ def run_suite(
     replace: bool = False,
     device: str | None = None,
     trust: bool = False,
-    done: Callable[[str], None] = lambda _: None,
-    progress: Callable[[Sequence[str]], Count] | None = None,
+    progress: Callable[[Sequence[str]], Count] = unheard,
 ) -> Comparison:
     """Run a suite, and write its result folder: tables, pictures, models, and a page.
 
@@ -127,10 +131,8 @@ def run_suite(
         Where networks are trained, whatever the suite says.
     trust : bool
         Whether code that the suite and its data sets name by its module may run.
-    done : function
-        Called with the name of each task that is finished.
-    progress : function, optional
-        In its place: gets the names of all tasks, and gives a context of such a function.
+    progress : function
+        Gets the names of all tasks; gives a context of what is called with each finished one.
 
     Raises
     ------
@@ -140,7 +142,7 @@ def run_suite(
     table, path, folder, tables = open_suite(suite, data, out)
     tasks = tasks_of(table, path, tables, device, trust=trust)
     names = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
-    with nullcontext(done) if progress is None else progress([*names.values()]) as report:
+    with progress([*names.values()]) as report:
         places = (folder / UNFINISHED / "tasks", folder / "tasks") if resume else ()
         prepared = prepare_benchmarks(tasks, jobs, places)
         protocol = tasks[0].benchmark.protocol
@@ -209,8 +211,7 @@ def tune(
     resume: bool = False,
     replace: bool = False,
     trust: bool = False,
-    done: Callable[[str], None] = lambda _: None,
-    progress: Callable[[int], Count] | None = None,
+    progress: Callable[[int], Count] = unheard,
 ) -> Tuned:
     """Search settings of a suite's identifiers, nested in the training folds.
 
@@ -231,10 +232,8 @@ def tune(
         Whether an earlier search of the folder may be replaced.
     trust : bool
         Whether code that the suite and its data sets name by its module may run.
-    done : function, optional
-        Called with each finished trial.
-    progress : function, optional
-        In its place: gets the number of trials, and gives a context of such a function.
+    progress : function
+        Gets the number of trials; gives a context of what is called with each finished one.
 
     Raises
     ------
@@ -253,7 +252,7 @@ def tune(
     tasks = tuning_tasks(table, path, tables, trust=trust)
     total = tuning.trials * len(study_specs(tasks, tuning))
     with (
-        nullcontext(done) if progress is None else progress(total) as report,
+        progress(total) as report,
         lock(folder, ["journal.log"], "tuning"),
     ):
         check_unchanged(folder, replace=replace)
