@@ -15,7 +15,6 @@ import pandas as pd
 from frictionid import excitation
 from frictionid.excitation import Design, TrajectoryDesign
 from frictionid.excitation.experiment import Limits, Named
-from frictionid.excitation.signals import FAMILIES
 from frictionid.friction import Friction
 from frictionid.mechanics import Plant, as_mechanism
 from frictionid.report.experiment_design import (
@@ -85,7 +84,6 @@ def suggest(
     *,
     recordings: int = 4,
     length: float = 5.0,
-    families: Sequence[str] = FAMILIES,
     frequencies: Sequence[float] = (0.2, 4.0),
     start: Sequence[float] | None = None,
     drive_rate: float = 60.0,
@@ -108,7 +106,6 @@ def suggest(
         The prior: "coulomb" and "viscous"; 5 % of the torque where they are missing.
     recordings, length
         How many recordings, and how long each is [s].
-    families : list of "multisine", "chirp"
     frequencies : lowest and highest [Hz]
     start : start angles, searched where they are missing
     drive_rate, camera_rate : commands and images per second [Hz]
@@ -142,8 +139,7 @@ def suggest(
         start=None if start is None else tuple(map(float, start)),
         friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
-    space = excitation.SignalSpace(experiment, tuple(families))
-    return Suggestion(excitation.design_signals(space, _search(effort, seed), done))
+    return Suggestion(excitation.design_signals(experiment, _search(effort, seed), done))
 
 
 def stages(effort: int = 600, seed: int = 0) -> int:

@@ -24,7 +24,6 @@ def suggest(
     friction: str = "",
     recordings: int = 4,
     length: float = 5.0,
-    families: str = "multisine,chirp",
     frequencies: str = "0.2,4",
     start: str = "",
     drive_rate: float = 60.0,
@@ -48,7 +47,6 @@ def suggest(
     friction : Prior, e.g. "coulomb=[0.1,0.05],viscous=0.001" [5 % of torque].
     recordings : Number of recordings; several are written to OUT_1.csv ...
     length : Length of each [s].
-    families : Wave forms.
     frequencies : Lowest and highest [Hz].
     start : Start angles, e.g. 0,0 [searched].
     drive_rate : Commands per second [Hz].
@@ -77,7 +75,6 @@ def suggest(
         else:
             designed = api.suggest(
                 *asked,
-                families=_names(families),
                 frequencies=numbers("--frequencies", frequencies, _TWO, 2),
                 start=numbers("--start", start, _NUMBERS) if start.strip() else None,
                 drive_rate=drive_rate,
@@ -114,7 +111,3 @@ def _places(out: Path, recordings: int) -> list[Path]:
     if recordings == 1:
         return [out]
     return [out.with_name(f"{out.stem}_{r + 1}{out.suffix}") for r in range(recordings)]
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())

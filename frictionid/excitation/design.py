@@ -24,7 +24,7 @@ from frictionid.errors import InputError
 
 from .experiment import Experiment
 from .information import Concatenated, Information, covariances, equations, expected_information
-from .signals import Motions, SignalSpace, jerk_decades, predict_motions, smoothed_states
+from .signals import Motions, jerk_decades, predict_motions, smoothed_states
 
 # Standard errors that count as one, over the best of any single recording: of base parameters, and
 # at most of friction (plain sines may be worse).
@@ -63,7 +63,7 @@ class Pool(NamedTuple):
 
 
 def search_signals(
-    space: SignalSpace, search: Search, done: Callable[[str], None] = lambda _: None
+    experiment: Experiment, search: Search, done: Callable[[str], None]
 ) -> tuple[Array, Array]:
     """Signals x (R, size) of the experiment's recordings, and the criterion after each stage.
 
@@ -75,9 +75,9 @@ def search_signals(
         Where no signal of the pool keeps the limits, or none shows friction and inertia.
     """
     random = np.random.default_rng(search.seed)
-    sines, pool = _first(space, search, random)
-    recordings = space.experiment.recordings
-    scale = scales(space.experiment, pool.information, pool.information.pick(slice(sines)))
+    sines, pool = _first(experiment, search, random)
+    recordings = experiment.recordings
+    scale = scales(experiment, pool.information, pool.information.pick(slice(sines)))
     chosen, value = exchange(pool.information, scale, recordings)
     if not value > 0.0:
         raise InputError(
@@ -88,7 +88,7 @@ def search_signals(
     done(f"{len(pool.x)} signals keep the limits")
     for _ in range(search.generations):
         x = _children(pool.x[_parents(pool.information, scale, chosen)], search.children, random)
-        children = simulated(space, x, search.seed)
+        children = simulated(experiment, x, search.seed)
         pool = pool if children is None else pool.joined(children)
         chosen, value = exchange(pool.information, scale, recordings, chosen)
         values.append(value)
@@ -96,25 +96,26 @@ def search_signals(
     return pool.x[chosen], np.array(values)
 
 
-def simulated(space: SignalSpace, x: Array, seed: int) -> Pool | None:
+def simulated(experiment: Experiment, x: Array, seed: int) -> Pool | None:
     """Those of the signals that keep the limits, None where none does."""
-    motions = predict_motions(space.experiment, space.torque(x), space.start(x), quick=True)
-    kept = np.flatnonzero(motions.within(space.experiment))
+    torque, start = experiment.torque_of(x), experiment.start_of(x)
+    motions = predict_motions(experiment, torque, start, quick=True)
+    kept = np.flatnonzero(motions.within(experiment))
     if not kept.size:
         return None
-    return Pool(x[kept], expected_information(space.experiment, motions.pick(kept), seed))
+    return Pool(x[kept], expected_information(experiment, motions.pick(kept), seed))
 
 
-def _first(space: SignalSpace, search: Search, random: np.random.Generator) -> tuple[int, Pool]:
+def _first(experiment: Experiment, search: Search, random: np.random.Generator) -> tuple[int, Pool]:
     """The first pool, and how many plain sines it begins with."""
     # those at a resonance are hard to find by chance, and hard to beat
-    sines = space.sines(search.pool // _SINES)
+    sines = experiment.sines(search.pool // _SINES)
     for _ in range(_TRIES):
-        x = random.uniform(size=(search.pool - len(sines), space.size))
-        pool = simulated(space, np.concatenate([sines, x]), search.seed)
+        x = random.uniform(size=(search.pool - len(sines), experiment.size))
+        pool = simulated(experiment, np.concatenate([sines, x]), search.seed)
         if pool is not None:
             return int((pool.x[:, None] == sines).all(-1).any(-1).sum()), pool
-    limits = space.experiment.limits
+    limits = experiment.limits
     raise InputError(
         f"none of {_TRIES * search.pool} signals keeps the limits, velocity "
         f"{limits.velocity.tolist()} and angle {limits.angle.tolist()}: shorten the recordings, "
@@ -268,14 +269,14 @@ OTHER_SCALES = (0.5, 2.0)  # of the prior friction, at which the signals are sim
 class Design:
     """Torque signals to apply, and what is expected of them.
 
-    space, search : settings of the design
+    experiment, search : settings of the design
     x (R, size) : the signals; torque (K + 1, R, n) [N m] and start angles (R, n) that they mean
     motions, monte_carlo : at the prior friction (L = 1)
     others : the same motions with half and twice that friction (L = 2)
     values : smallest eigenvalue of the scaled information after each stage of the search
     """
 
-    space: SignalSpace
+    experiment: Experiment
     search: Search
     x: Array
     torque: Array
@@ -285,14 +286,9 @@ class Design:
     others: Motions
     values: Array
 
-    @property
-    def experiment(self) -> Experiment:
-        """The experiment that the signals are for."""
-        return self.space.experiment
-
 
 def design_signals(
-    space: SignalSpace, search: Search, done: Callable[[str], None] = lambda _: None
+    experiment: Experiment, search: Search, done: Callable[[str], None] = lambda _: None
 ) -> Design:
     """Best signals of a search, with their expected motion and standard errors.
 
@@ -304,10 +300,10 @@ def design_signals(
     joint without motor, 0.60 with free inertia (0.37 with known inertia): there a sine swings that
     joint about as far and as often as the motor can.
     """
-    x, values = search_signals(space, search, done)
-    torque, start = space.torque(x), space.start(x)
-    nominal = replace(space.experiment, friction_scales=(1.0,))
+    x, values = search_signals(experiment, search, done)
+    torque, start = experiment.torque_of(x), experiment.start_of(x)
+    nominal = replace(experiment, friction_scales=(1.0,))
     motions = predict_motions(nominal, torque, start)
     others = predict_motions(replace(nominal, friction_scales=OTHER_SCALES), torque, start)
     repeated = monte_carlo(nominal, motions, search.seed)
-    return Design(space, search, x, torque, start, motions, repeated, others, values)
+    return Design(experiment, search, x, torque, start, motions, repeated, others, values)

@@ -1,4 +1,9 @@
-"""The experiment that signals are designed for: machine, limits, prior friction, drive, camera."""
+"""The experiment that signals are designed for: machine, limits, prior friction, drive, camera.
+
+Signals are points of the unit cube: multisines and chirps with their start angles. Each motor has,
+in this order, family, amplitude, and a frequency, a phase and a weight of each of its sines; a
+chirp reads the first two frequencies and the first phase. Start angles come last.
+"""
 
 import math
 from collections.abc import Mapping
@@ -19,6 +24,12 @@ _LIMITS = "torque=0.14,velocity=[10,20],angle=3.1"
 _PRIOR = "coulomb=[0.1,0.05],viscous=0.001"
 _SHARE = 0.05  # of the largest torque limit, which is friction by default
 _RESTING = 0.01  # of the velocity limit: slower motion is what a smoother makes of a reversal
+_SINES = 5
+_PER_MOTOR = 2 + 3 * _SINES
+_START = 0.95  # of the angle limit: the largest start angle
+# Largest and smallest amplitude over the torque limit; above 1 the signal is clipped.
+_OVERDRIVEN, _WEAKEST = 3.0, 0.02
+DECIMALS = 6  # of a command [N m]
 
 
 class Limits(NamedTuple):
@@ -144,6 +155,16 @@ class Experiment:
     band : lowest and highest frequency of the torque [Hz]
     start : start angles (n,) of each recording, at rest; None to search them as well
     friction_scales : factors of the prior friction for all of which the signal shall be good
+
+    Examples
+    --------
+    >>> from frictionid.mechanics import pendulum
+    >>> limits = limits_of("torque=0.5,velocity=9,angle=2", pendulum())
+    >>> plant = Plant.from_parameters(pendulum(), {})
+    >>> e = Experiment(plant, prior_friction_of("", limits), limits, length=1.0)
+    >>> x = np.random.default_rng(0).uniform(size=(3, e.size))
+    >>> e.torque_of(x).shape, bool(abs(e.torque_of(x)).max() <= 0.5), e.start_of(x).shape
+    ((61, 3, 1), True, (3, 1))
     """
 
     plant: Plant
@@ -196,6 +217,74 @@ class Experiment:
     def commands(self) -> Array:
         """Times of the drive's commands (K + 1,) [s], the last one where the signal ends."""
         return np.arange(round(self.length * self.drive_rate) + 1) / self.drive_rate
+
+    @property
+    def motors(self) -> Array:
+        """Joints that have a motor."""
+        return np.flatnonzero(self.plant.mechanism.driven)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of a signal."""
+        return _PER_MOTOR * len(self.motors) + self.plant.n
+
+    def sines(self, count: int) -> Array:
+        """Plain sines (N, size) of frequencies all over the band, from zero angles.
+
+        All motors in phase, at their limit.
+        """
+        x = np.full((count, self.size), 0.5)
+        for i in range(len(self.motors)):
+            signal = x[:, i * _PER_MOTOR : (i + 1) * _PER_MOTOR]
+            signal[:, 0] = 0.75  # a chirp
+            signal[:, 2 : 2 + _SINES] = np.linspace(0.0, 1.0, count)[:, None]
+            signal[:, 2 + _SINES] = 0.0
+        return x
+
+    def torque_of(self, x: Array) -> Array:
+        """Commands (K + 1, N, n) [N m] of signals x (N, size); the last one is zero."""
+        limit = self.limits.torque
+        out = np.zeros((len(self.commands), len(x), self.plant.n))
+        for i, joint in enumerate(self.motors):
+            signal = x[:, i * _PER_MOTOR : (i + 1) * _PER_MOTOR]
+            out[:, :, joint] = limit[joint] * self._shape(signal)
+        out[-1] = 0.0
+        most = np.floor(limit * 10**DECIMALS) / 10**DECIMALS
+        return np.clip(np.round(out, DECIMALS), -most, most)
+
+    def start_of(self, x: Array) -> Array:
+        """Start angles (N, n); joints start at rest."""
+        n, limit = self.plant.n, self.limits.angle
+        if self.start is not None:
+            return np.broadcast_to(np.array(self.start, dtype=float), (len(x), n)).copy()
+        # without a limit a revolute joint may start at any angle, a carriage at zero
+        revolute = np.array([unit == "rad" for unit in self.plant.mechanism.position_units])
+        free = np.where(revolute, math.pi, 0.0)
+        limit = np.where(np.isfinite(limit), _START * limit, free)
+        largest = np.where(revolute, np.minimum(limit, free), limit)
+        return np.round(largest * (2 * x[:, -n:] - 1), 3)
+
+    def family_of(self, x: Array) -> list[list[str]]:
+        """Family of each motor's signal, "multisine" or "chirp", for each x."""
+        chirps = x[:, : -self.plant.n : _PER_MOTOR] >= 0.5
+        return np.where(chirps, "chirp", "multisine").tolist()
+
+    def _shape(self, x: Array) -> Array:
+        """Commands as shares of the torque limit, (K + 1, N)."""
+        time = self.commands
+        # half of the signals exceed the limit, and are clipped there
+        low, high = 2 * x[:, 1], 2 * x[:, 1] - 1
+        gain = np.where(low < 1, _OVERDRIVEN ** (1 - low), _WEAKEST ** np.maximum(high, 0.0))
+        f, phase, weight = np.split(x[:, 2:], 3, axis=1)
+        lowest, highest = self.band
+        f, phase = lowest * (highest / lowest) ** f, 2 * np.pi * phase
+        angle = 2 * np.pi * time[:, None, None] * f + phase
+        sines = (weight**2 * np.sin(angle)).sum(-1)
+        growth = (f[:, 1] - f[:, 0]) / time[-1]
+        turns = (f[:, 0] + 0.5 * growth * time[:, None]) * time[:, None]
+        chirp = np.sin(2 * np.pi * turns + phase[:, 0])
+        wave = np.where(x[:, 0] >= 0.5, chirp, sines)
+        return np.clip(gain * wave / np.maximum(np.abs(wave).max(axis=0), 1e-12), -1.0, 1.0)
 
 
 def load_mechanism(path: Path) -> dict[str, Any]:

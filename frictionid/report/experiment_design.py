@@ -13,7 +13,8 @@ import pandas as pd
 
 from frictionid.arrays import Array
 from frictionid.excitation.design import OTHER_SCALES, Design
-from frictionid.excitation.signals import DECIMALS, MARGIN
+from frictionid.excitation.experiment import DECIMALS
+from frictionid.excitation.signals import MARGIN
 from frictionid.excitation.trajectory_design import TrajectoryDesign
 
 from .figures import style
@@ -27,7 +28,7 @@ BINDING = 0.9  # of what the search allows
 def command_frame(design: Design, recording: int) -> pd.DataFrame:
     """Torques of one recording: time [s], a column u1, u2 ... per motor, each held to the next."""
     columns = {"time": design.experiment.commands}
-    columns |= {f"u{j + 1}": design.torque[:, recording, j] for j in design.space.motors}
+    columns |= {f"u{j + 1}": design.torque[:, recording, j] for j in design.experiment.motors}
     return pd.DataFrame(columns)
 
 
@@ -58,7 +59,7 @@ def described(design: Design) -> str:
         f"{math.degrees(sigma):.3g} deg" if unit == "rad" else f"{sigma:.3g} {unit}"
         for sigma, unit in zip(e.noise, units, strict=True)
     )
-    families = design.space.family(design.x)
+    families = design.experiment.family_of(design.x)
     context = {
         "experiment": e,
         "search": design.search,
@@ -110,7 +111,7 @@ def design_document(design: Design) -> dict[str, Any]:
 
     Errors are null for parameters of the mechanism where it is taken as known.
     """
-    families = design.space.family(design.x)
+    families = design.experiment.family_of(design.x)
     return {
         "recordings": [
             {"family": family, "start": start}

@@ -14,7 +14,6 @@ from frictionid.evaluation import Protocol, prepare, score_model
 from frictionid.excitation import (
     Experiment,
     Search,
-    SignalSpace,
     design_signals,
     limits_of,
     prior_friction_of,
@@ -126,7 +125,7 @@ def test_suggestions_keep_limits_in_the_unit_of_each_joint():
         recordings=1,
         angle_noise=(1e-4, 2e-3),
     )
-    design = design_signals(SignalSpace(experiment), Search(pool=20, generations=0))
+    design = design_signals(experiment, Search(pool=20, generations=0))
     w, q = np.abs(design.motions.w), np.abs(design.motions.q)
     assert (w.max((0, 1, 2)) <= limits.velocity).all() and (q.max((0, 1, 2)) <= limits.angle).all()
     text = described(design)

@@ -18,7 +18,6 @@ from frictionid.excitation import (
     Information,
     Motions,
     Search,
-    SignalSpace,
     covariances,
     design_signals,
     expected_information,
@@ -62,13 +61,13 @@ def on_acrobot():
     experiment = Experiment(
         Plant.from_parameters(machine, {}), friction, limits, length=3.0, recordings=3
     )
-    return design_signals(SignalSpace(experiment), Search(pool=96, generations=2, children=48))
+    return design_signals(experiment, Search(pool=96, generations=2, children=48))
 
 
 @cache
 def swinging():
     """The same for a pendulum, the second rig."""
-    return design_signals(SignalSpace(on_pendulum()), Search(pool=96, generations=2, children=64))
+    return design_signals(on_pendulum(), Search(pool=96, generations=2, children=64))
 
 
 def really(experiment, torque, start):
@@ -281,7 +280,7 @@ def test_the_simulated_motion_keeps_the_limits():
 def test_a_tight_angle_limit_is_kept_by_weaker_signals():
     experiment = on_pendulum()
     tight = replace(experiment, limits=experiment.limits._replace(angle=np.array([0.4])))
-    design = design_signals(SignalSpace(tight), Search(pool=96, generations=1, children=16))
+    design = design_signals(tight, Search(pool=96, generations=1, children=16))
     q, _ = really(tight, design.torque, design.start)
     assert np.abs(q).max() <= 0.4
     assert "angle     joint 1" in described(design)
@@ -291,7 +290,7 @@ def test_impossible_limits_are_one_clear_line():
     experiment = on_pendulum(start=(2.5,))
     slow = replace(experiment, limits=experiment.limits._replace(velocity=np.array([0.1])))
     with assert_refused("none of 12 signals keeps the limits, velocity"):
-        design_signals(SignalSpace(slow), Search(pool=4, generations=0))
+        design_signals(slow, Search(pool=4, generations=0))
 
 
 # --- Laws of the optimum ----------------------------------------------------------------------
@@ -303,7 +302,7 @@ def test_more_torque_never_hurts():
     scale = np.array([0.001, 0.0001, 0.001, 0.01])
     x = np.random.default_rng(3).uniform(size=(64, 18))
     for torque in ("0.05", "0.1", "0.2", "0.4"):
-        more = simulated(SignalSpace(on_pendulum(torque)), x, 0)
+        more = simulated(on_pendulum(torque), x, 0)
         assert more is not None
         pool = more if pool is None else pool.joined(more)
         values.append(exchange(pool.information, scale, 2)[1])
@@ -314,11 +313,9 @@ def test_more_torque_never_hurts():
 def test_mirrored_signals_tell_the_same():
     # the draw of noise is not mirrored; at 1e-3 rad it finds the same bandwidths for both
     experiment = on_pendulum(angle_noise=1e-3)
-    space = SignalSpace(experiment)
-    x = np.random.default_rng(1).uniform(size=(6, space.size))
-    there, back = (
-        predict_motions(experiment, s * space.torque(x), s * space.start(x)) for s in (1, -1)
-    )
+    x = np.random.default_rng(1).uniform(size=(6, experiment.size))
+    torque, start = experiment.torque_of(x), experiment.start_of(x)
+    there, back = (predict_motions(experiment, s * torque, s * start) for s in (1, -1))
     assert np.allclose(there.q, -back.q, atol=1e-9)
     sides = [covariances(expected_information(experiment, m, 0)) for m in (there, back)]
     variances = [np.diagonal(side, axis1=-2, axis2=-1) for side in sides]
@@ -328,9 +325,8 @@ def test_mirrored_signals_tell_the_same():
 def one_motion():
     """An experiment on a pendulum, and what it does by a signal of chance."""
     experiment = on_pendulum()
-    space = SignalSpace(experiment)
-    x = np.random.default_rng(1).uniform(size=(1, space.size))
-    return experiment, predict_motions(experiment, space.torque(x), space.start(x))
+    x = np.random.default_rng(1).uniform(size=(1, experiment.size))
+    return experiment, predict_motions(experiment, experiment.torque_of(x), experiment.start_of(x))
 
 
 def test_two_recordings_halve_the_variance_of_one():
@@ -360,21 +356,21 @@ def test_a_machine_that_does_not_move_tells_nothing():
 
 def test_refinement_never_loses_and_the_same_seed_gives_the_same_signal():
     search = Search(pool=12, generations=2, children=6, seed=5)
-    space = SignalSpace(on_pendulum(length=1.5))
-    once, again = (design_signals(space, search) for _ in range(2))
+    experiment = on_pendulum(length=1.5)
+    once, again = (design_signals(experiment, search) for _ in range(2))
     assert np.all(np.diff(once.values) >= 0)
     assert command_frame(once, 1).equals(command_frame(again, 1))
     assert described(once) == described(again)
-    other = design_signals(space, replace(search, generations=0, seed=6))
+    other = design_signals(experiment, replace(search, generations=0, seed=6))
     assert not command_frame(once, 0).equals(command_frame(other, 0))
 
 
-@pytest.mark.parametrize("family", ["multisine", "chirp"])
-def test_only_the_families_asked_for_are_used(family):
-    space = SignalSpace(on_pendulum(), (family,))
-    x = np.random.default_rng(0).uniform(size=(8, space.size))
-    assert space.family(x) == [[family]] * 8
-    assert np.abs(space.torque(x)).max() == 0.3
+def test_half_of_the_signals_are_chirps_and_all_reach_the_limit():
+    experiment = on_pendulum()
+    x = np.random.default_rng(0).uniform(size=(8, experiment.size))
+    x[:, 0], x[:, 1] = np.linspace(0.0, 1.0, 8), 0.4
+    assert experiment.family_of(x) == [["multisine"]] * 4 + [["chirp"]] * 4
+    assert np.all(np.abs(experiment.torque_of(x)).max(axis=(0, 2)) == 0.3)
 
 
 # --- Files -----------------------------------------------------------------------

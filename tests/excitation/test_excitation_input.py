@@ -7,7 +7,7 @@ from fixtures.mistakes import changes, mistakes
 from fixtures.pendulum_experiment import on_pendulum
 from fixtures.refusals import assert_one_line, assert_refused
 
-from frictionid.excitation import Search, SignalSpace, limits_of, load_mechanism, prior_friction_of
+from frictionid.excitation import Search, limits_of, load_mechanism, prior_friction_of
 from frictionid.mechanics import acrobot, mechanism_of, pendulum
 
 LIMITS = """
@@ -51,11 +51,7 @@ def test_wrong_experiments_are_one_clear_line(wrong, words):
         on_pendulum(**changes(wrong))
 
 
-def test_wrong_families_priors_and_searches_are_refused():
-    with assert_refused("family 'sweep' is unknown"):
-        SignalSpace(on_pendulum(), ("sweep",))
-    with assert_refused("no family"):
-        SignalSpace(on_pendulum(), ())
+def test_wrong_priors_and_searches_are_refused():
     with assert_refused("did you mean 'coulomb'"):
         prior_friction_of("coulumb=1", on_pendulum().limits)
     with assert_refused("pool: .* not 0"):
