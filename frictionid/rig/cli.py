@@ -10,7 +10,6 @@ from frictionid.cli.options import DatasetPath, PresentPath
 from frictionid.cli.progress import counted, show
 from frictionid.errors import InputError
 
-Baud = Annotated[int | None, typer.Option(min=1, help="In place of [protocol] baud.")]
 RIG = Path("rig.toml")
 
 
@@ -171,7 +170,6 @@ def log(
     port: str,
     out: Path,
     rig: Path = RIG,
-    baud: Baud = None,
     append: bool = False,
     seconds: Annotated[float | None, typer.Option(min=0)] = None,
     patience: Annotated[float | None, typer.Option(min=0)] = None,
@@ -194,7 +192,7 @@ def log(
     show = ProgressLine(settings.protocol.columns)
     with (
         stop_requests() as stop,
-        open_logger(port, baud, settings, out, append=append) as logger,
+        open_logger(port, settings, out, append=append) as logger,
         show,
     ):
         log_until(logger, stop, show, seconds, patience)
@@ -208,7 +206,6 @@ def excite(
     signal: Path,
     out: Path,
     rig: Path = RIG,
-    baud: Baud = None,
     rate: float = 100.0,
     ramp: float = 0.3,
     silence: float = 0.25,
@@ -240,7 +237,7 @@ def excite(
     with (
         stop_requests() as asked,
         keys() as key,
-        open_logger(port, baud, settings, out, append=append) as logger,
+        open_logger(port, settings, out, append=append) as logger,
         show,
     ):
 

@@ -97,7 +97,7 @@ def _complaint(name: str, baud: int, error: Exception) -> str:
             f"({_group(name)}), and log in again"
         )
     if isinstance(error, ValueError | OverflowError):
-        return f"port {name} has no rate of {baud} baud; choose another with --baud"
+        return f"port {name} has no rate of {baud} baud; choose another baud"
     return f"port {name} cannot be opened ({os.strerror(number) if number else text}); check it"
 
 
@@ -242,11 +242,11 @@ class Logger:
 
 @contextlib.contextmanager
 def open_logger(
-    name: str, baud: int | None, rig: RigSettings, out: Path, *, append: bool = False
+    name: str, rig: RigSettings, out: Path, *, append: bool = False
 ) -> Iterator[Logger]:
     """Logger of the port `name` to a file; both are closed at the end, and an empty log removed.
 
-    baud : in place of that of the rig; append : whether to continue an existing file
+    append : whether to continue an existing file
 
     Raises
     ------
@@ -255,7 +255,7 @@ def open_logger(
     """
 
     def port() -> Port:
-        return Port(name, baud or rig.protocol.baud)
+        return Port(name, rig.protocol.baud)
 
     opened = [port()]  # first: without a port no file is made
     try:
@@ -374,5 +374,5 @@ def log_until(
     if not logger.counts.rows:
         raise InputError(
             f"no line came in {time.monotonic() - start:.0f} s ({logger.counts.size} bytes): check "
-            "that the drive sends, --baud, and [protocol]"
+            "that the drive sends, and [protocol] with its baud"
         )

@@ -182,7 +182,7 @@ def diagnosis(form: LineProtocol, rejected: Iterable[Rejected], count: int) -> s
     if _printable_share(shown) < 0.9:
         return (
             f"nothing but garbage in {count} bytes: the baud rate is wrong, or something else is "
-            "connected; check --baud and the port"
+            "connected; check baud in [protocol], and the port"
         )
     kinds = Counter(r.reason for r in lines)
     kind = kinds.most_common(1)[0][0]
