@@ -206,7 +206,6 @@ def tune(
     *,
     data: str | Path | None = None,
     out: str | Path | None = None,
-    trials: int | None = None,
     jobs: int = 0,
     resume: bool = False,
     replace: bool = False,
@@ -222,8 +221,6 @@ def tune(
         Folder with the tables of the suite's one data set.
     out : path, optional
         Result folder; by default report/<suite>-tune.
-    trials : int, optional
-        Number of trials of each study, in place of the suite's.
     jobs : int
         Number of parallel trials; 0: one for each core.
     resume : bool
@@ -242,14 +239,13 @@ def tune(
 
     Examples
     --------
-    Twenty trials of each study of one's own suite::
+    The settings that a suite of one's own searches::
 
-        tuned = frictionid.tune("suite.toml", trials=20)
+        tuned = frictionid.tune("suite.toml")
         tuned.frame.sort_values("score")
     """
     table, path, folder, tables = open_suite(suite, data, out, "-tune")
-    tuning = table.tune.model_copy(update={} if trials is None else {"trials": trials})
-    tasks = tuning_tasks(table, path, tables, trust=trust)
+    tuning, tasks = table.tune, tuning_tasks(table, path, tables, trust=trust)
     total = tuning.trials * len(study_specs(tasks, tuning))
     with (
         progress(total) as report,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
@@ -139,7 +139,6 @@ def tune(
     *,
     data: Path | None = None,
     out: Path | None = None,
-    trials: Annotated[int | None, typer.Option(min=1)] = None,
     jobs: int = 0,
     resume: bool = False,
     json: bool = False,
@@ -152,7 +151,6 @@ def tune(
     ----------
     data : Folder with the tables of the suite's one data set.
     out : Result folder [report/<suite>-tune].
-    trials : Number of trials of each study [the suite's].
     jobs : Number of parallel trials; 0: one per core.
     resume : Keep finished trials.
     """
@@ -168,7 +166,6 @@ def tune(
             suite,
             data=data,
             out=out,
-            trials=trials,
             jobs=jobs,
             resume=resume,
             replace=replace,
