@@ -105,7 +105,6 @@ def run_suite(
     dask: str | None = None,
     resume: bool = False,
     replace: bool = False,
-    device: str | None = None,
     trust: bool = False,
     progress: Callable[[Sequence[str]], Count] = unheard,
 ) -> Comparison:
@@ -127,8 +126,6 @@ def run_suite(
         Keep finished tasks.
     replace : bool
         Replace results of another suite, or begin anew.
-    device : "cpu" or "cuda", optional
-        Where networks are trained, whatever the suite says.
     trust : bool
         Whether code that the suite and its data sets name by its module may run.
     progress : function
@@ -140,14 +137,14 @@ def run_suite(
         Where the suite is wrong, no model can be fitted, or the folder is not to be replaced.
     """
     table, path, folder, tables = open_suite(suite, data, out)
-    tasks = tasks_of(table, path, tables, device, trust=trust)
+    tasks = tasks_of(table, path, tables, trust=trust)
     names = {t.file: f"{t.benchmark.dataset.name}: {t.name}, {t.recipe.name}" for t in tasks}
     with progress([*names.values()]) as report:
         places = (folder / UNFINISHED / "tasks", folder / "tasks") if resume else ()
         prepared = prepare_benchmarks(tasks, jobs, places)
         protocol = tasks[0].benchmark.protocol
         used = {"horizons": list(protocol.horizons), "sample_time": protocol.sample_time}
-        settings = table.document() | used | ({"device": device} if device else {})
+        settings = table.document() | used
         results = run_in_folder(
             tasks,
             prepared,

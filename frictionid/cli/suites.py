@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import typer
 
@@ -23,7 +22,6 @@ def compare(
     resume: bool = False,
     trust: bool = False,
     replace: bool = False,
-    device: Literal["cpu", "cuda"] | None = None,
     json: bool = False,
     require: list[str] | None = None,
 ) -> None:
@@ -37,7 +35,6 @@ def compare(
     dask : Run the tasks on the cluster of the Dask scheduler at this address.
     resume : Keep finished tasks.
     replace : Replace results of another suite, or begin anew.
-    device : Where networks are trained, whatever the suite says.
     """
     from joblib import cpu_count
 
@@ -61,7 +58,6 @@ def compare(
             dask=dask,
             resume=resume,
             replace=replace,
-            device=device,
             trust=trust,
             progress=partial(running, title=f"comparing ({opened.name})", jobs=jobs or cpu_count()),
         ).results

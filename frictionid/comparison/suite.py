@@ -7,7 +7,6 @@ the table's `kind` names. Identifiers are built in, or of a module beside the su
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -27,7 +26,6 @@ from frictionid.evaluation import Protocol, Split
 from frictionid.files import suite_path
 from frictionid.fitting.identifier import Identifier
 from frictionid.fitting.method import Method
-from frictionid.fitting.networks.network import Network
 
 from .registry import IDENTIFIERS, Kind, built
 from .search_space import Search, Tuning
@@ -227,21 +225,3 @@ def _imported(
             "frictionid.Identifier, with a method fit(problem, weights, seed)"
         )
     return identifier
-
-
-def on_device(part: Any, device: Any) -> Any:
-    """The identifier with the networks in it that are trained by gradients on a device.
-
-    Raises
-    ------
-    InputError
-        For a device that is not there.
-    """
-    if isinstance(part, Network):
-        return replace(part, device=device)
-    if not is_dataclass(part) or isinstance(part, type):
-        return part
-    inner = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
-    moved = {name: on_device(value, device) for name, value in inner.items()}
-    changed = {name: value for name, value in moved.items() if value is not inner[name]}
-    return replace(part, **changed) if changed else part

@@ -24,7 +24,6 @@ from .suite import (
     Suite,
     check_recipes,
     identifier_of,
-    on_device,
 )
 from .suite_recipes import recipes_of
 from .tasks import Task
@@ -34,7 +33,6 @@ def tasks_of(
     suite: Suite,
     file: Path,
     data: Path | None = None,
-    device: str | None = None,
     *,
     trust: bool = False,
 ) -> list[Task]:
@@ -49,8 +47,6 @@ def tasks_of(
         Its paths lead from the folder of this file.
     data : Path, optional
         Folder with the tables of its one data set.
-    device : str, optional
-        Where networks are trained, whatever the suite says.
     trust : bool
         Whether code that the suite and its data sets name by its module may run.
 
@@ -63,8 +59,6 @@ def tasks_of(
     with located(str(file)):
         recipes = recipes_of([entry.beside(folder) for entry in suite.recipes])
         named = [identifier_of(e, folder, recipes, trust=trust) for e in suite.identifiers]
-        if device is not None:
-            named = [i._replace(identifier=on_device(i.identifier, device)) for i in named]
         distinct([recipe.name for recipe in recipes], "recipes")
         distinct(list(map(str, suite.seeds)), "seeds")
         benchmarks = benchmarks_of(suite, folder, data, trust=trust)

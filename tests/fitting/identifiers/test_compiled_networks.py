@@ -9,7 +9,6 @@ import torch
 from fixtures import tiny_pendulums as tiny
 from numpy.testing import assert_allclose
 
-from frictionid.comparison.suite import identifier_named, on_device
 from frictionid.errors import InputError
 from frictionid.fitting.identifiers.check_identifier import synthetic_problem, synthetic_weights
 from frictionid.fitting.networks.network import Network
@@ -48,11 +47,11 @@ def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
 def refused(tmp_path, run):
     """What the command line says of a suite whose second identifier has these settings."""
 
-    def told(settings, *others):
+    def told(settings):
         network = {"kind": "mlp", "solver": "adam", **settings}
         changes = [("identifiers", [{"kind": "none"}, network])]
         file = tiny.write_suite(tmp_path, changes)
-        code, out, err = run(tmp_path, "compare", file, "--out", "out", *others)
+        code, out, err = run(tmp_path, "compare", file, "--out", "out")
         assert code == 2 and not (tmp_path / "out").exists()  # nothing has been computed
         assert err.startswith("frictionid: ") and err.count("\n") == 1 and not out
         return err
@@ -67,17 +66,6 @@ def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
 
 
 @NO_CUDA
-def test_the_command_names_a_device_for_all_networks(refused):
-    assert "PyTorch sees no CUDA device here: leave the device out" in refused({}, "--device=cuda")
-
-
-def test_a_device_is_that_of_networks_alone():
-    network = identifier_named("lstm", {})
-    hybrid = identifier_named("blackbox_mlp", {})
-    assert on_device(network, "cpu") == network and on_device(hybrid, "cpu") == hybrid
-    static = identifier_named("mlp", {})  # by Levenberg-Marquardt, without PyTorch
-    assert on_device(static, "cuda") == static
-    if not torch.cuda.is_available():
-        for learned in (network, hybrid):
-            with pytest.raises(InputError, match="sees no CUDA device"):
-                on_device(learned, "cuda")
+def test_a_suite_without_a_device_computes_nothing(refused):
+    told = refused({"device": "cuda"})
+    assert "PyTorch sees no CUDA device here: leave the device out" in told
