@@ -60,7 +60,6 @@ if TYPE_CHECKING:
     from frictionid.deploy.watch.external import external_torque as external_torque
     from frictionid.errors import InputError as InputError
     from frictionid.evaluation.folds import Split as Split
-    from frictionid.evaluation.prepared import Protocol as Protocol
     from frictionid.fitting.identifier import Identifier as Identifier
     from frictionid.fitting.identifiers import LeastSquares as LeastSquares
     from frictionid.fitting.identifiers import SINDy as SINDy

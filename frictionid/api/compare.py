@@ -40,7 +40,6 @@ from .models import (
     identifier_of,
     name_of,
     numbers,
-    optional_number,
 )
 from .notebook import counted
 from .suites import run_in_folder
@@ -51,7 +50,6 @@ def compare(
     models: Mapping[str, Any] | Sequence[Any],
     folds: int | Split | Folds | None = None,
     recipes: str | Method | Sequence[str | Method] | None = None,
-    protocol: Protocol | None = None,
     seed: int = 0,
     *,
     horizons: Sequence[float] | None = None,
@@ -81,8 +79,6 @@ def compare(
         every model. None: as `frictionid.fit` fits, once for each fold; where it would not fit all
         models alike, "calibrated", see `usual_recipe`. "integral" takes a second, and masses and
         clocks as given.
-    protocol : Protocol, optional
-        Everything that is scored, in place of the arguments below.
     seed : int
     horizons : list of float [s], optional
         Of the predictions. None: those of 0.1, 0.25, 0.5 and 1 s that the folds hold out, of
@@ -123,17 +119,14 @@ def compare(
     dataset, jobs = dataset_of(data), count("jobs", jobs)
     named = [NamedIdentifier(name, identifier_of(model)) for name, model in _named(models)]
     methods, sample_time = _methods(dataset, named, recipes, sample_time)
-    asked: tuple[float, ...] | None = None
     split = _folds(dataset, folds)
-    if protocol is None:
-        apart = optional_number("sample_time", sample_time)
-        protocol = Protocol(initial_states=initial_states, sample_time=apart, whole=whole)
-        protocol, asked = _asked(protocol, horizons, dataset, split)
-    others = tuple(map(dataset_of, tests))
-    benchmark = Benchmark(dataset, split, protocol, others)
-    benchmark, shared = _prepared(
-        benchmark, methods, asked, jobs or cpu_count(), fewer=horizons is None
-    )
+    protocol = Protocol(initial_states=initial_states, sample_time=sample_time, whole=whole)
+    if horizons is None:
+        protocol = protocol_for(protocol, [(dataset, split)])
+    else:
+        protocol = with_changes(protocol, horizons=tuple(numbers("horizons", horizons)))
+    benchmark = Benchmark(dataset, split, protocol, tuple(map(dataset_of, tests)))
+    benchmark, shared = _prepared(benchmark, methods, jobs or cpu_count(), fewer=horizons is None)
     tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
     settings = _settings(tasks[0])
@@ -197,16 +190,6 @@ def _own_laws(tasks: Sequence[Task]) -> tuple[type[Law], ...]:
     return tuple(law for law in laws if issubclass(law, Law) and law not in LAWS.values())
 
 
-def _asked(
-    protocol: Protocol, horizons: Sequence[float] | None, dataset: Dataset, folds: Folds
-) -> tuple[Protocol, tuple[float, ...]]:
-    """The protocol and its horizons: those that a user names, or that the data hold."""
-    if horizons is None:
-        protocol = protocol_for(protocol, [(dataset, folds)])
-        return protocol, protocol.horizons
-    return protocol, tuple(numbers("horizons", horizons))
-
-
 def _listed(recipes: str | Method | Sequence[str | Method]) -> Sequence[str | Method]:
     if isinstance(recipes, str) or not isinstance(recipes, Sequence):
         return [recipes]
@@ -245,24 +228,18 @@ def _folds(dataset: Dataset, folds: int | Split | Folds | None) -> Folds:
 def _prepared(
     benchmark: Benchmark,
     methods: Sequence[Method],
-    horizons: tuple[float, ...] | None,
     jobs: int,
     *,
     fewer: bool,
 ) -> tuple[Benchmark, PreparedBenchmark]:
-    """The benchmark over some horizons; with `fewer`, over those that its folds hold out."""
-    if horizons is None:
+    """The benchmark; with `fewer`, over the first horizons that its folds hold out."""
+    try:
         return benchmark, prepare_benchmark(benchmark, methods, jobs)
-    first: InputError | None = None
-    for last in range(len(horizons), 0, -1):
-        protocol = with_changes(benchmark.protocol, horizons=horizons[:last])
-        tried = with_changes(benchmark, protocol=protocol)
-        try:
-            return tried, prepare_benchmark(tried, methods, jobs)
-        except NoFitError:  # of a calibration, over whatever horizon
+    except NoFitError:  # of a calibration, over whatever horizon
+        raise
+    except InputError:
+        protocol = benchmark.protocol
+        if not fewer or len(protocol.horizons) == 1:
             raise
-        except InputError as error:
-            first = first or error
-            if not fewer:
-                break
-    raise first or InputError("horizons must name at least one time ahead, e.g. [0.5]")
+        protocol = with_changes(protocol, horizons=protocol.horizons[:-1])
+        return _prepared(with_changes(benchmark, protocol=protocol), methods, jobs, fewer=True)

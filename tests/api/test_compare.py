@@ -8,7 +8,7 @@ from fixtures import compared
 import frictionid
 from frictionid.api.models import identifier_of
 from frictionid.comparison.usual_method import usual_recipe
-from frictionid.evaluation import make_folds
+from frictionid.evaluation import Protocol, make_folds
 
 
 def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
@@ -16,9 +16,8 @@ def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
     data = replace(data, recordings=data.recordings[:6])
     folds = make_folds(data.recordings, frictionid.Split(count=3))
     models = {"coulomb": frictionid.LeastSquares(frictionid.CoulombViscous())}
-    protocol = frictionid.Protocol(horizons=(0.5,))
-    before = compared.compare(data, models, folds, protocol=protocol)
-    now = frictionid.compare(data, models, folds, "integral", protocol=protocol)
+    before = compared.compare(data, models, folds, protocol=Protocol(horizons=(0.5,)))
+    now = frictionid.compare(data, models, folds, "integral", horizons=[0.5])
     for key, result in before.items():
         score = ("rollout_angle", "median", 0.5)
         assert now[key].value(*score) == result.value(*score)
