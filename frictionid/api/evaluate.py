@@ -31,7 +31,6 @@ from .models import (
     friction_of,
     number,
     numbers,
-    optional_number,
 )
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)
@@ -79,7 +78,7 @@ def evaluate(
     dataset = dataset_of(data)
     protocol = Protocol(
         horizons=tuple(numbers("horizons", horizons)),
-        sample_time=optional_number("sample_time", sample_time),
+        sample_time=sample_time,
         whole=whole,
         initial_states=initial_states,
     )
@@ -189,6 +188,5 @@ def predict(
         Where model and data do not go together.
     """
     friction, dataset = friction_of(model), dataset_of(data)
-    ahead, begin = number("horizon", horizon), optional_number("start", start)
-    apart = optional_number("every", every)
-    return predicted_motion(friction, dataset, ahead, apart, start=begin, whole=whole)
+    begin = None if start is None else number("start", start)
+    return predicted_motion(friction, dataset, horizon, every, start=begin, whole=whole)

@@ -26,7 +26,6 @@ from .models import (
     friction_of,
     identifier_of,
     numbers,
-    optional_number,
 )
 from .notebook import counted
 
@@ -179,14 +178,13 @@ def fit(
     """
     dataset = dataset_of(data)
     identifier = identifier_of(law, settings)
-    apart = optional_number("sample_time", sample_time)
     if method is None:
         shot = bool(equal) or windows is not None or iterations is not None
         asked = {"one_step": bias or recipe is not None, "shooting": shot}
         asked["inverse_dynamics"] = consistent
         method = next((m for m, yes in asked.items() if yes), usual_method(dataset, identifier))
-        apart = apart or usual_sample_time(dataset, method)
-    protocol = Protocol(sample_time=apart)
+        sample_time = sample_time or usual_sample_time(dataset, method)
+    protocol = Protocol(sample_time=sample_time)
     if equal:
         groups = groups_of(equal, dataset.mechanism.friction_names)
         identifier = with_equal(identifier, groups)

@@ -195,11 +195,6 @@ def number(name: str, value: Any) -> float:
     return float(value)
 
 
-def optional_number(name: str, value: Any) -> float | None:
-    """A number, or None."""
-    return None if value is None else number(name, value)
-
-
 def numbers(name: str, values: Any) -> list[float]:
     """Numbers of a list, or of one number.
 

@@ -24,7 +24,7 @@ fid.fit(data, "stribeck", method="shooting", free=["mass"]) => block 'mass' is u
 fid.fit(data, "stribeck", method="shooting", windows=["a"]) => windows
 fid.fit(data, "stribeck", settings={"widht": 0.1}) => did you mean 'width'
 fid.fit(data, "stribeck", seed="a") => seed = 'a' must be a whole number
-fid.fit(data, "stribeck", sample_time="a") => must be a number
+fid.fit(data, "stribeck", sample_time="a") => sample_time: it should be a valid number, not 'a'
 fid.compare(data, ["none"], folds="a") => folds = 'a' must be a whole
 fid.fit(data, "stribeck").curve("a") => velocity = 'a' must be a number
 fid.fit(frames["run1"], "stribeck") => DataFrame is no data set
