@@ -1,21 +1,22 @@
 """Folds: which samples are held out when, made once and the same for every identifier."""
 
 import hashlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from frictionid.arrays import Array
+from frictionid.config import NotNegative, validated
 from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 USUAL = 10  # folds
-KINDS = ("recordings", "blocks", "shuffled")
 
 
-@dataclass(frozen=True)
+@validated
 class Split:
     """How to split: whole "recordings", contiguous "blocks" or "shuffled" samples, `count` folds.
 
@@ -28,22 +29,10 @@ class Split:
     interpolate; rollouts cannot be held out at all.
     """
 
-    count: int | None = None
-    kind: str | None = None
-    gap: float = 0.25
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.kind not in (None, *KINDS):
-            raise InputError(
-                f"folds: kind = {self.kind!r} is unknown; known are {', '.join(KINDS)}"
-            )
-        if self.count is not None and self.count < 2:
-            raise InputError(f"folds: count = {self.count} must be at least 2")
-        if not (math.isfinite(self.gap) and self.gap >= 0):
-            raise InputError(f"folds: gap = {self.gap} s must be finite and not negative")
-        if self.seed < 0:
-            raise InputError(f"folds: seed = {self.seed} must not be negative")
+    count: Annotated[int, Field(ge=2)] | None = None
+    kind: Literal["recordings", "blocks", "shuffled"] | None = None
+    gap: NotNegative = 0.25
+    seed: Annotated[int, Field(ge=0)] = 0
 
     def folds(self, recordings: int) -> int:
         """Number of folds of so many recordings.

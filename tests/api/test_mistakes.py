@@ -35,7 +35,7 @@ fid.fit(data, "coulomb_viscous").predict("run1", start=99.0)
 fid.fit(data, "coulomb_viscous").plot("frictoin") => did you mean 'friction'
 fid.fit(data, "coulomb_viscous", method="one_step").plot("correlation") => fits by shooting only
 fid.compare(data, []) => name at least one model
-fid.compare(data, ["none"], folds=1) => must be at least 2
+fid.compare(data, ["none"], folds=1) => count: it should be greater than or equal to 2, not 1
 fid.compare(data, ["none"], horizons=[50.0]) => 50
 fid.evaluate(data, data) => is no model
 fid.suggest(data, {"torqe": 1.0}) => did you mean 'torque'

@@ -198,7 +198,7 @@ horizons = [] => horizons: it should have at least 1 item, not \[\]
 horizons = [nan] => horizons\[0\]: .*finite.*, not nan
 every = 0.0 => every: it should be greater than 0, not 0\.0
 history = -1 => history: it should be greater than or equal to 0, not -1
-folds.count = 1 => folds: count = 1 must be at least 2
+folds.count = 1 => folds: count: it should be greater than or equal to 2, not 1
 identifier = {kind = "stribeck_asymmetric"}
     => kind = 'stribeck_asymmetric' is unknown; known: .*'stribeck'
 recipe = {states = {kind = "savgol", order = -1, window = 1}}

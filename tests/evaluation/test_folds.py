@@ -213,12 +213,12 @@ def test_both_recipes_have_the_same_rows_and_hold_out_the_same(sample_time, hist
 REFUSED = r"""
 count = 13 => 12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"
 count = 9999; kind = "blocks" => 1092 samples cannot make 9999
-count = 1 => count = 1 must be at least 2
-kind = "block" => kind = 'block' is unknown; known are recordings, blocks
-kind = "blocks"; gap = -0.1 => gap = -0.1 s must be finite and not neg
-kind = "blocks"; gap = inf => gap = inf s must be finite
-gap = nan => gap = nan s must be finite
-seed = -1 => seed = -1 must not be negative
+count = 1 => count: it should be greater than or equal to 2, not 1
+kind = "block" => kind: it should be 'recordings', 'blocks' or 'shuffled', not 'block'
+kind = "blocks"; gap = -0.1 => gap: it should be greater than or equal to 0, not -0.1
+kind = "blocks"; gap = inf => gap: it should be a finite number, not inf
+gap = nan => gap: it should be a finite number, not nan
+seed = -1 => seed: it should be greater than or equal to 0, not -1
 """
 
 
