@@ -7,8 +7,8 @@ import re
 import reprlib
 import sys
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -204,7 +204,8 @@ def mistake(invalid: ValidationError) -> str:
         is_worded = error["type"] != "missing"
         return error["msg"] if is_worded else f"the key {place[1:]!r} is missing; add it"
     reason = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
-    reason = re.sub("valid (tuple|array)", "valid list", reason)
+    reason = re.sub("'str' instances .*", "it should be a valid list", reason)
+    reason = re.sub("valid (tuple|array|sequence)", "valid list", reason)
     reason = re.sub(r"\w+ (should .* items?) after validation, not \d+", r"it \1", reason)
     if error["type"] in _TABLES:  # pydantic's words name our classes
         reason = "it should be one table of keys and values"
@@ -220,7 +221,7 @@ def place_of(error: Any, tags: Collection[str] = ()) -> str:
 
     tags : of unions, which are no keys either
     """
-    types = re.compile(r"constrained-|(tuple|list)\[")
+    types = re.compile(r"constrained-|(tuple|list|sequence)\[")
     keys = [key for key in error["loc"] if key not in tags and not types.match(str(key))]
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
 
@@ -314,11 +315,20 @@ def check_settings(settings: Any) -> None:
         raise InputError(mistake(invalid)) from None
 
 
+def check_arguments(function: Callable[..., Any], arguments: Mapping[str, Any], where: str) -> None:
+    """Validate arguments of a function by their annotated types; `where` is named in errors."""
+    try:
+        _model_of(function).model_validate(arguments)
+    except ValidationError as invalid:
+        raise InputError(f"{where}: {mistake(invalid)}") from None
+
+
 @cache
-def _model_of(settings: type) -> type[BaseModel]:
-    """Model of the fields of a dataclass, without those that hold objects."""
+def _model_of(settings: Callable[..., Any]) -> type[BaseModel]:
+    """Model of the fields of a dataclass, or arguments of a function, that hold no objects."""
     types = get_type_hints(settings, include_extras=True)
-    kinds = {each.name: types[each.name] for each in fields(settings)}
+    names = [f.name for f in fields(settings)] if is_dataclass(settings) else {*types} - {"return"}
+    kinds = {name: types[name] for name in names}
     plain = (bool, int, float, str)
     checkable: Any = {
         k: (t, ...) for k, t in kinds.items() if t in plain or not isinstance(t, type)

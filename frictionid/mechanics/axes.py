@@ -4,6 +4,8 @@ from functools import cache
 
 import sympy as sp
 
+from frictionid.config import NotNegative
+
 from .description import Base, Body, Description
 from .mechanism import Parameter
 from .symbolic import SymbolicMechanism
@@ -29,29 +31,16 @@ def two_mass_axis(
     `gap` [rad] is the backlash of the gear: D(x) = x - gap/2 beyond it, x + gap/2 below, and zero
     where |x| < gap/2, the dead zone of a spring with play [Nordin2002]. Without it D(x) = x.
 
-    Raises
-    ------
-    ValueError
-        Unless `hanging` is true or false, and `gap` is zero or a positive number.
-
     >>> two_mass_axis(motor_inertia=0.01, load_inertia=0.05, stiffness=300.0).base_names
     ('motor_inertia', 'load_inertia', 'stiffness')
     """
-    arguments = dict(locals())
-    if hanging not in (False, True):
-        raise ValueError(f"two_mass_axis: hanging = {hanging!r} must be true or false")
-    if isinstance(gap, bool) or not isinstance(gap, int | float) or not 0 <= gap < 1e3:
-        raise ValueError(f"two_mass_axis: gap = {gap!r} must be zero or a positive angle [rad]")
-    description = _two_mass_description(bool(hanging), float(gap))
-    return SymbolicMechanism.from_description(
-        description, arguments, {"hanging": False, "gap": 0.0}
-    )
+    return SymbolicMechanism.of_kind(_two_mass_axis, locals())
 
 
 @cache
-def _two_mass_description(hanging: bool, gap: float) -> Description:
+def _two_mass_axis(hanging: bool = False, gap: NotNegative = 0.0) -> Description:
     motor, load, k, moment, q1, q2 = sp.symbols("motor_inertia load_inertia stiffness moment q1 q2")
-    spring = k * _energy(q1 - q2, gap)
+    spring = k * _energy(q1 - q2, float(gap))
     meaning = "of motor and gear about the axis, at the load"
     of_motor = Parameter("motor_inertia", 0.01, "kg m^2", meaning, required=True)
     weight = (Parameter("moment", 1.0, "N m", "gravity moment of the load", required=True),)
@@ -104,21 +93,14 @@ def linear_axis(
 
     mass dw/dt = u - Tf, with w [m/s], u and Tf [N]; `driven` says whether the axis has a motor.
 
-    Raises
-    ------
-    ValueError
-        Unless `driven` is true or false.
-
     >>> linear_axis(mass=20.0).base_names
     ('mass',)
     """
-    if driven not in (False, True):
-        raise ValueError(f"linear_axis: driven = {driven!r} must be true or false")
-    return SymbolicMechanism.from_description(_axis_description(driven), locals(), {"driven": True})
+    return SymbolicMechanism.of_kind(_linear_axis, locals())
 
 
 @cache
-def _axis_description(driven: bool) -> Description:
+def _linear_axis(driven: bool = True) -> Description:
     mass, g, q = sp.symbols("mass g q1")
     return Description(
         kind="linear_axis",

@@ -35,24 +35,14 @@ def pendulum(
     are parameters, too: torques of recordings with its voltage follow from them. At zero those of
     the recordings are used.
 
-    Raises
-    ------
-    ValueError
-        Unless `driven` and `motor` are true or false.
-
     >>> pendulum(mass=0.4, length=0.25).base_names
     ('inertia', 'gravity')
     """
-    arguments = dict(locals())
-    for name in ("driven", "motor"):
-        if arguments[name] not in (False, True):
-            raise ValueError(f"pendulum: {name} = {arguments[name]!r} must be true or false")
-    usual = {"driven": True, "motor": False}
-    return SymbolicMechanism.from_description(_description(driven, motor), arguments, usual)
+    return SymbolicMechanism.of_kind(_pendulum, locals())
 
 
 @cache
-def _description(driven: bool, motor: bool) -> Description:
+def _pendulum(driven: bool = True, motor: bool = False) -> Description:
     m, length, J, rotor, gear, g = sp.symbols("mass length inertia rotor gear g")
     q = sp.Symbol("q1")
     parameters = (

@@ -7,8 +7,9 @@ whatever values they have.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -17,6 +18,7 @@ import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from frictionid.arrays import Array, like, namespace, solve, times
+from frictionid.config import check_arguments
 
 from .description import Description, Equations, bearing_forces, equations_of_motion, full_matrix
 from .mechanism import Mechanism, Partials, Terms
@@ -77,21 +79,28 @@ class SymbolicMechanism(Mechanism):
     description: Description
 
     @staticmethod
-    def from_description(
-        description: Description,
-        arguments: Mapping[str, Any] | None = None,
-        options: Mapping[str, Any] | None = None,
+    def of_kind(
+        describe: Callable[..., Description], arguments: Mapping[str, Any]
     ) -> SymbolicMechanism:
-        """Mechanism of a description, by the arguments of the function that makes it.
+        """Mechanism of what a function describes by options, of the types that it states.
 
-        options : those arguments that are no parameters, with their defaults; a parameter that is
-            None is not given
+        arguments : its options, and values of parameters, None where they are not given
         """
-        d, arguments, options = description, arguments or {}, options or {}
+        usual = inspect.signature(describe).parameters
+        options = {name: arguments[name] for name in usual}
+        values = {k: v for k, v in arguments.items() if k not in usual and v is not None}
+        check_arguments(describe, options, f"[mechanism] {describe.__name__.strip('_')}")
+        mechanism = SymbolicMechanism.from_description(describe(**options))
+        changed = {k: value for k, value in options.items() if value != usual[k].default}
+        return replace(mechanism, values=values, options=changed)
+
+    @staticmethod
+    def from_description(description: Description) -> SymbolicMechanism:
+        """Mechanism of a description."""
+        d = description
         rotors = {
             str(symbol) for inertia, _ in d.rotors for symbol in sp.sympify(inertia).free_symbols
         }
-        values = {k: v for k, v in arguments.items() if k not in options and v is not None}
         return SymbolicMechanism(
             kind=d.kind,
             joints=d.joints,
@@ -101,8 +110,6 @@ class SymbolicMechanism(Mechanism):
             base_names=tuple(b.name for b in d.base),
             base_units=tuple(b.unit for b in d.base),
             base_meanings=tuple(str(b.expression) for b in d.base),
-            values=values,
-            options={k: arguments[k] for k, usual in options.items() if arguments[k] != usual},
             description=d,
         )
 

@@ -7,7 +7,6 @@ rotor of the second motor sits on link 1 and turns against its joint (M12 gets -
 """
 
 from functools import cache
-from itertools import product
 
 import sympy as sp
 
@@ -59,24 +58,14 @@ def double_pendulum(
 
     m1, m2, ... : values of its parameters, SI; `frictionid mechanisms double_pendulum` lists them
 
-    Raises
-    ------
-    ValueError
-        Unless `driven` is a pair of true and false.
-
     >>> double_pendulum().base_names
     ('inertia_11', 'inertia_12', 'inertia_22', 'coupling', 'gravity_1', 'gravity_2')
     """
-    arguments = dict(locals())
-    if driven not in product((False, True), repeat=2):
-        raise ValueError(f"double_pendulum: driven = {driven!r} must be a pair of true and false")
-    return SymbolicMechanism.from_description(
-        _double_pendulum(driven), arguments, {"driven": (True, True)}
-    )
+    return SymbolicMechanism.of_kind(_double_pendulum, locals())
 
 
 @cache
-def _double_pendulum(driven: tuple[bool, bool]) -> Description:
+def _double_pendulum(driven: tuple[bool, bool] = (True, True)) -> Description:
     m1, m2, l1, r1, r2, I1, I2, Ir, gr, g = (sp.Symbol(p.name) for p in _LINKS)
     first, second = (sp.Integer(bool(d)) for d in driven)
     bodies = (
@@ -158,7 +147,7 @@ def acrobot(
     >>> acrobot(m4=0.1)
     acrobot(m4=0.1)
     """
-    return SymbolicMechanism.from_description(_acrobot(), dict(locals()))
+    return SymbolicMechanism.of_kind(_acrobot, locals())
 
 
 @cache

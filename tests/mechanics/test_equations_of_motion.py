@@ -142,7 +142,7 @@ def test_a_motors_constants_are_parameters_that_move_nothing():
     assert_close(motor.base({**physical, "kt": 0.4, "R": 3.0}), plain.base(physical))
     q, w, u = np.random.default_rng(0).normal(size=(3, 4, 1))
     assert_close(motor.load(physical, q, w, u), plain.load(physical, q, w, u))
-    with pytest.raises(ValueError, match="motor = 'yes' must be true or false"):
+    with pytest.raises(ValueError, match="motor: it should be a valid boolean, not 'yes'"):
         pendulum(motor="yes")
 
 

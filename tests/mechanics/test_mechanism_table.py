@@ -48,11 +48,12 @@ kind = 3 => kind = '3' is unknown
 kind = "pendulum"; motors = true => no option 'motors'; did you mean 'motor'
 kind = "pendulum"; colour = "red" => no option 'colour'; known: 'driven'
 kind = "pendulum"; driven = {J = 1} => driven = .* a value or a list of values
-kind = "double_pendulum"; driven = true => driven = True must be a pair of true and
-kind = "double_pendulum"; driven = [true] => driven = \(True,\) must be a pair
-kind = "double_pendulum"; driven = ["no", "yes"] => must be a pair of true and false
+kind = "double_pendulum"; driven = true => driven: it should be a valid list, not True
+kind = "double_pendulum"; driven = [true] => 'driven\[1\]' is missing
+kind = "double_pendulum"; driven = ["no", "yes"]
+    => driven\[0\]: it should be a valid boolean, not 'no'
 kind = "double_pendulum"; driven = [[true]] => must be a value or a list of values
-kind = "pendulum"; driven = "yes" => driven = 'yes' must be true or false
+kind = "pendulum"; driven = "yes" => driven: it should be a valid boolean, not 'yes'
 kind = "acrobot"; parameters = 3 => parameters = 3 must be a table: name = number
 kind = "pendulum"; parameters = {lenght = 1.0}
     => pendulum has no parameter 'lenght'; did you mean 'length'

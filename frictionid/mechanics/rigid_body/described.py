@@ -2,12 +2,11 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 
-from frictionid.config import nearest
+from frictionid.config import check_arguments, nearest
 from frictionid.errors import InputError
 
 from .base_parameters import base_parameters
@@ -127,21 +126,9 @@ def _file(path: object, kind: str) -> Path:
 
 
 def _check_choice(choice: Choice) -> None:
-    joints, gravity = choice.joints, choice.gravity
-    if joints is not None and (
-        isinstance(joints, str) or not all(isinstance(name, str) for name in joints)
-    ):
-        raise InputError(f'[mechanism] joints = {joints!r} must be a list of names: ["joint_1"]')
-    for key, value in (choice.locked or {}).items():
-        if isinstance(value, bool) or not isinstance(value, Real):
-            raise InputError(f"[mechanism] locked: {key} = {value!r} must be a number")
-    if not isinstance(choice.floating, bool):
-        raise InputError(f"[mechanism] floating = {choice.floating!r} must be true or false")
-    try:
-        vector = np.zeros(3) if gravity is None else np.array(gravity, dtype=float)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,) or not (np.abs(vector) < 1e3).all():
+    check_arguments(Choice, choice._asdict(), "[mechanism] options")
+    gravity = choice.gravity
+    if gravity is not None and not (len(gravity) == 3 and max(map(abs, gravity)) < 1e3):
         raise InputError(
             f"[mechanism] gravity = {gravity!r} must be three numbers [m/s^2] in the frame of the "
             "base: [0.0, 0.0, -9.81] where its z axis points up"
@@ -150,7 +137,7 @@ def _check_choice(choice: Choice) -> None:
 
 def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[bool, ...]:
     each = (driven,) * len(joints) if isinstance(driven, bool) else tuple(driven)
-    if len(each) != len(joints) or not all(isinstance(d, bool) for d in each):
+    if len(each) != len(joints):
         raise InputError(
             f"[mechanism] driven = {driven!r} must be true, false or one of these for each of "
             f"{', '.join(joints)}"
@@ -158,17 +145,17 @@ def _driven(driven: Sequence[bool] | bool, joints: tuple[str, ...]) -> tuple[boo
     return each
 
 
-def _coupled(table: object, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def _coupled(
+    table: Mapping[str, Mapping[str, float]] | None, tree: Tree
+) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Names of the coupled parts, and their turns for one of each joint."""
     if table is None:
         return ()
     example = "coupled.motor_6 = { joint_5 = 1.0, joint_6 = 1.0 }"
-    if not isinstance(table, Mapping):
-        raise InputError(f"[mechanism] coupled = {table!r} must be a table: {example}")
     out = []
     for name, turns in table.items():
         where = f"[mechanism] coupled: {name}"
-        if not isinstance(turns, Mapping) or len(turns) < 2:
+        if len(turns) < 2:
             raise InputError(f"{where} = {turns!r} must name two joints or more: {example}")
         if name in tree.joints:
             raise InputError(f"{where} has the name of a joint; call it otherwise, as {example}")
@@ -177,8 +164,7 @@ def _coupled(table: object, tree: Tree) -> tuple[tuple[str, tuple[float, ...]], 
                 raise InputError(
                     f"{where} names {joint!r}, no joint that moves; {nearest(joint, tree.joints)}"
                 )
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not (number and 0 < abs(value) < _TURNS):
+            if not 0 < abs(value) < _TURNS:
                 raise InputError(f"{where}: {joint} = {value!r} must be its turns, not zero")
         out.append((name, tuple(float(turns.get(joint, 0.0)) for joint in tree.joints)))
     return tuple(out)

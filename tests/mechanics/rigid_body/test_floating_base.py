@@ -148,5 +148,5 @@ def test_a_free_joint_is_held_or_its_child_floats(tmp_path):
     assert floating.table["floating"] is True and held != floating
     with assert_refused("floating = true"):
         legs.mechanism(tmp_path)
-    with assert_refused("must be true or false"):
+    with assert_refused("floating: it should be a valid boolean, not 'yes'"):
         legs.mechanism(tmp_path, floating="yes")

@@ -179,10 +179,10 @@ joints = ["elbo"] => there is no joint 'elbo'.*elbow
 joints = ["wrist"] => is fixed
 joints = ["gripper", "gripper"] => named twice
 joints = ["elbow", "shoulder"] => name it first
-joints = "elbow" => list of names
+joints = "elbow" => options: joints: it should be a valid list, not 'elbow'
 base = "bass" => is no link.*base
 locked = {elbow = 0.1} => it moves
-joints = ["elbow"]; locked = {gripper = "x"} => must be a number
+joints = ["elbow"]; locked = {gripper = "x"} => locked.gripper: it should be a valid number, not 'x'
 gravity = [0.0, -9.81] => three numbers
 payload = "hat" => is no link
 payload = "base" => does not move
