@@ -9,7 +9,6 @@ from functools import partial
 from html import escape
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from frictionid import excitation
@@ -31,21 +30,29 @@ from frictionid.report.figures.style import drawn
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Suggestion:
-    """Designed torque signals; `design` has all of them.
+class _Designed:
+    """What is designed: its text, all numbers in SI units, and how its picture is drawn."""
 
-    Attributes
-    ----------
-    design : Design
-    """
-
-    design: Design
+    design: Any
+    text: str
+    document: dict[str, Any]
+    draw: Callable[[], Any]
 
     def __repr__(self) -> str:
-        return described(self.design)
+        return self.text
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(repr(self))}</pre>"
+        return f"<pre>{escape(self.text)}</pre>"
+
+    def plot(self) -> Any:
+        """Torque and motion over time, with the limits, as a Matplotlib figure."""
+        return drawn(self.draw)
+
+
+class Suggestion(_Designed):
+    """Designed torque signals; `design` has all of them."""
+
+    design: Design
 
     @property
     def frames(self) -> dict[str, pd.DataFrame]:
@@ -55,26 +62,6 @@ class Suggestion:
         """
         count = self.design.experiment.recordings
         return {f"recording {r + 1}": command_frame(self.design, r) for r in range(count)}
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """All numbers, SI units."""
-        return design_document(self.design)
-
-    @property
-    def errors(self) -> pd.DataFrame:
-        """Expected standard errors: name, unit, prior, friction_alone, inertia_free."""
-        rows = []
-        for entry in self.document["parameters"]:
-            entries = [entry[key] for key in ("friction_alone", "inertia_free")]
-            errors = [np.nan if entry is None else float(entry["error"]) for entry in entries]
-            rows.append((entry["name"], entry["unit"], entry["prior"], *errors))
-        columns = ["name", "unit", "prior", "friction_alone", "inertia_free"]
-        return pd.DataFrame(rows, columns=columns)
-
-    def plot(self) -> Any:
-        """Torque and expected motion over time, with the limits, as a Matplotlib figure."""
-        return drawn(partial(design_figure, self.design))
 
 
 def suggest(
@@ -139,7 +126,9 @@ def suggest(
         start=None if start is None else tuple(map(float, start)),
         friction_scales=(0.5, 1.0, 2.0) if robust else (1.0,),
     )
-    return Suggestion(excitation.design_signals(experiment, _search(effort, seed), done))
+    design = excitation.design_signals(experiment, _search(effort, seed), done)
+    draw = partial(design_figure, design)
+    return Suggestion(design, described(design), design_document(design), draw)
 
 
 def stages(effort: int = 600, seed: int = 0) -> int:
@@ -159,22 +148,10 @@ def _asked(mechanism: Any, limits: Named, friction: Named) -> tuple[Plant, Frict
     return Plant.from_parameters(machine, machine.nominal()), prior, most
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SuggestedTrajectories:
-    """Designed trajectories; `design` has all of them.
-
-    Attributes
-    ----------
-    design : TrajectoryDesign
-    """
+class SuggestedTrajectories(_Designed):
+    """Designed trajectories; `design` has all of them."""
 
     design: TrajectoryDesign
-
-    def __repr__(self) -> str:
-        return trajectory_text(self.design)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(repr(self))}</pre>"
 
     def frames(self, rate: float = 100.0) -> dict[str, pd.DataFrame]:
         """One period of each trajectory at so many samples per second [Hz], by its name.
@@ -183,20 +160,6 @@ class SuggestedTrajectories:
         """
         count = len(self.design.trajectories)
         return {f"trajectory {k + 1}": trajectory_frame(self.design, k, rate) for k in range(count)}
-
-    @property
-    def document(self) -> dict[str, Any]:
-        """All numbers, SI units."""
-        return trajectory_document(self.design)
-
-    @property
-    def errors(self) -> pd.DataFrame:
-        """Expected standard errors of friction relative to the prior, one row for each joint."""
-        return pd.DataFrame(self.document["joints"])
-
-    def plot(self) -> Any:
-        """Position, velocity and torque over time against the limits, as a Matplotlib figure."""
-        return drawn(partial(trajectory_figure, self.design))
 
 
 def suggest_trajectories(
@@ -237,4 +200,6 @@ def suggest_trajectories(
     """
     asked = _asked(mechanism, limits, friction)
     task = excitation.TrajectoryTask(*asked, length, recordings, harmonics, torque_noise)
-    return SuggestedTrajectories(excitation.design_trajectories(task, effort, seed, done))
+    design = excitation.design_trajectories(task, effort, seed, done)
+    draw = partial(trajectory_figure, design)
+    return SuggestedTrajectories(design, trajectory_text(design), trajectory_document(design), draw)

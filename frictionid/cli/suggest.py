@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .options import PresentPath, numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pandas import DataFrame
 
 _TWO = "be two numbers [Hz], e.g. 0.2,4"
 _NUMBERS = "be numbers with commas, e.g. 0.5,1"
@@ -60,7 +55,10 @@ def suggest(
     """
     from frictionid.api import suggest as api
     from frictionid.excitation import load_mechanism
+    from frictionid.files import write_bytes, write_text
     from frictionid.outputs import check_outputs
+    from frictionid.report.experiment_design import DECIMALS, FINE, csv_of
+    from frictionid.report.figures.style import png
 
     from .progress import counted, show
 
@@ -85,25 +83,12 @@ def suggest(
                 **size,
             )
     frames = designed.frames(drive_rate) if trajectory else designed.frames
-    _write(designed, frames, places, figure)
-    show(designed, designed.document, (*places, figure), json=json)
-
-
-def _write(
-    designed: Any, frames: Mapping[str, DataFrame], places: list[Path], figure: Path | None
-) -> None:
-    from frictionid.api.suggest import Suggestion
-    from frictionid.files import write_bytes, write_text
-    from frictionid.report import experiment_design as report
-    from frictionid.report.figures.style import png
-
-    signals = isinstance(designed, Suggestion)
-    decimals = report.DECIMALS if signals else report.FINE
-    draw = report.design_figure if signals else report.trajectory_figure
+    decimals = FINE if trajectory else DECIMALS
     for path, frame in zip(places, frames.values(), strict=True):
-        write_text(path, report.csv_of(frame, decimals))
+        write_text(path, csv_of(frame, decimals))
     if figure is not None:
-        write_bytes(figure, png(lambda: draw(designed.design)))
+        write_bytes(figure, png(designed.draw))
+    show(designed, designed.document, (*places, figure), json=json)
 
 
 def _places(out: Path, recordings: int) -> list[Path]:

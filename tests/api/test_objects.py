@@ -391,7 +391,7 @@ def test_a_suggestion_is_frames(data):
     found = fid.suggest(data, limits, recordings=1, length=2.0, effort=6)
     (table,) = found.frames.values()
     assert list(table.columns) == ["time", "u1"] and table.u1.abs().max() <= 0.6
-    assert list(found.errors.columns[:3]) == ["name", "unit", "prior"]
+    assert [*found.document["parameters"][0]][:3] == ["name", "unit", "prior"]
     assert "expected of a fit" in repr(found) and isinstance(found.plot(), Figure)
 
 
