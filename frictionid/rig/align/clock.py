@@ -103,7 +103,7 @@ class Alignment:
     span : first and last time [s] of the log's clock that the motion covers
     viscous : array, shape (n,), viscous friction of the fit [N m s/rad]
     viscous_slope : array, shape (n,), its change per second of offset [N m s/rad / s]
-    coarse : CoarseOffset
+    coarse : CoarseOffset, None where a clock was given in its place
     noise : array, shape (n,) [rad], of the angles
     converged : whether the fit converged
     marker_only : why the motion does not determine the clock, where the marker alone does; then
@@ -116,7 +116,7 @@ class Alignment:
     span: tuple[float, float]
     viscous: Array
     viscous_slope: Array
-    coarse: CoarseOffset
+    coarse: CoarseOffset | None
     noise: Array
     converged: bool
     marker_only: str = ""
@@ -160,11 +160,10 @@ def align(
     plant = plant_of(dataset)
     nominal = np.asarray(plant.p)[0]
     rows = unit_rows(plant.mechanism, motions_of(dataset.recordings))
-    if start is None:
+    coarse, clock = None, start
+    if clock is None:
         coarse = coarse_offset(plant.mechanism, nominal, rows, angle, torque)
         clock = _constant(angle, torque, coarse.offset)
-    else:
-        coarse, clock = _unsearched(start), start
     for _ in range(_ROUNDS):
         data = _together(dataset, angle, torque, clock)
         delays = _delays(rows, data.recordings[0], nominal)
@@ -197,7 +196,7 @@ def by_marker(
         span=(float(span[0]), float(span[1])),
         viscous=unknown,
         viscous_slope=unknown,
-        coarse=_unsearched(clock),
+        coarse=None,
         noise=unknown,
         converged=True,
         marker_only=reason,
@@ -206,12 +205,6 @@ def by_marker(
 
 def _silent(angle: Signal) -> Signal:
     return Signal(angle.time, np.zeros_like(angle.value))
-
-
-def _unsearched(clock: Clock) -> CoarseOffset:
-    """A given clock as a coarse offset, without a search."""
-    nan, none = float("nan"), np.zeros(0)
-    return CoarseOffset(clock.offset, nan, (nan, nan), 0.0, none, none)
 
 
 def _constant(angle: Signal, torque: Signal, offset: float) -> Clock:
@@ -267,7 +260,7 @@ def _improved(clock: Clock, delays: list[tuple[float, float]]) -> Clock:
     return clock.later(float(np.median(delay - drift * (middle - at))), drift)
 
 
-def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset) -> Alignment:
+def _by_shooting(data: Dataset, clock: Clock, coarse: CoarseOffset | None) -> Alignment:
     """The clock corrected by delay and drift of the torque, estimated by shooting.
 
     With theta = (friction, base parameters, delay, drift), the squares of the angle residuals plus

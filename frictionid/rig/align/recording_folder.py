@@ -36,6 +36,7 @@ from frictionid.report.figures.style import (
 from frictionid.report.numbers import either
 
 from .align_files import Aligned, align_files, load_rig
+from .cross_correlation import CoarseOffset
 from .drive_response import DriveResponse
 
 ORIGIN = "aligned by frictionid align"
@@ -232,11 +233,12 @@ def alignment_pictures(aligned: Aligned) -> dict[str, bytes]:
 def clock_picture(aligned: Aligned) -> bytes:
     """PNG: what every offset explains, and the torque that motion and friction ask for."""
     with drawing():
-        coarse = len(aligned.alignment.coarse.offsets) > 0
-        picture = figure(2.4 * (1 + coarse))
-        axes = picture.subplots(1 + coarse, 1, squeeze=False)[:, 0]
-        if coarse:
-            _correlation(axes[0], aligned)
+        coarse = aligned.alignment.coarse
+        count = 1 if coarse is None else 2
+        picture = figure(2.4 * count)
+        axes = picture.subplots(count, 1, squeeze=False)[:, 0]
+        if coarse is not None:
+            _correlation(axes[0], coarse, aligned.alignment.clock.offset)
         _torques(axes[-1], aligned)
         key_above(picture, _key(axes[-1]))
         return rendered(picture, ("png",))["png"]
@@ -247,14 +249,13 @@ def _key(ax: Any) -> dict[str, Any]:
     return dict(zip(labels, handles, strict=True))
 
 
-def _correlation(ax: Any, aligned: Aligned) -> None:
-    coarse = aligned.alignment.coarse
+def _correlation(ax: Any, coarse: CoarseOffset, offset: float) -> None:
     tried = np.isfinite(coarse.explained)
     share = np.maximum(coarse.explained[tried], -1.0)
     ax.plot(coarse.offsets[tried], share, color=GREY, lw=0.7)
     ax.axvline(coarse.offset, color=COLOURS[1], lw=1.0)
     ax.annotate(
-        f"{aligned.alignment.clock.offset:.3f} s",
+        f"{offset:.3f} s",
         (coarse.offset, 1.0),
         xycoords=("data", "axes fraction"),
         xytext=(4, -9),
