@@ -8,8 +8,6 @@ The names below are imported when they are first asked for, so that `import fric
 'frictionid.data.signals'
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The command line: one command per file, everything heavy imported when a command runs."""
 
-from __future__ import annotations
-
 import sys
 import warnings
 from typing import Annotated

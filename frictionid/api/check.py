@@ -1,7 +1,5 @@
 """frictionid.check: what data can and cannot tell, before any fit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """frictionid.compare: friction models on identical folds, in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace as with_changes
 from pathlib import Path

@@ -1,7 +1,5 @@
 """frictionid.evaluate and frictionid.predict: models on recordings, as frames."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """frictionid.fit: friction of one data set, by any law and method."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

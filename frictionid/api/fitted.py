@@ -1,7 +1,5 @@
 """A fitted friction as an object: it prints itself, predicts, scores, draws, and is saved."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

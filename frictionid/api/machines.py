@@ -1,7 +1,5 @@
 """frictionid.machines and frictionid.machine: cards of identified machines, which come along."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple

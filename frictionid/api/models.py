@@ -1,7 +1,5 @@
 """What a user names: laws, models, data sets, numbers; each mistake ends in one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from numbers import Integral, Real

@@ -1,7 +1,5 @@
 """Progress below a notebook's cell."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """frictionid.sensitivity: what a wrong parameter, sensor or circumstance does to friction."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

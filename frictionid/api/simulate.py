@@ -1,7 +1,5 @@
 """frictionid.simulate: a data set with known, set-valued friction, from a simulated rig."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from frictionid.data.recordings import Dataset

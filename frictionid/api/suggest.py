@@ -1,7 +1,5 @@
 """frictionid.suggest: torque signals that identify friction and inertia, within limits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

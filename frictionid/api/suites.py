@@ -1,7 +1,5 @@
 """frictionid.run_suite and frictionid.tune: what a suite file says, done in its result folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass

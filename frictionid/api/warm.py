@@ -1,7 +1,5 @@
 """Work on small data that compiles what fits and predictions run as machine code."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from pathlib import Path

@@ -4,8 +4,6 @@ First the conventions, then the delay, then the mechanism itself. Each test uses
 errors of the earlier ones corrected, so that one fault does not raise suspicion of others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """frictionid check and quick: errors in recordings, and a first verdict."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import typer

@@ -1,7 +1,5 @@
 """frictionid data: public recordings, what is known of them and how they get here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """frictionid evaluate and predict: scores of model files, and the motion that they predict."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 

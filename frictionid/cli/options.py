@@ -1,7 +1,5 @@
 """Options and arguments that several commands have; wrong paths are refused before imports."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Iterable

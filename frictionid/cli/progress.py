@@ -1,7 +1,5 @@
 """What a command shows: a progress bar, nothing with --quiet, advice after Ctrl-C."""
 
-from __future__ import annotations
-
 import io
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """frictionid simulate: a data set with known friction from a simulated rig."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from .options import PresentPath

@@ -1,7 +1,5 @@
 """frictionid suggest: torque signals or trajectories that identify friction, within limits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """frictionid compare, sensitivity and tune: run a suite and write its result folder."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

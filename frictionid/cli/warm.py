@@ -1,7 +1,5 @@
 """frictionid warm: machine code that the first run of a command would compile."""
 
-from __future__ import annotations
-
 
 def warm() -> None:
     """Compile what commands run as machine code, once on a machine; the first run does it else."""

@@ -1,7 +1,5 @@
 """Fit one model to all recordings of a data set, and what smoothing did to a one-step fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -5,8 +5,6 @@ unfinished/   a comparison that runs or was interrupted: its provenance.json, da
 Finished tasks are never deleted but by `replace`. Each carries the hash of its own content.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -11,8 +11,6 @@ index.html, summary.md, tables/, figures/   for people, see frictionid.report
 SHA256SUMS        of the files from scores.csv on: those that are unchanged are made anew
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

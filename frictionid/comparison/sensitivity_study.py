@@ -4,8 +4,6 @@ Each variation is a data set of its own, as a laboratory would have it that does
 is fitted with the wrong mechanism or data, and judged on held-out recordings of the same kind.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tasks of a suite: every identifier by every recipe on every data set, with every seed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial

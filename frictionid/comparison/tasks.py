@@ -4,8 +4,6 @@ A result file carries the digest of all that it depends on (data, folds, setting
 that an interrupted comparison is finished by running what is missing.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 import sys

@@ -1,7 +1,5 @@
 """Searches for settings: a study for each task, sampler and fold; the suite with the best."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

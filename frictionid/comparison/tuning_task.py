@@ -1,7 +1,5 @@
 """Tuning tasks: an identifier by a recipe on a data set, scored on what tuning may see of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress

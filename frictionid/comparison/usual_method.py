@@ -1,7 +1,5 @@
 """What a fit or a comparison takes where nothing is named: method, recipe, time between samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ The peak, as its drive limits the current, holds while braking and up to the kne
 falls to zero at the no-load speed, where the back-EMF is the supply; further on the motor brakes.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

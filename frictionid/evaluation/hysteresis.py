@@ -5,8 +5,6 @@ that never reverses is the test of frictional lag: what is open there is memory,
 that is off.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, NamedTuple
 

@@ -8,8 +8,6 @@ do not know yet, entries are `Number`s: they stand in arrays of objects, on whic
 compiled otherwise runs as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, wraps

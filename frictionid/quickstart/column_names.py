@@ -1,7 +1,5 @@
 """What the name of a column says: its quantity, its unit, and whether it was measured."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Texts of a first dataset.toml and suite.toml, with comments that say what speaks for them."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 from collections.abc import Mapping, Sequence

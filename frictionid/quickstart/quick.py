@@ -7,8 +7,6 @@ left takes the place of predictions. Only folds count that hold out motion: in o
 noise. With fewer than three of them the law of the smallest error counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace

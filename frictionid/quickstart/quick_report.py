@@ -1,7 +1,5 @@
 """A first verdict: in words and as a picture, for people, and for programs as JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field

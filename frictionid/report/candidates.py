@@ -1,7 +1,5 @@
 """Candidates of a verdict: models that can be recommended, and how they stand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Charts of the page: what Plotly draws on the screen, as plain documents of data and layout."""
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Mapping, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """A verdict of `check`: for people in the terminal, as JSON for programs, and in pictures."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """Parameters that a fit estimated, beside their nominal and true values, and as text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Tables and pictures of a report: which there are, their names and their captions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A designed experiment: as text, as tables that a drive can play, and in pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Tables of parameters: of all models of a comparison, and of the one that a verdict names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any

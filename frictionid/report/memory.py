@@ -5,8 +5,6 @@ are calibrated by shooting: the clock of the torque, the inertia. What a correct
 never memory; what the corrected recipes leave may be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Numbers as text, for tables and templates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Models are compared with models of the same recipe: another one corrects the data otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the report is about: models, data sets and scores of a comparison, sorted for reading."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The outcome of a sensitivity study: a table, pictures, a short page, and all numbers as CSV."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Results of shooting as facts: the machine and its sensors, and what is not identified."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any

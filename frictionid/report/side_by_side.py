@@ -1,7 +1,5 @@
 """Two results side by side: whether they can be compared, and what changed between them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 

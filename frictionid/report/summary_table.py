@@ -1,7 +1,5 @@
 """The summary tables: every model's scores on one data set."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

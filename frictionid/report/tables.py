@@ -1,7 +1,5 @@
 """Tables for people: one layout, written as Markdown, as LaTeX and for the terminal."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache

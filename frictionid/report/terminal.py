@@ -1,7 +1,5 @@
 """Results in the terminal: the summary tables, parameters with intervals, and where all lies."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

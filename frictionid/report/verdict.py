@@ -6,8 +6,6 @@ their torques by the torque that they leave. The simplest that is not practicall
 recommended, refined by shooting where it was (`frictionid.evaluation.reference_model`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

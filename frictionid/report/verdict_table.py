@@ -1,7 +1,5 @@
 """The table behind a verdict: error against complexity, and how each model stands."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ The page index.html needs no other file. On the screen Plotly draws what one wan
 paper and without scripts the figures of the report stand in its place.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The baseline: how friction scatters between healthy recordings, as one JSON file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

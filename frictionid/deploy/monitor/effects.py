@@ -1,7 +1,5 @@
 """What may have changed on a machine: friction, a payload, the sensors; each with its prior."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple

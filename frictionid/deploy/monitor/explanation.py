@@ -12,8 +12,6 @@ recordings against the others calibrate T, cause by cause. Another cause is a ri
 it, the best one explains nothing more that is significant: the two cannot be separated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ New recordings are compared with healthy ones in all that may have changed at on
 more abruptly than any healthy one are not judged: friction there was never seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """Health monitoring: a baseline of healthy recordings, and whether new ones differ from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256

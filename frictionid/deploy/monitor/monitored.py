@@ -1,7 +1,5 @@
 """What new recordings say of a machine's friction: as text, frame, picture and page."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How recordings move, and whether new ones move as healthy ones did."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """External torque of each joint with its band, and contacts at a stated rate of false ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -6,8 +6,6 @@ gain, masses and friction together: what it does to recordings without contact i
 band is by the curvature and by how stretches scatter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -13,8 +13,6 @@ Beside the observer of the fit, members with other parameters run on the same sa
 differ by is what the fit's covariance makes of the torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

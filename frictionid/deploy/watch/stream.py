@@ -1,7 +1,5 @@
 """Rows of a table that is still being written: of a file that grows, or of a serial port."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path

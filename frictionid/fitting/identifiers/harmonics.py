@@ -8,8 +8,6 @@ says: with each cluster of rows left out, they are sought again, and the smalles
 that predicts these clusters as well as the best one, but for scatter between the clusters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any

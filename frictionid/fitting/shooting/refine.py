@@ -1,7 +1,5 @@
 """Refine a friction by shooting, with whatever else the blocks free."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

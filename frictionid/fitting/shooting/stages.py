@@ -3,8 +3,6 @@
 A fit goes through several stages with fewer free parameters, each from where the last one ended.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

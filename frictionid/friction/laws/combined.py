@@ -1,7 +1,5 @@
 """Laws made of other laws: one for each joint, and sums of several in one joint."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property

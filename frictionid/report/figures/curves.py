@@ -1,7 +1,5 @@
 """Friction curves: folds, truth, and bands of shooting."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A single fit, or that of a verdict: friction with its band, correlation of its parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

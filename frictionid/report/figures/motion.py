@@ -1,7 +1,5 @@
 """Motion: predicted over measured, best and worst examples, and which speeds occurred."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

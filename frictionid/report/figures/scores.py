@@ -1,7 +1,5 @@
 """Scores of the models: boxes, error over the horizon, over complexity and over the loss."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any

@@ -1,7 +1,5 @@
 """Learning curves, the progress of tuning, and the sensitivity to each cause."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

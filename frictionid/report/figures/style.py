@@ -1,7 +1,5 @@
 """What pictures share: colours, sizes for a page of two columns, layout of panels, legends."""
 
-from __future__ import annotations
-
 import io
 import re
 import warnings

@@ -3,8 +3,6 @@
 A CSV and a C header with the same numbers, over one turn of the motor, after which they repeat.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 
