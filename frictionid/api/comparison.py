@@ -1,7 +1,5 @@
 """A comparison as an object: frames, pictures and models, in memory or of a result folder."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -169,7 +167,7 @@ class Comparison(Mapping[tuple[str, str], ComparedModel]):
         """The verdicts on all data sets that were fitted."""
         return tuple(map(verdict_of, self._sections))
 
-    def against(self, other: Comparison) -> SideBySide:
+    def against(self, other: "Comparison") -> SideBySide:
         """What changes from this comparison to another one, and whether they can be compared.
 
         Raises

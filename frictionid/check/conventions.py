@@ -8,8 +8,6 @@ friction, and the joint whose balance it changes most decides. A time that is f 
 accelerations f^2 times too small and leaves gravity, friction and the torque as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -85,7 +83,7 @@ class Scored(NamedTuple):
         """Whether it turns angle and torque."""
         return self.convention.kind in ("flipped_joint", "flipped_gear")
 
-    def advantage(self, other: Scored) -> float:
+    def advantage(self, other: "Scored") -> float:
         """By how much it fits better than the data as given; beyond MARGIN these are wrong."""
         if not self.convention.kind.startswith(_FEW):
             # what explains nothing counts as nothing

@@ -13,8 +13,6 @@ unless the motion is sharp enough (`adaptive_rows`). In the torque balance anoth
 does not appear. [Gautier1990]
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -116,7 +114,7 @@ def regress(rows: Rows, torque: Array, mechanism: Mechanism, nominal: Array) -> 
     return Estimate(names, value, error, covariance, residual, spread, unidentifiable)
 
 
-def _drifts(equations: _Equations, fit: _Solved, torque: Array, is_base: Array) -> list[Array]:
+def _drifts(equations: "_Equations", fit: "_Solved", torque: Array, is_base: Array) -> list[Array]:
     """How far the estimates (P,) move where friction is free at low speed, or grows with a torque.
 
     is_base (P,) : of base parameters, the only ones that friction growing with the torque moves

@@ -12,8 +12,6 @@ its crests there, as a sine does, has twice as many. A command that steps to one
 peak.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -54,7 +52,7 @@ class _Samples(NamedTuple):
     stretch: Array
     sigma: float
 
-    def every(self, most: int) -> _Samples:
+    def every(self, most: int) -> "_Samples":
         """At most so many of them."""
         step = max(len(self.w) // most, 1)
         return self._replace(**{k: getattr(self, k)[::step] for k in ("torque", "w", "stretch")})

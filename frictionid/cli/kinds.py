@@ -1,7 +1,5 @@
 """frictionid laws, identifiers and mechanisms: the kinds that can be named."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -10,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def list_kinds(
-    kinds: Callable[[], list[KindDescription]], name: str, json: bool, command: str
+    kinds: "Callable[[], list[KindDescription]]", name: str, json: bool, command: str
 ) -> None:
     """Print all kinds in short, or all of one, or either as JSON."""
     import json as texts

@@ -1,7 +1,5 @@
 """frictionid report: make page, tables and figures of a result folder anew, or compare two."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,7 +63,7 @@ def check_requirements(requirements: Sequence[str] | None) -> None:
         check_requirement(requirement)
 
 
-def exit_unless_met(results: Results, requirements: Sequence[str] | None) -> None:
+def exit_unless_met(results: "Results", requirements: Sequence[str] | None) -> None:
     """Say on standard error which requirements the verdicts do not meet, and exit with 1."""
     from frictionid.report.sections import sections_of
     from frictionid.report.verdict import verdict_of

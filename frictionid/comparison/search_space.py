@@ -5,8 +5,6 @@ from there, and gives what it would have given. Samplers: tree-structured Parzen
 [Bergstra2011], Gaussian processes ("gp") and, as the baseline, "random".
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
@@ -49,7 +47,7 @@ class Space(Strict):
     choices: Annotated[list[Any], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Space:
+    def _one_kind(self) -> "Space":
         low, high, keys = self.low, self.high, self.model_fields_set
         if self.choices is not None:
             if keys != {"choices"}:
@@ -110,7 +108,7 @@ class Objective(Strict):
     horizon: Annotated[float, Field(gt=0)] | None = None
 
     @model_validator(mode="after")
-    def _of_a_score(self) -> Objective:
+    def _of_a_score(self) -> "Objective":
         rollout = self.score == "rollout_angle"
         if rollout and self.horizon is None:
             raise ValueError("rollout_angle needs a horizon [s], e.g. horizon = 0.5")
@@ -152,7 +150,7 @@ class Tuning(Strict):
     nested: bool = True
 
     @model_validator(mode="after")
-    def _each_once(self) -> Tuning:
+    def _each_once(self) -> "Tuning":
         if len(set(self.samplers)) < len(self.samplers):
             raise ValueError(f"samplers must differ, they are {self.samplers}")
         return self

@@ -4,8 +4,6 @@ A suite is the constructor calls of its parts: every key of a table is a field o
 the table's `kind` names. Identifiers are built in, or of a module beside the suite or installed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -78,7 +76,7 @@ class IdentifierEntry(Strict):
         """Name of the identifier in tables."""
         return self.name or self.kind.rpartition(":")[2]
 
-    def with_settings(self, settings: Mapping[str, Any]) -> IdentifierEntry:
+    def with_settings(self, settings: Mapping[str, Any]) -> "IdentifierEntry":
         """The entry with more or other settings, and nothing to search."""
         keys = {key: getattr(self, key) for key in ("kind", "name", "recipes")}
         keys_given = {key: value for key, value in keys.items() if value is not None}

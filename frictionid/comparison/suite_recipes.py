@@ -1,7 +1,5 @@
 """Recipes of a suite: tables of how a one-step problem is made, and of what shooting frees."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -119,7 +117,7 @@ class RecipeEntry(Strict):
             return self.name
         return "one_step" if self.known is None else "shooting"
 
-    def beside(self, folder: Path) -> RecipeEntry:
+    def beside(self, folder: Path) -> "RecipeEntry":
         """The table with its paths from a folder."""
         if self.known is None:
             return self

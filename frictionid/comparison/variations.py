@@ -1,7 +1,5 @@
 """What a sensitivity study varies, as a suite says it, and data sets with that one thing wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
@@ -237,7 +235,7 @@ class SensitivitySettings(Strict):
     horizon: Positive = 0.5
 
     @model_validator(mode="after")
-    def _each_once(self) -> SensitivitySettings:
+    def _each_once(self) -> "SensitivitySettings":
         for name, values in self:
             if isinstance(values, list) and len(set(values)) < len(values):
                 raise ValueError(f"{name} must differ, they are {values}")

@@ -8,8 +8,6 @@ Where a servo drives, kt and R of its motors, the delay of its targets, its back
 envelope may be calibrated; u then follows from its controller.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -59,11 +57,11 @@ class Calibration:
     envelope: Array | None = None
 
     @staticmethod
-    def ideal(n: int, base: Array | None = None) -> Calibration:
+    def ideal(n: int, base: Array | None = None) -> "Calibration":
         """Calibration of n joints with ideal sensors."""
         return Calibration(base, np.ones(n), np.zeros(()), np.zeros(n), np.zeros(n))
 
-    def __getitem__(self, index: Any) -> Calibration:
+    def __getitem__(self, index: Any) -> "Calibration":
         """Calibration at an index into the batch axes."""
         parts: Any = {k: None if x is None else x[index] for k, x in vars(self).items()}
         return Calibration(**parts)

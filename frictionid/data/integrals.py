@@ -1,7 +1,5 @@
 """Exact integrals of sampled signals between any two times: averages, delayed means, moments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -34,7 +32,7 @@ class SignalIntegrals(NamedTuple):
     area: Array
     area2: Array
 
-    def mapped(self, matrix: Array) -> SignalIntegrals:
+    def mapped(self, matrix: Array) -> "SignalIntegrals":
         """Integrals of the signals after a linear map (n, n) of their columns."""
         value, rise, area, area2 = (x @ matrix.T for x in self[-4:])
         return self._replace(value=value, rise=rise, area=area, area2=area2)

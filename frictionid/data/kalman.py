@@ -13,8 +13,6 @@ Arrays have the axes T (samples) and S (series: one for each recording and joint
 stored by their upper triangle P = [a b c; b d e; c e f] as (a, b, c, d, e, f).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -47,11 +45,11 @@ class Series(NamedTuple):
     valid: Array
     columns: tuple[slice, ...]
 
-    def without(self, left_out: Array) -> Series:
+    def without(self, left_out: Array) -> "Series":
         """The series without some samples, by a mask (T, S)."""
         return self._replace(valid=self.valid & ~left_out)
 
-    def picked(self, which: Array | slice) -> Series:
+    def picked(self, which: Array | slice) -> "Series":
         """Some of the series; they belong to no recording."""
         dt, value, noise, valid = (x[:, which] for x in self[:4])
         return Series(dt, value, noise, valid, ())

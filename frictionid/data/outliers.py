@@ -15,8 +15,6 @@ of each neighbourhood in each round; those that fit the others after all come ba
 found, the search starts again from a jerk ratio that outliers do not disturb.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -212,7 +210,7 @@ class _Judged(NamedTuple):
     size: Array
     kink: Array
 
-    def picked(self, which: Array) -> _Judged:
+    def picked(self, which: Array) -> "_Judged":
         """What was judged of some series."""
         return _Judged(self.size[:, which].copy(), self.kink[:, which].copy())
 

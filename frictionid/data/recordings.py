@@ -1,7 +1,5 @@
 """Recordings and data sets, checked when they are made."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -254,7 +252,7 @@ class Dataset:
         missing: str = "refuse",
         split: str | None = None,
         name: str = "data",
-    ) -> Dataset:
+    ) -> "Dataset":
         """Data set of pandas DataFrames, one for each recording; the frames stay as they are.
 
         Whatever a dataset.toml can say of the columns of its tables is an argument here.
@@ -330,7 +328,7 @@ class Dataset:
         sigma: Numbers | Mapping[str, Numbers] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
         name: str = "data",
-    ) -> Dataset:
+    ) -> "Dataset":
         """Data set of arrays, for each recording a mapping with "time", "angle" and "torque".
 
         "velocity" may stand beside, and "torque_time" where the torque has a clock of its own. Time
@@ -357,7 +355,7 @@ class Dataset:
             reads |= columns.read_all({key: frame})
         return replace(_of_reads(name, mechanism, reads, parameters or {}), torque_at=torque_at)
 
-    def with_frames(self, frames: Any, name: str | None = None) -> Dataset:
+    def with_frames(self, frames: Any, name: str | None = None) -> "Dataset":
         """Data set of further frames of this rig, their columns read as those of this data set.
 
         Raises

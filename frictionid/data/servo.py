@@ -12,8 +12,6 @@ connected (back-EMF). A torque or current may have an `Envelope` over the speed;
 follows from it. In a prediction u depends on the predicted w.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -199,7 +197,7 @@ class Servo:
             return None
         return envelope._replace(peak=self.efficiency * envelope.peak)
 
-    def with_motor(self, kt: float, R: float) -> Servo:
+    def with_motor(self, kt: float, R: float) -> "Servo":
         """The servo with other motors under its controller."""
         return replace(self, kt=float(kt), R=float(R))
 

@@ -1,7 +1,5 @@
 """The state of a machine, and what acts on it at one instant."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -90,7 +88,7 @@ class Instant(NamedTuple):
         axes = (self.plant.p.shape[:-1], self.friction.theta.shape[:-2], self.u.shape[:-1])
         return bool(batch) and np.broadcast_shapes(batch, *axes) == batch
 
-    def rows(self, which: Array) -> Instant:
+    def rows(self, which: Array) -> "Instant":
         """The instant of some rows, which (...) true or false."""
         physical = self.plant.parameters
         if self.friction.law.uses_load:  # only bearing loads need them

@@ -8,8 +8,6 @@ joint that slides in one direction it is evaluated on that side of its smoothing
 speed or the least one at which the smoothing does not show.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple
 
@@ -48,7 +46,7 @@ class Stiction(NamedTuple):
     firm: Array | None = None
     margin: Array | None = None
 
-    def rows(self, which: Array) -> Stiction:
+    def rows(self, which: Array) -> "Stiction":
         """Stiction of some rows."""
         return Stiction(*(None if x is None else x[which] for x in self))
 

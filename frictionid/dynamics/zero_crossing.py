@@ -5,8 +5,6 @@ adds energy. A joint under more load passes through w = 0, where its friction ch
 The crossing is located to first order, and what friction does since is made up for.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from frictionid.arrays import Array, namespace, times
@@ -106,7 +104,7 @@ class Substep(NamedTuple):
     stiction: Stiction
     dt: Array
 
-    def rows(self, which: Array) -> Substep:
+    def rows(self, which: Array) -> "Substep":
         """The substep of some rows; itself where there are none to choose from, or all."""
         if not self.end.has_rows or bool(which.all()):
             return self

@@ -6,8 +6,6 @@ the recorded voltage it would drift away within a second, because nothing pulls 
 All other recordings run under their recorded torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -60,7 +58,7 @@ class Trajectory(NamedTuple):
         """Length of each interval, (T, R) [s]."""
         return np.diff(self.time, axis=0)
 
-    def take(self, rows: Array) -> Trajectory:
+    def take(self, rows: Array) -> "Trajectory":
         """Some of the recordings."""
         by_row: dict[str, Any] = {"q": self.q[rows], "w": self.w[rows]}
         for name in ("time", "u", "measured", "temperature", "base_motion"):

@@ -1,7 +1,5 @@
 """Initial states of rollouts, the torque that follows, the reference, and the held-out fold."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -71,7 +69,7 @@ class InitialStates(NamedTuple):
         clock = np.concatenate([np.zeros((1, len(self.q))), np.cumsum(self.dt, axis=0)])
         return controllers_of(self.servos, self.time + clock, self.play)
 
-    def take(self, rows: Array) -> InitialStates:
+    def take(self, rows: Array) -> "InitialStates":
         """Some (k,) of the rollouts, as often as they are asked for."""
         parts = {name: (getattr(self, name), axis) for name, axis in _AXIS.items()}
         chosen: dict[str, Any] = {
@@ -81,7 +79,7 @@ class InitialStates(NamedTuple):
         servos = tuple(self.servos[i] for i in rows) if self.servos else ()
         return self._replace(servos=servos, **chosen)
 
-    def with_rows(self, other: InitialStates, rows: Array) -> InitialStates:
+    def with_rows(self, other: "InitialStates", rows: Array) -> "InitialStates":
         """The initial states with some (k,) of another calibration of the same data."""
         q, u, measured = self.q.copy(), self.u.copy(), self.measured.copy()
         q[rows], u[:, rows] = other.q[rows], other.u[:, rows]

@@ -5,8 +5,6 @@ other mechanism parameters, without physics, or corrected by a calibration. A vi
 problems and initial states when they are first asked for, and keeps them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -269,7 +267,7 @@ class CalibratedView(NamedTuple):
     folds: Array
     data: Prepared
 
-    def of_folds(self, count: int) -> CalibratedView:
+    def of_folds(self, count: int) -> "CalibratedView":
         """The view of those of its folds that are among the first ones."""
         return self._replace(folds=self.folds[self.folds < count])
 

@@ -10,8 +10,6 @@ sqrt(1 + d^2/e^2), about. Its chance is that of the recordings. The *measured lo
 both errors, keeps a veto: where it contradicts the implied one, it decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -77,7 +75,7 @@ class Factor(NamedTuple):
     recordings: int
 
     @property
-    def turned(self) -> Factor:
+    def turned(self) -> "Factor":
         """That of the other model."""
         low, high = 1.0 / self.high, 1.0 / self.low
         return Factor(1.0 / self.value, low, high, self.better, self.worse, self.recordings)

@@ -9,8 +9,6 @@ found by exchange [Fedorov1972]. New signals come from the best and nearly best 
 changes and by differences between two of them [Storn1997].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
@@ -55,7 +53,7 @@ class Pool(NamedTuple):
     x: Array
     information: Information
 
-    def joined(self, other: Pool) -> Pool:
+    def joined(self, other: "Pool") -> "Pool":
         """Both pools as one."""
         pairs = zip(self.information, other.information, strict=True)
         both = Information(*(np.concatenate(pair, axis=1) for pair in pairs))

@@ -12,8 +12,6 @@ add up over recordings. This is the scatter of a fit by the integral recipe, not
 bound: its residuals are correlated, and it does not weight them [Walter1997].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -49,7 +47,7 @@ class Information(NamedTuple):
     H: Array
     V: Array
 
-    def pick(self, index: Array | slice) -> Information:
+    def pick(self, index: Array | slice) -> "Information":
         """Sums of one recording, or of some."""
         return Information(self.H[..., index, :, :], self.V[..., index, :, :])
 
@@ -139,7 +137,7 @@ class Concatenated:
     velocity_threshold: Array
 
     @staticmethod
-    def at_level(experiment: Experiment, motions: Motions, level: int) -> Concatenated:
+    def at_level(experiment: Experiment, motions: Motions, level: int) -> "Concatenated":
         """Motions at one of the friction scales."""
 
         def flat(x: Array) -> Array:

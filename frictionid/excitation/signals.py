@@ -1,7 +1,5 @@
 """Motions that torque signals make by the physics step, all at once, and their smoothed states."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -34,7 +32,7 @@ class Motions(NamedTuple):
     w: Array
     u: Array
 
-    def pick(self, index: Array) -> Motions:
+    def pick(self, index: Array) -> "Motions":
         """Motions of some of the signals."""
         return Motions(self.q[:, :, index], self.w[:, :, index], self.u[:, index])
 

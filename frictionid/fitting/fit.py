@@ -3,8 +3,6 @@
 `Fit` is what every method gives; `Fit.estimates` is what files, tables and pictures need of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -76,7 +74,7 @@ class Covariance:
         )
 
     @property
-    def each(self) -> Covariance:
+    def each(self) -> "Covariance":
         """The same with a shared parameter at each of its places, correlated by one."""
         at = np.repeat(np.arange(len(self.values)), [len(p.places) for p in self.parameters])
         if len(at) == len(self.values):

@@ -14,8 +14,6 @@ weighs the rows anew, and single windows may go back. A network's weights are mo
 that show them, so `networks.compressed` solves for the torques instead.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -43,7 +41,7 @@ class Conditions(NamedTuple):
     precision: Array
     floor: Array
 
-    def at(self, fits: Array) -> Conditions:
+    def at(self, fits: Array) -> "Conditions":
         """Those of some of the fits."""
         return Conditions(*(field[fits] for field in self))
 
@@ -97,7 +95,7 @@ class _State(NamedTuple):
     secant: Array
     damping: Array
 
-    def at(self, rows: Array) -> _State:
+    def at(self, rows: Array) -> "_State":
         """State of some of the fits."""
         return _State(*(field[rows] for field in self))
 

@@ -8,8 +8,6 @@ divided by the ratio of the parameter's variance between recordings to that by t
 [Ribatet2012].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
@@ -223,18 +221,18 @@ class LocalCost(NamedTuple):
                 break
         return followed(cost.friction, held), tuple(dropped)
 
-    def _at_neutral(self, unknown: Unknown) -> LocalCost:
+    def _at_neutral(self, unknown: Unknown) -> "LocalCost":
         keys = [p.key for p in self.parameters]
         rest = self.holding({keys.index(unknown.parameter.key): unknown.neutral})
         blocks, friction = at_neutral(self.blocks, rest.friction, (unknown,))
         return rest._replace(blocks=blocks, friction=friction)
 
-    def _without_block(self, name: str) -> LocalCost:
+    def _without_block(self, name: str) -> "LocalCost":
         places = [k for k, p in enumerate(self.parameters) if p.block == name]
         rest = self.holding(dict.fromkeys(places, IDEAL[name]))
         return rest._replace(blocks=tuple(b for b in self.blocks if b.name != name))
 
-    def holding(self, held: Mapping[int, float]) -> LocalCost:
+    def holding(self, held: Mapping[int, float]) -> "LocalCost":
         """The cost of the other parameters where some are held, at its minimum within bounds."""
         groups, at = self.groups, np.array(list(held), dtype=int)
         keep, limits = np.setdiff1d(np.arange(len(self.values)), at), limits_of(self.parameters)

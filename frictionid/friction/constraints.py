@@ -12,8 +12,6 @@ Parameters of other units, times and shares, have their neutral value and size a
 velocity of a peak has neither: without the peak it means nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
@@ -82,7 +80,7 @@ class Constraints:
     size: Array
     equal: Groups = ()
 
-    def at(self, index: Any) -> Constraints:
+    def at(self, index: Any) -> "Constraints":
         """Those at an index into the batch axes."""
         arrays = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "equal"}
         return replace(self, **arrays)

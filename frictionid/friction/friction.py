@@ -5,8 +5,6 @@ joint; the leading axes are batches (folds, seeds, bootstrap draws), so that pic
 averaging are plain indexing. Friction torques are positive when they oppose positive velocity.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, repeat
@@ -131,13 +129,13 @@ class Friction:
                 f"{self.n} joints"
             )
 
-    def __getitem__(self, index: Any) -> Friction:
+    def __getitem__(self, index: Any) -> "Friction":
         """Friction at an index into the batch axes of theta: `friction[fold]`."""
         calibration = None if self.calibration is None else self.calibration[index]
         limits = None if self.constraints is None else self.constraints.at(index)
         return replace(self, theta=self.theta[index], calibration=calibration, constraints=limits)
 
-    def noted(self, notes: Mapping[str, Any]) -> Friction:
+    def noted(self, notes: Mapping[str, Any]) -> "Friction":
         """The friction with other notes in its provenance."""
         return replace(self, provenance=self.provenance.but(notes))
 
@@ -160,7 +158,7 @@ class Friction:
         """Friction torque at inputs whose batch axes broadcast against theta's, (..., n) [N m]."""
         return self.law.torque(self.theta, x, memory)
 
-    def at_temperature(self, temperature: Array | float | None) -> Friction:
+    def at_temperature(self, temperature: Array | float | None) -> "Friction":
         """The friction at a temperature [degC], of a law that does not depend on it.
 
         temperature : one, or (..., n), whose batch axes broadcast against theta's

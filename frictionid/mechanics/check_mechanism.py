@@ -1,7 +1,5 @@
 """The protocol of `Mechanism` as a check, for one's own and for the built-in ones."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -56,7 +54,7 @@ def check_mechanism(mechanism: Mechanism, *, tolerance: float = 1e-6, seed: int 
         rule()
 
 
-def _check(mechanism: Mechanism, tolerance: float, rng: np.random.Generator) -> _Check:
+def _check(mechanism: Mechanism, tolerance: float, rng: np.random.Generator) -> "_Check":
     revolute = np.array([unit == "rad" for unit in mechanism.position_units])
     shape = (_SAMPLES, mechanism.n)
     q = rng.uniform(-1.0, 1.0, shape) * np.where(revolute, np.pi, 1.0)

@@ -1,7 +1,5 @@
 """A mechanism with its parameters, and the momentum balance along its motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -44,7 +42,7 @@ class Plant:
             object.__setattr__(self, "slow", (SLOW,) * self.mechanism.n)
 
     @staticmethod
-    def from_parameters(mechanism: Mechanism, parameters: Mapping[str, Any]) -> Plant:
+    def from_parameters(mechanism: Mechanism, parameters: Mapping[str, Any]) -> "Plant":
         """Plant of physical parameters, missing ones at their defaults; SI units."""
         values = {**mechanism.defaults, **parameters}
         xp = namespace(*values.values())
@@ -58,13 +56,13 @@ class Plant:
         full = dict(zip(values, arrays, strict=True))
         return Plant(mechanism, full, mechanism.base(full))
 
-    def __getitem__(self, index: Any) -> Plant:
+    def __getitem__(self, index: Any) -> "Plant":
         physical = {k: v[index] for k, v in self.parameters.items()}
         warm = None if self.temperature is None else self.temperature[index]
         loop = None if self.feedback is None else self.feedback[index]
         return Plant(self.mechanism, physical, self.p[index], self.slow, warm, loop)
 
-    def on_base(self, motion: Array | None) -> Plant:
+    def on_base(self, motion: Array | None) -> "Plant":
         """The plant on a base that moves so (..., 9), see `with_base_motion`; None: at rest."""
         if motion is None:
             return self

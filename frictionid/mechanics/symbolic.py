@@ -5,8 +5,6 @@ scalar code, which runs on NumPy arrays and torch tensors. Objects of one descri
 whatever values they have.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +79,7 @@ class SymbolicMechanism(Mechanism):
     @staticmethod
     def of_kind(
         describe: Callable[..., Description], arguments: Mapping[str, Any]
-    ) -> SymbolicMechanism:
+    ) -> "SymbolicMechanism":
         """Mechanism of what a function describes by options, of the types that it states.
 
         arguments : its options, and values of parameters, None where they are not given
@@ -95,7 +93,7 @@ class SymbolicMechanism(Mechanism):
         return replace(mechanism, values=values, options=changed)
 
     @staticmethod
-    def from_description(description: Description) -> SymbolicMechanism:
+    def from_description(description: Description) -> "SymbolicMechanism":
         """Mechanism of a description."""
         d = description
         rotors = {
@@ -196,7 +194,7 @@ class SymbolicMechanism(Mechanism):
         return flat.reshape((*flat.shape[:-1], self.n, self.n))
 
     @cached_property
-    def _code(self) -> _Compiled:
+    def _code(self) -> "_Compiled":
         return _compiled(self.description)
 
 

@@ -1,7 +1,5 @@
 """A program: named inputs, one operation a line, named outputs; all languages start from it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -126,7 +124,7 @@ class Program:
         numbers = {v.number for v in self.operands() if isinstance(v, Value)}
         return [name for k, name in enumerate(self.inputs) if k in numbers]
 
-    def with_inputs(self, names: Sequence[str]) -> Program:
+    def with_inputs(self, names: Sequence[str]) -> "Program":
         """The program with only these of its inputs, those that it reads among them."""
         left = [k for k, name in enumerate(self.inputs) if name in names]
         count = len(self.inputs)

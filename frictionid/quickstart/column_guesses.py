@@ -1,7 +1,5 @@
 """Which columns of a table are time, angles and torques, with what speaks for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -72,7 +70,7 @@ class ColumnGuesses:
         """Whether the columns of torque hold currents."""
         return self.torque.unit in CURRENTS
 
-    def with_angle_unit(self, unit: str, evidence: str) -> ColumnGuesses:
+    def with_angle_unit(self, unit: str, evidence: str) -> "ColumnGuesses":
         """The guesses with another unit of the angles, or of those that are of its kind."""
         units: str | tuple[str, ...] = unit
         if not isinstance(self.angle.unit, str):

@@ -1,7 +1,5 @@
 """From tables and a URDF or MJCF to a dataset.toml: joints, columns, sides, and what is missing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -137,13 +135,13 @@ def describe_robot(
     return described_draft(draft, tables, missing, blind=blind)
 
 
-def _taken(gains: Mapping[str, Gain | None]) -> str:
+def _taken(gains: "Mapping[str, Gain | None]") -> str:
     each = (f"{j} {gain.value:.3g} +- {gain.error:.1g}" for j, gain in gains.items() if gain)
     return f"taken as the masses of the file ask for, {', '.join(each)}"
 
 
 def _with_gains(
-    motor: Mapping[str, Any], gains: Mapping[str, Gain | None], key: str
+    motor: Mapping[str, Any], gains: "Mapping[str, Gain | None]", key: str
 ) -> dict[str, Any]:
     """The [motor] table with these gains in place of the constant of a key."""
     values = [float(f"{gain.value * motor[key]:.3g}") for gain in gains.values() if gain]

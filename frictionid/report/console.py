@@ -1,7 +1,5 @@
 """Where results are printed, the same as text or HTML, and the descriptions of kinds."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
@@ -67,7 +65,7 @@ def _recorded(show: Callable[[], object]) -> Any:
     return recorder
 
 
-def show_kinds(kinds: Sequence[KindDescription], hint: str) -> None:
+def show_kinds(kinds: "Sequence[KindDescription]", hint: str) -> None:
     """Print each kind with the names and units of its parameters, and how to see `hint`."""
     for kind in kinds:
         console().print(kind.name, style="bold", markup=False)
@@ -80,7 +78,7 @@ def show_kinds(kinds: Sequence[KindDescription], hint: str) -> None:
     say(f"\n{hint}")
 
 
-def show_kind(kind: KindDescription) -> None:
+def show_kind(kind: "KindDescription") -> None:
     """Print all of a kind: what it is, its parameters and its settings."""
     out = console()
     out.print(kind.name, style="bold", markup=False)
@@ -95,7 +93,7 @@ def show_kind(kind: KindDescription) -> None:
             out.print(_table(title, entries))
 
 
-def _table(title: str, entries: Sequence[Entry]) -> object:
+def _table(title: str, entries: "Sequence[Entry]") -> object:
     from rich.table import Table
     from rich.text import Text
 

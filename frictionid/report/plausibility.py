@@ -1,7 +1,5 @@
 """Whether a fitted model is physically plausible: what friction cannot do, or does without need."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple

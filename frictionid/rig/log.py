@@ -1,7 +1,5 @@
 """Logging a drive from its serial port to a file, through unplugging, garbage and restarts."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -299,7 +297,7 @@ class ProgressLine:
             self._stream.write(f"\r\033[K{progress(self._columns, counts, self._rate)}")
             self._stream.flush()
 
-    def __enter__(self) -> ProgressLine:
+    def __enter__(self) -> "ProgressLine":
         return self
 
     def __exit__(self, *_: object) -> None:

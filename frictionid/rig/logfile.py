@@ -10,8 +10,6 @@ disk twice a second. The last row of a file can be incomplete, and a power cut c
 in place of rows that were not yet synced: such rows are left out.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading
@@ -243,7 +241,7 @@ class Log(NamedTuple):
     file: str
     columns: dict[str, Array]
 
-    def unified(self, wrap: float) -> tuple[Log, ClockRuns, float]:
+    def unified(self, wrap: float) -> "tuple[Log, ClockRuns, float]":
         """Usable rows on one controller time, its runs, and the uncertainty of their joints [s]."""
         runs = clock_runs(self.columns["time"], self.columns["host"], wrap)
         time, uncertainty = unified_time(runs, self.columns["host"])

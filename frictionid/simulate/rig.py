@@ -8,8 +8,6 @@ Friction may vary from recording to recording,
 the levels from some recording on.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -115,7 +113,7 @@ class Rig:
     true_parameters: dict[str, float] = field(default_factory=dict)
     drive: Drive = field(default_factory=Drive)
     controller: Controller | None = None
-    variation: Variation | None = None
+    variation: "Variation | None" = None
     true_mechanism: Any = None
     seed: Annotated[int, Field(ge=0)] = 0
     substeps: Count = 32
@@ -179,7 +177,7 @@ def noise_free(rig: Rig) -> Rig:
     return replace(rig, name=f"{rig.name}_noise_free", camera=camera)
 
 
-def _check_variation(rig: Rig, variation: Variation) -> None:
+def _check_variation(rig: Rig, variation: "Variation") -> None:
     if not isinstance(rig.friction, Stribeck):
         raise InputError(
             f"variation: friction of kind {rig.friction.kind!r} cannot vary between recordings; "

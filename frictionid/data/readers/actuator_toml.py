@@ -1,7 +1,5 @@
 """Schema of the table [actuator] of a dataset.toml: controllers that make the motors' torque."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, Literal, Self
@@ -138,7 +136,7 @@ class Actuator(Strict):
             self.in_recording(name)
         return self
 
-    def in_recording(self, name: str) -> Actuator:
+    def in_recording(self, name: str) -> "Actuator":
         """The actuator in the recording of a name, with the keys that differ there."""
         values = {key: getattr(self, key) for key in self.model_fields_set - {"recordings"}}
         for pattern, keys in self.recordings.items():

@@ -1,7 +1,5 @@
 """A friction as it is exported: its numbers, the speeds where they hold, and its programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -150,7 +148,7 @@ class ExportedFriction:
         prepared = prepare(self.data, Protocol(horizons=(self.horizon,)))
         return with_calibration(prepared_for(prepared, self.friction), self.friction.calibration)
 
-    def with_theta(self, theta: Array) -> ExportedFriction:
+    def with_theta(self, theta: Array) -> "ExportedFriction":
         """Friction with other parameters (n, P), on the same data."""
         other = replace(self, friction=replace(self.friction, theta=theta))
         if "prepared" in vars(self):

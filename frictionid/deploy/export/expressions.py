@@ -4,8 +4,6 @@ All languages with infix operators are written from here: C, structured text, Py
 differ in their `Form` of each operation, in how they write numbers, and in their templates.
 """
 
-from __future__ import annotations
-
 import operator
 import textwrap
 from collections import Counter
@@ -36,7 +34,7 @@ class Node:
     """
 
     operation: str
-    operands: tuple[Expression, ...]
+    operands: "tuple[Expression, ...]"
 
 
 Expression = Node | str | float  # a name, or a constant

@@ -1,7 +1,5 @@
 """Attributes of an XML file changed in its text: comments, order and layout stay as they are."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,9 +26,9 @@ class Element:
     attributes: Mapping[str, str]
     start: int
     end: int
-    parent: Element | None = field(repr=False)
+    parent: "Element | None" = field(repr=False)
     close: int = 0
-    children: list[Element] = field(default_factory=list, repr=False)
+    children: "list[Element]" = field(default_factory=list, repr=False)
 
     @property
     def name(self) -> str:

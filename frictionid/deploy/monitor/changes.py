@@ -11,8 +11,6 @@ recordings that tell less count less. Stretches that no constant change explains
 are left out and named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -90,7 +88,7 @@ class Changes(NamedTuple):
     peak: Array
     covariates: Array
 
-    def rows(self, which: Any) -> Changes:
+    def rows(self, which: Any) -> "Changes":
         """What some of the recordings say, by their indices or a mask."""
         return Changes(*(values[which] for values in self))
 

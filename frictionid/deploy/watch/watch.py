@@ -3,8 +3,6 @@
 The observer as C99 stands beside its friction; the controller gives M and dL/dq.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The derivatives of the compiled step: programs of what `tangent.tangent` computes of arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -72,7 +70,7 @@ def tangent_machine_of(model: MotionModel) -> TangentMachine | None:
 
 
 @lru_cache(maxsize=64)
-def _tangent_machine(machine: Machine, row: TangentRow) -> TangentMachine | None:
+def _tangent_machine(machine: Machine, row: "TangentRow") -> TangentMachine | None:
     sizes, step = row.sizes, programs_of(row.row)
     try:
         programs = row.programs

@@ -9,8 +9,6 @@ Sparse dynamics without physics does the same with monomials of the state, for t
 of it works on Gram matrices, one for each recording.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import field
@@ -136,7 +134,7 @@ class SINDy(Identifier):
         shares = [self._inclusion(fold, seed, draws) for fold in folds]
         return np.stack(shares).reshape(len(weights), problem.r.shape[-1], -1)
 
-    def _folds(self, problem: Problem, weights: Array) -> Iterator[_Fold]:
+    def _folds(self, problem: Problem, weights: Array) -> "Iterator[_Fold]":
         A = columns(self.library, problem)
         n, candidates = problem.r.shape[-1], self.library.candidates
         speed = np.abs(problem.mean(problem.nodes.inputs.w)) * np.abs(problem.G).any(axis=1)
@@ -157,7 +155,7 @@ class SINDy(Identifier):
             scale = length[:-1] / (length[-1] or 1.0)
             yield _Fold(G, scale, constraints._replace(usable=usable))
 
-    def _active_set(self, fold: _Fold) -> tuple[int, ...]:
+    def _active_set(self, fold: "_Fold") -> tuple[int, ...]:
         """Columns of the active set that is selected of those proposed and searched."""
         T = fold.G.sum(0)
         coefficients = proposed_coefficients(T, map(self._optimizer, self.thresholds))
@@ -167,7 +165,7 @@ class SINDy(Identifier):
         sets = best_proposals(T, fold.constraints, proposals)
         return selected(fold.G, sets, self.n_standard_errors)
 
-    def _inclusion(self, fold: _Fold, seed: int, draws: int) -> Array:
+    def _inclusion(self, fold: "_Fold", seed: int, draws: int) -> Array:
         """Share (N,) of draws of the clusters, with replacement, whose active set has a column."""
         count = np.zeros(len(fold.scale))
         present = np.flatnonzero(np.einsum("cii->c", fold.G) > 0)

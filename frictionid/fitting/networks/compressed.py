@@ -6,8 +6,6 @@ their initial values, whose deviation is chosen by recordings held out inside ea
 of the posterior solves equations that are as small as there are speeds [MacKay1992].
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -52,7 +50,7 @@ class Compressed(NamedTuple):
         T = torque.ravel()
         return float(T @ self.A @ T)
 
-    def without(self, part: Compressed) -> Compressed:
+    def without(self, part: "Compressed") -> "Compressed":
         """Squares of the rows that are in none of a part of them."""
         A, b, c = self.A - part.A, self.b - part.b, self.c - part.c
         return Compressed(A, b, c, self.speeds, self.rows - part.rows)

@@ -5,8 +5,6 @@ stopping by recordings held out inside each fold. What a fold learns depends on 
 the seed, not on the folds beside it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -148,7 +146,7 @@ class Network(Identifier):
         return friction, np.mean(np.split(costs, self.members, axis=1), axis=0)
 
     def _descended(
-        self, stack: FoldStack, training: Array, held: Array, seeds: Sequence[Sequence[int]]
+        self, stack: "FoldStack", training: Array, held: Array, seeds: Sequence[Sequence[int]]
     ) -> tuple[Array, Array]:
         """Parameters (F, n, P) at the lowest held-out costs, and costs (2, F, E) of the epochs.
 
@@ -186,8 +184,8 @@ class Network(Identifier):
         return self.rate * (0.5 * (1.0 + math.cos(math.pi * epoch / self.epochs)))
 
     def _training_set(
-        self, stack: FoldStack, weights: Array
-    ) -> RowTrainingSet | SequenceTrainingSet:
+        self, stack: "FoldStack", weights: Array
+    ) -> "RowTrainingSet | SequenceTrainingSet":
         from .training_sets import RowTrainingSet, SequenceTrainingSet
 
         if not stack.law.cells:

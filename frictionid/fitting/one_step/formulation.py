@@ -3,8 +3,6 @@
 STUDY is the recipe of the study [DeMeester2020], INTEGRAL the default.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal, Protocol
@@ -52,12 +50,12 @@ class Recipe:
             )
 
     @property
-    def steps(self) -> tuple[Recipe, ...]:
+    def steps(self) -> "tuple[Recipe, ...]":
         """The one-step recipes whose problems a fit needs."""
         return (self,)
 
     def friction_of(
-        self, identifier: Identifier, data: TrainingData, seed: int
+        self, identifier: Identifier, data: "TrainingData", seed: int
     ) -> tuple[Friction, Problem]:
         """The identifier's friction (F + 1, n, P) of the folds and of all data, and its problem."""
         uses = identifier.uses_mechanism
@@ -65,7 +63,7 @@ class Recipe:
         friction = checked_fit(identifier, problem, data.weights[self.name], seed)
         return with_units_of(data.mechanism, friction), problem
 
-    def fit(self, identifier: Identifier, data: TrainingData, seed: int) -> Fit:
+    def fit(self, identifier: Identifier, data: "TrainingData", seed: int) -> Fit:
         """The identifier's friction of all folds and of all data; InputError where that fails."""
         friction, problem = self.friction_of(identifier, data, seed)
         weights = data.weights[self.name][-1]

@@ -7,8 +7,6 @@ Friction enters the one-step residual affinely,
 with r and G constants of the data, so that fitting and scoring only ever evaluate this line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -88,7 +86,7 @@ class Problem:
         """Stencil average of node values (..., S, n) over each row, (..., K, n)."""
         return interval_mean(values, self.stencil, self.coefficients)
 
-    def of_rows(self, rows: Array) -> Problem:
+    def of_rows(self, rows: Array) -> "Problem":
         """The problem of some rows (k,), with the nodes of the recordings that they are of."""
         which, place = np.unique(self.recording[rows], return_inverse=True)
         first = self.nodes.first

@@ -4,8 +4,6 @@ A block lists its parameters. Each has a tolerance: zero where it is held, infin
 free, and the standard deviation of its prior in between.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -79,7 +77,7 @@ class Parameter(NamedTuple):
         return self.place, *(place for _, place in self.shared)
 
     @property
-    def each(self) -> tuple[Parameter, ...]:
+    def each(self) -> "tuple[Parameter, ...]":
         """The parameter at each of its places, as if it were not shared."""
         others = (self._replace(name=n, place=p, shared=()) for n, p in self.shared)
         return self._replace(shared=()), *others

@@ -1,7 +1,5 @@
 """The shooting problem: intervals, free parameters, and their linearisation at an estimate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -57,7 +55,7 @@ class Linearisation(NamedTuple):
     angle: Array
 
     @staticmethod
-    def zeros(nodes: Array, angle: Array) -> Linearisation:
+    def zeros(nodes: Array, angle: Array) -> "Linearisation":
         """Zeros for intervals that begin at nodes (K, s)."""
         K, s = nodes.shape
         return Linearisation(
@@ -89,7 +87,7 @@ class ShootingProblem:
         """Bounds and priors of the parameters."""
         return limits_of(self.parameters)
 
-    def without_shapes(self, estimate: Estimate) -> ShootingProblem:
+    def without_shapes(self, estimate: Estimate) -> "ShootingProblem":
         """The problem with what shapes levels of friction held: memory, peaks, loads, velocities.
 
         Memory is not measured where a window begins, and short windows take bristles and peaks to

@@ -1,7 +1,5 @@
 """The recordings as one series of sample intervals, with measured angles and torque on demand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -85,7 +83,7 @@ class Intervals:
             out[rows] = sample(recording.base_motion, middle[rows])
         return out
 
-    def take(self, rows: Array) -> Intervals:
+    def take(self, rows: Array) -> "Intervals":
         """Some of the intervals, as often as they are asked for."""
         names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})

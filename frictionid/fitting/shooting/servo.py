@@ -11,8 +11,6 @@ is free of the servo changes A, by differences; what that changes in K and B act
 of predicted and recorded motion only, and has no derivative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -152,7 +150,7 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
     return integrals_of(signals)
 
 
-def torque_signal(servo: Servo, motion: ServoMotion, edges: Array, feedback: Array) -> Signal:
+def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: Array) -> Signal:
     """A along one recording, with feedback (K, 2, n) from each of the edges (K,) [s] on."""
     changes = edges[1:][(np.diff(feedback, axis=0) != 0).any(axis=(1, 2))]
     clock, share = motion.seen.time, np.arange(_PARTS) / _PARTS
@@ -181,7 +179,7 @@ class ServoMotion(NamedTuple):
     play: Signal | None = None
 
     @staticmethod
-    def along(recording: Recording, states: States, servo: Servo) -> ServoMotion:
+    def along(recording: Recording, states: States, servo: Servo) -> "ServoMotion":
         smooth = Signal(states.time, states.q, "linear")
         seen = seen_by_encoder(servo, recording.angle, smooth)
         dt = np.diff(states.time)[:, None]

@@ -1,7 +1,5 @@
 """Settings of shooting."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
@@ -59,7 +57,7 @@ class Settings:
         if list(self.windows) != sorted(self.windows):
             raise InputError(f"windows = {list(self.windows)} must grow: short ones converge first")
 
-    def at(self, sample_time: float) -> Settings:
+    def at(self, sample_time: float) -> "Settings":
         """The settings for samples so far apart [s]: windows that were not given follow them.
 
         >>> [round(60 * w) for w in Settings().at(1 / 60).windows], Settings().at(1.0).windows

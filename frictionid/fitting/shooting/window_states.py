@@ -1,7 +1,5 @@
 """Shooting with all parameters fixed: only the motion over each window is fitted to its angles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -57,7 +55,7 @@ class SampleWindows(NamedTuple):
         """Window (K,) of each interval."""
         return np.repeat(np.arange(len(self.windows)), (self.windows >= 0).sum(axis=1))
 
-    def take(self, rows: Array) -> SampleWindows:
+    def take(self, rows: Array) -> "SampleWindows":
         """Some (k,) of the windows, as often as they are asked for."""
         chosen = self.windows[rows]
         index = chosen[chosen >= 0]
@@ -67,7 +65,7 @@ class SampleWindows(NamedTuple):
         loop = None if self.feedback is None else self.feedback[index]
         return SampleWindows(intervals, windows, self.u[:, index], self.sigma, loop)
 
-    def with_rows(self, other: SampleWindows, rows: Array) -> SampleWindows:
+    def with_rows(self, other: "SampleWindows", rows: Array) -> "SampleWindows":
         """The windows with some (K,) rows of another calibration of the same data."""
         new = {}
         for name in ("before", "after", "q", "w"):

@@ -1,7 +1,5 @@
 """Windows of intervals: predictions from their initial states, which are then eliminated."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +32,7 @@ class WindowPrediction(NamedTuple):
     moved: Array
     carried: Array
 
-    def take(self, rows: Array) -> WindowPrediction:
+    def take(self, rows: Array) -> "WindowPrediction":
         """Those of some windows."""
         return WindowPrediction(*(x[rows] for x in self))
 
@@ -143,7 +141,7 @@ class NormalEquations(NamedTuple):
     start: Array
     leverage: Array
 
-    def weighted(self, counts: Array) -> NormalEquations:
+    def weighted(self, counts: Array) -> "NormalEquations":
         """What windows say of the shared parameters, each as much as it counts (W,)."""
         if (counts == 1).all():
             return self

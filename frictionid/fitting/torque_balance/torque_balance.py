@@ -8,8 +8,6 @@ needs no acceleration. Each joint has its own row, in which only its own frictio
 parts that turn with it. Six more rows are of a floating base whose wrench is known, as in flight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -60,7 +58,7 @@ class BaseWrench(NamedTuple):
         """What base parameters (K, nb) leave of the known wrench, (K, 6)."""
         return np.asarray(self.wrench - np.einsum("kib,kb->ki", self.regressor, base))
 
-    def eliminated(self, use: Array) -> BaseWrench:
+    def eliminated(self, use: Array) -> "BaseWrench":
         """The rows of windows in use (K,), others are zero, with b eliminated.
 
         In units of what the bodies usually need, (6,).
@@ -138,7 +136,7 @@ class TorqueBalance:
             r[:, :n], G[:, :n] = r[:, :n] / usual, G[:, :n] / usual[:, None]
         return replace(problem, r=r, G=G, masked=True)
 
-    def resolving(self, use: Array) -> TorqueBalance:
+    def resolving(self, use: Array) -> "TorqueBalance":
         """The balance of windows in use (K,), with the slowest speeds that these resolve.
 
         What only the base shows is eliminated from its rows.

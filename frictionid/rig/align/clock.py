@@ -1,7 +1,5 @@
 """Offset and drift between the clocks of angles and torque, from the motion, with intervals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -86,7 +84,7 @@ class Clock(NamedTuple):
         """Offset [s] at a time of the log's clock."""
         return float(self.offset + self.drift * (time - self.at))
 
-    def later(self, delay: float, drift: float) -> Clock:
+    def later(self, delay: float, drift: float) -> "Clock":
         """The clock corrected by a remaining delay [s] at `at`, and a remaining drift."""
         return Clock(self.offset + delay, self.drift + drift * (1.0 + self.drift), self.at)
 
