@@ -62,7 +62,7 @@ def test_no_speed_is_resolved_that_is_slower_than_the_windows_in_use(dataset):
 
 
 WRONG = """
-coupled = "motor" => must be a table
+coupled = "motor" => coupled: it should be a valid dictionary, not 'motor'
 coupled = {motor = {two = 1.0}} => two joints or more
 coupled = {two = {two = 1.0, three = 1.0}} => name of a joint
 coupled = {motor = {two = 1.0, thre = 1.0}} => 'thre'.*three
