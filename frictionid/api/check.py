@@ -133,7 +133,7 @@ def check(data: DatasetLike) -> Verdict:
     return Verdict(checks.check(dataset_of(data)))
 
 
-def quick(data: DatasetLike, done: Callable[[str], None] | None = None) -> Quick:
+def quick(data: DatasetLike, done: Callable[[str], None] = lambda _: None) -> Quick:
     """Check a data set, compare a few friction laws on held-out motion, and say which one holds.
 
     They are fitted as `frictionid.fit` fits them: by shooting, or to the torques of an arm.

@@ -59,7 +59,7 @@ def compare(
     dask: str | None = None,
     folder: str | Path | None = None,
     replace: bool = False,
-    done: Callable[[str], None] | None = None,
+    done: Callable[[str], None] = lambda _: None,
 ) -> Comparison:
     """Compare friction models on identical folds.
 
@@ -128,7 +128,6 @@ def compare(
     tasks = tasks_on(benchmark, methods, named, [count("seed", seed)])
     prepared = {dataset.name: shared}
     settings = _settings(tasks[0])
-    report = done or (lambda _: None)
     if folder is not None:
         place = Path(folder)
         check_writable(place)
@@ -140,7 +139,7 @@ def compare(
             jobs=jobs,
             dask=dask,
             replace=replace,
-            done=lambda t: report(t.name),
+            done=lambda t: done(t.name),
         )
         return Comparison(results, dataset, laws=_own_laws(tasks))
     by_model: dict[tuple[str, str], tuple[Task, Outcome]] = {}

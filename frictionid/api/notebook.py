@@ -17,14 +17,13 @@ def _in_notebook() -> bool:
 
 @contextmanager
 def counted(
-    total: int | None, title: str, heard: Callable[[str], None] | None = None
+    total: int | None, title: str, heard: Callable[[str], None] = lambda _: None
 ) -> Iterator[Callable[[str], None]]:
     """A bar of `total` steps below the cell; call what it gives with what each step was.
 
     Without a total it counts the steps that the work inside reports. It is gone in the end. Outside
     of notebooks nothing is shown. `heard` is called with each step, too.
     """
-    heard = heard or (lambda _: None)
     if not _in_notebook():
         yield heard
         return

@@ -127,7 +127,7 @@ def run_tasks(
     jobs: int = 0,
     dask: str | None = None,
     kept: Sequence[Path] = (),
-    done: Callable[[Task], None] | None = None,
+    done: Callable[[Task], None] = lambda _: None,
 ) -> None:
     """Run the tasks, `jobs` at a time on one thread each, and write their results to the folder.
 
@@ -143,18 +143,17 @@ def run_tasks(
         Where data or settings are wrong, with the task's name, or no model can be fitted to one of
         the data sets.
     """
-    report = done or (lambda _: None)
     left, reasons = [], dict[str, list[str]]()
     for task in tasks:
         if _is_kept(task, kept):
-            report(task)
+            done(task)
         else:
             left.append(task)
     for task, result in results_of(left, prepared_benchmarks, jobs=jobs, dask=dask):
         write_sealed(folder / task.file, document(task, result))
         if isinstance(result, NoFitError):
             reasons.setdefault(task.benchmark.dataset.name, []).append(str(result))
-        report(task)
+        done(task)
     places = (folder, *kept)
     for name, texts in reasons.items():
         if not any(_is_fitted(t, places) for t in tasks if t.benchmark.dataset.name == name):

@@ -202,7 +202,7 @@ def tune(
     resume: bool = False,
     replace_trials: bool = False,
     jobs: int = 1,
-    done: Callable[[str], None] | None = None,
+    done: Callable[[str], None] = lambda _: None,
 ) -> list[Study]:
     """All studies of the tasks, when their searches have ended.
 
@@ -226,20 +226,20 @@ def tune(
     InputError
         Where folds, data and settings do not fit together, or no trial of a study has a score.
     """
-    report, data = done or (lambda _: None), NestedData(tuning)
+    data = NestedData(tuning)
     with readable_journal(folder):
         storage = open_journal(folder, resume=resume, replace=replace_trials)
         studies = [_study(storage, spec, data) for spec in study_specs(tasks, tuning)]
         for study in studies:
             for _ in study.trials[: tuning.trials]:
-                report(study.name)
+                done(study.name)
     while open_ := [study for study in studies if len(study.trials) < tuning.trials]:
         asked = [study.ask() for study in open_]
         pairs = zip(open_, asked, strict=True)
         calls = [data.call(study, settings, tests=False) for study, (_, settings) in pairs]
         for i, (value, _, error) in side_by_side(score_trial, calls, jobs):
             open_[i].tell(asked[i][0], value, error)
-            report(open_[i].name)
+            done(open_[i].name)
     for study in studies:
         _ = study.best  # or there is nothing to choose
     _score_held_out([study for study in studies if not study.is_judged], data, jobs)

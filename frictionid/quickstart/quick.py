@@ -132,7 +132,7 @@ _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion
 _SHORTEST, _LONG = 3.0, 5.0  # [s] of a recording: of longer ones several in part tell more
 
 
-def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
+def quick(dataset: Dataset, done: Callable[[str], None] = lambda _: None) -> Quick:
     """A first verdict on a data set: are the data good, and which friction do they show.
 
     `done` is called with the name of each step that is finished, see `Plan`.
@@ -148,14 +148,13 @@ def quick(dataset: Dataset, done: Callable[[str], None] | None = None) -> Quick:
 
         print(quick(frictionid.load_dataset("my_rig")).chosen.name)
     """
-    report = done or (lambda _: None)
     verdict = check(dataset)
-    report("check")
+    done("check")
     if verdict.level == "unusable":
         return Quick(verdict)
     plan = plan_for(dataset)
     part, sample_time = shortened(dataset, plan.samples)
-    horizon, results, not_fitted = _compared(part, plan, sample_time, report)
+    horizon, results, not_fitted = _compared(part, plan, sample_time, done)
     each = np.array([joint.angle_noise for joint in verdict.joints])
     noise = norm_of(each, dataset.mechanism.position_units, dataset.scales.size)[0]
     least = 0.0 if plan.by_torque else _ABOVE * float(noise)
