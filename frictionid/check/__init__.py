@@ -15,5 +15,5 @@ verdict                   the sequence of all checks
 """
 
 from .findings import LEVELS, Finding
-from .torque_source import TorqueSource, source_sentences, torque_sources
+from .torque_source import source_sentences, torque_sources
 from .verdict import Verdict, check, judge

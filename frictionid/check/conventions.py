@@ -62,7 +62,7 @@ class Convention(NamedTuple):
         """What the map of the angles adds (n,) [rad]: q becomes A q + offset."""
         n = len(self.angle)
         zero = np.broadcast_to(np.asarray(self.zero, dtype=float), n)
-        return np.asarray(zero - self.angle @ zero + self.shift)
+        return zero - self.angle @ zero + self.shift
 
 
 class Scored(NamedTuple):

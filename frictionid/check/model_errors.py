@@ -153,7 +153,7 @@ def missing_rotors(measured: Measured, rows: Rows) -> tuple[Array, Finding] | No
     pairs = zip(silent, value.tolist(), strict=True)
     values = ", ".join(f"{name} = {inertia:.2g}" for name, inertia in pairs if inertia > 0)
     rotors = finding("rotors", {"left": left}, {"values": values, "removed": 1 - left})
-    return np.asarray(value @ np.stack(changes)), rotors
+    return value @ np.stack(changes), rotors
 
 
 class Misfit(NamedTuple):

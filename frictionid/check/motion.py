@@ -202,7 +202,7 @@ class Measured:
         rest = np.zeros((1, self.mechanism.n))
         inertia = np.diagonal(self.mechanism.dynamics(self.nominal[0], rest, rest)[0][0])
         velocity = np.median([m.velocity_noise for m in self.motions], axis=0)
-        return np.asarray(np.abs(inertia) * velocity * np.sqrt(2.0))
+        return np.abs(inertia) * velocity * np.sqrt(2.0)
 
     def without(self, recordings: set[int]) -> Measured:
         """The data without some recordings, or all of them where none would remain."""

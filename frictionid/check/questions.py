@@ -177,7 +177,7 @@ def _terms(tests: HypothesisTests) -> Array:
     """Root mean square (n,) of the largest term of each joint's balance [N m]."""
     rows = tests.rows.at(tests.measured.nominal)
     each = (rows.inertia[..., 0], rows.gravity[..., 0], tests.rows.means(tests.measured.torque))
-    return np.asarray(np.max([row_rms(x, rows.moving) for x in each], axis=0))
+    return np.max([row_rms(x, rows.moving) for x in each], axis=0)
 
 
 def _friction(estimate: Estimate, fact: JointFacts, unit: str, terms: float) -> Identifiable:

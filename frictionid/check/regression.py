@@ -177,7 +177,7 @@ def widened(estimate: Estimate, longer: Estimate) -> Estimate:
 
 def _beyond(drift: Array, error: Array) -> Array:
     """The part of a drift that its standard error does not explain."""
-    return np.asarray(np.sign(drift) * np.sqrt(np.maximum(drift**2 - error**2, 0.0)))
+    return np.sign(drift) * np.sqrt(np.maximum(drift**2 - error**2, 0.0))
 
 
 def _estimable(X: Array, rows: Rows, torque: Array, reference: Array) -> Array:
@@ -297,4 +297,4 @@ ONE_WAY = 0.999
 
 def one_way(rows: Rows, j: int) -> Array:
     """Windows (K,) in which joint j moves in one direction: there friction has a speed."""
-    return np.asarray(rows.moving[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY))
+    return rows.moving[:, j] & (np.abs(rows.friction[:, j, 0]) > ONE_WAY)

@@ -165,7 +165,7 @@ def _contradicted(intervals: Sequence[Frozen], rows: Rows, friction: Array, leve
     elsewhere = np.where(few, 0.0, _rms(apart, fitted, others))
     worse = left > np.maximum(WORSE * elsewhere, LARGE * level)
     testable = np.array([interval.value != 0.0 for interval in intervals]) | ~few
-    return np.asarray((end > begin) & worse & testable & (elsewhere < FITS * level))
+    return (end > begin) & worse & testable & (elsewhere < FITS * level)
 
 
 def _places(intervals: Sequence[Frozen], rows: Rows) -> tuple[Array, Array, Array, Array]:
@@ -197,7 +197,7 @@ def _fitted(products: Array) -> Array:
 
 def _rms(products: Array, fitted: Array, count: Array) -> Array:
     squares = np.einsum("ia,iab,ib->i", fitted, products, fitted)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0) / np.maximum(count, 1)))
+    return np.sqrt(np.maximum(squares, 0.0) / np.maximum(count, 1))
 
 
 def frozen_findings(

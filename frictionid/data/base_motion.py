@@ -99,7 +99,7 @@ def _from_body(q: Array, change: Array) -> Array:
     """Vector part (T, 3) of the product of conjugate quaternions with a change of them."""
     w, v = q[:, :1], q[:, 1:]
     product = w * change[:, 1:] - change[:, :1] * v - np.cross(v, change[:, 1:])
-    return np.asarray(product / (q**2).sum(axis=1, keepdims=True))
+    return product / (q**2).sum(axis=1, keepdims=True)
 
 
 def check_base_motion(where: str, angle: Signal, motion: Signal) -> None:

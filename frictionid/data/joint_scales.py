@@ -59,7 +59,7 @@ def _noise(value: Array) -> Array:
     """Noise (n,) of positions (T, n), or what moves faster than their samples show."""
     if len(value) < 4:
         return np.zeros(value.shape[1])
-    return np.asarray(_NORMAL * np.median(np.abs(np.diff(value, n=3, axis=0)), axis=0))
+    return _NORMAL * np.median(np.abs(np.diff(value, n=3, axis=0)), axis=0)
 
 
 def _fast(angle: Signal, noise: Array) -> Array:

@@ -200,7 +200,7 @@ def smoothed_by(series: Series, forward: FilterOutput) -> Array:
         np.ascontiguousarray(np.moveaxis(x, -1, 0)) for x in (forward.covariance, forward.gain)
     )
     out = kalman_loops.smoothed(dt, valid, mean, covariance, gain, scaled)
-    return np.asarray(np.moveaxis(out, 0, 1))
+    return np.moveaxis(out, 0, 1)
 
 
 def likeliest_jerk_ratio(series: Series) -> Array:
@@ -243,7 +243,7 @@ def innovation_likelihood(series: Series, rho: Array) -> Array:
     """
     ratios = np.broadcast_to(rho, (*rho.shape[:-1], series.value.shape[1]))
     whole, _ = kalman_loops.likelihoods(*_by_series(series), _of_series(ratios), False)
-    return np.asarray(whole.reshape(ratios.shape))
+    return whole.reshape(ratios.shape)
 
 
 def robust_jerk_ratio(series: Series, least: Array) -> Array:

@@ -105,7 +105,7 @@ def flattened(points: Array, plane: Plane) -> Array:
     p = p * (1.0 + bulge * (p**2).sum(-1, keepdims=True))
     p = p / (1.0 + p @ np.array([right, down]))[..., None]
     p = p + p @ np.array([[stretch, diagonal], [diagonal, -stretch]])
-    return np.asarray(middle + half * p)
+    return middle + half * p
 
 
 def _one_turn(angle: Array) -> Array:

@@ -297,7 +297,7 @@ def _kinks(residuals: Residuals, usual: Array) -> Array:
     size = np.abs(residuals.by_all[0])
     sides = residuals.by_past, residuals.by_future
     kinks = [(np.abs(off) < _KINK * size) & (usual * dev < size) for off, dev in sides]
-    return np.asarray(kinks[0] | kinks[1])
+    return kinks[0] | kinks[1]
 
 
 def _median(size: Array, counts: Array) -> Array:

@@ -117,7 +117,7 @@ def relative_noise(signal: Signal) -> Array:
     if signal.sigma is None or np.ndim(signal.sigma) == 1:
         return np.ones_like(np.asarray(signal.value, float))
     sigma = np.asarray(signal.sigma, float)
-    return np.asarray(sigma / np.median(sigma, axis=0))
+    return sigma / np.median(sigma, axis=0)
 
 
 def holds(signal: Signal) -> bool:

@@ -19,7 +19,6 @@ from .free_run import (
     with_motor_torque,
 )
 from .initial_states import (
-    InitialStates,
     initial_state_folds,
     make_initial_states,
 )
@@ -42,8 +41,6 @@ from .prepared import (
 )
 from .score_frame import SCORE_COLUMNS, score_frame, score_value
 from .scoring import (
-    Evaluation,
-    held_out_residual,
     one_step_scores,
     score_folds,
     score_model,

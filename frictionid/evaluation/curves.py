@@ -35,7 +35,7 @@ def slow_speed(fast: Array) -> Array:
     >>> slow_speed(np.array([12.0, 0.5]))
     array([0.05 , 0.005])
     """
-    return np.asarray(np.minimum(_SLOW, _SHARE * fast))
+    return np.minimum(_SLOW, _SHARE * fast)
 
 
 def curves(friction: Friction, grid: Array) -> Array:
@@ -201,7 +201,7 @@ def lowest_dissipation(velocity: Array, torque: Array) -> Array:
     """
     use = np.abs(velocity) >= slow_speed(np.abs(velocity).max(axis=0))
     against = np.where(use, torque * np.sign(velocity), np.inf).min(axis=-2)
-    return np.asarray(against / _size(torque))
+    return against / _size(torque)
 
 
 def asymmetry(velocity: Array, torque: Array) -> Array:
@@ -213,7 +213,7 @@ def asymmetry(velocity: Array, torque: Array) -> Array:
     """
     half = len(velocity) // 2
     both = 0.5 * (torque[..., ::-1, :][..., :half, :] + torque[..., :half, :])
-    return np.asarray(both.mean(axis=-2) / _size(torque))
+    return both.mean(axis=-2) / _size(torque)
 
 
 def tail_drop(velocity: Array, torque: Array) -> Array:
@@ -229,7 +229,7 @@ def tail_drop(velocity: Array, torque: Array) -> Array:
         size[..., inner, joints] - size[..., 0, :],
         size[..., last - inner, joints] - size[..., last, :],
     ]
-    return np.asarray(np.maximum(*drops) / _size(torque))
+    return np.maximum(*drops) / _size(torque)
 
 
 def cycle_work(velocity: Array, torque: Array) -> Array:
@@ -243,7 +243,7 @@ def cycle_work(velocity: Array, torque: Array) -> Array:
     """
     size = np.sqrt(np.mean(torque**2, axis=-1))
     most = np.where(size > 0, size, np.inf) * np.mean(np.abs(velocity))
-    return np.asarray(np.mean(torque * velocity, axis=-1) / most)
+    return np.mean(torque * velocity, axis=-1) / most
 
 
 def dissipated(problem: Problem, residual: Array, use: Array) -> Array:
@@ -257,7 +257,7 @@ def dissipated(problem: Problem, residual: Array, use: Array) -> Array:
     w = problem.mean(problem.nodes.inputs.w)[use][:, :n]
     both = np.stack([r, r - residual])
     torque = solve(np.broadcast_to(G, (2, *G.shape)), both)
-    return np.asarray(problem.dt[use] * (w * torque).sum(axis=-1))
+    return problem.dt[use] * (w * torque).sum(axis=-1)
 
 
 def _size(torque: Array) -> Array:

@@ -89,7 +89,7 @@ def jackknife_width(values: Array) -> Array:
     folds = len(values)
     with np.errstate(all="ignore"):
         scatter = ((values - values.mean(axis=0)) ** 2).sum(axis=0)
-        return np.asarray(stdtrit(folds - 1, 0.975) * np.sqrt((folds - 1) / folds * scatter))
+        return stdtrit(folds - 1, 0.975) * np.sqrt((folds - 1) / folds * scatter)
 
 
 def example(q: Array, initial: InitialStates, prepared: Prepared, s: int) -> dict[str, Any]:

@@ -188,7 +188,7 @@ def loop_width(velocity: Array, torque: Array) -> Array:
     -0.246
     """
     turned = velocity * np.roll(torque, -1, axis=-1) - np.roll(velocity, -1) * torque
-    return np.asarray(-0.5 * turned.sum(axis=-1) / np.ptp(velocity))
+    return -0.5 * turned.sum(axis=-1) / np.ptp(velocity)
 
 
 def loop_lag(torque: Array, period: float) -> Array:
@@ -218,4 +218,4 @@ def loop_lag(torque: Array, period: float) -> Array:
     part = np.where(bend < 0, 0.5 * (low - high) / np.where(bend < 0, bend, 1.0), 0.0)
     lag = (shift[at] + np.clip(part, -0.5, 0.5) * (shift[1] - shift[0])) * period
     moves = np.sqrt(2 * np.sum(np.abs(c) ** 2, axis=-1)) > _FLAT * np.maximum(level, 1e-300)
-    return np.asarray(np.where(moves, lag, np.nan))
+    return np.where(moves, lag, np.nan)

@@ -39,13 +39,13 @@ class StartErrors(NamedTuple):
     def bounded(self) -> Array:
         """The errors (S, n), of norm 1 at most; of predictions that are not finite zero."""
         far = np.maximum(np.linalg.norm(self.error, axis=-1, keepdims=True), 1.0)
-        return np.asarray(np.where(np.isfinite(far), self.error / far, 0.0))
+        return np.where(np.isfinite(far), self.error / far, 0.0)
 
     @property
     def size(self) -> Array:
         """Norms (S,) of the errors, 1 at most."""
         norm = np.linalg.norm(self.error, axis=-1)
-        return np.asarray(np.where(np.isfinite(norm), np.minimum(norm, 1.0), 1.0))
+        return np.where(np.isfinite(norm), np.minimum(norm, 1.0), 1.0)
 
     @property
     def level(self) -> float:
@@ -149,7 +149,7 @@ def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
 def _means(x: Array, group: Array) -> Array:
     """Mean (G,) of each group."""
     _, place = np.unique(group, return_inverse=True)
-    return np.asarray(np.bincount(place, x) / np.bincount(place) + _LEAST)
+    return np.bincount(place, x) / np.bincount(place) + _LEAST
 
 
 def _signed(test: CorrelatedTest) -> Factor:

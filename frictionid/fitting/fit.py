@@ -63,7 +63,7 @@ class Covariance:
     def determined(self) -> Array:
         """True (D,) for parameters with a finite error, at no bound and not held."""
         loose = np.array([p.tolerance > 0 for p in self.parameters], dtype=bool)
-        return np.asarray(np.isfinite(self.error) & ~self.bound & loose)
+        return np.isfinite(self.error) & ~self.bound & loose
 
     def interval(self, level: float = 0.95) -> Array:
         """Lower and upper ends (D, 2) of each parameter's interval; its bounds limit it."""
@@ -210,7 +210,7 @@ class Fit:
 
     def half_widths(self) -> Array:
         """Half the width (n, P) of 95 % intervals; of one-step fits, of the noise alone."""
-        return np.asarray(stdtrit(self.covariance.freedom, 0.975) * self.errors())
+        return stdtrit(self.covariance.freedom, 0.975) * self.errors()
 
     def estimates(self, dataset: Dataset, grid: Array) -> Estimates:
         """Parameters with intervals, correlation, curves with bands, and how it went.

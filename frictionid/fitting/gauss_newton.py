@@ -47,7 +47,7 @@ class Conditions(NamedTuple):
 
     def prior_cost(self, x: Array) -> Array:
         """Squares (F,) of the priors."""
-        return np.asarray((self.precision * (x - self.mean) ** 2).sum(axis=-1))
+        return (self.precision * (x - self.mean) ** 2).sum(axis=-1)
 
 
 class Problem(Protocol):
@@ -219,7 +219,7 @@ def box_step(H: Array, g: Array, low: Array, high: Array, damping: float) -> Arr
     """
     scale = np.sqrt(_size(H))
     A = H / (scale[:, :, None] * scale[:, None, :]) + damping * np.eye(H.shape[-1])
-    return np.asarray(bounded(A, g / scale, low * scale, high * scale) / scale)
+    return bounded(A, g / scale, low * scale, high * scale) / scale
 
 
 def _size(H: Array) -> Array:
@@ -239,7 +239,7 @@ def scaled_inverse(H: Array, smallest: float) -> Array:
     """
     scale = np.sqrt(_size(H))
     scale = scale[:, None] * scale
-    return np.asarray(np.linalg.pinv(H / scale, rcond=smallest, hermitian=True) / scale)
+    return np.linalg.pinv(H / scale, rcond=smallest, hermitian=True) / scale
 
 
 _BLOCKS = 5  # turns in which all parameters may change sides together
@@ -276,7 +276,7 @@ def bounded(H: Array, g: Array, low: Array, high: Array) -> Array:
         if turn >= _BLOCKS:
             wrong &= np.cumsum(wrong[:, ::-1], axis=1)[:, ::-1] == 1  # the last one only
         side = np.where(wrong, change, side)
-    return np.asarray(base + np.clip(d, low, high))
+    return base + np.clip(d, low, high)
 
 
 def _change(side: Array, d: Array, slope: Array, low: Array, high: Array) -> Array:

@@ -35,7 +35,7 @@ class Groups(NamedTuple):
     @property
     def score(self) -> Array:
         """Descent (W, D) that each group would go on with after the step."""
-        return np.asarray(self.g - self.H @ self.move)
+        return self.g - self.H @ self.move
 
 
 def sandwich(H: Array, groups: Groups) -> Array:
@@ -119,7 +119,7 @@ def scatter(H: Array, groups: Groups, label: Array, left: Array | None = None) -
     pairs = zip(left, rows_by(label), strict=True)
     moves = np.stack([-(each @ score[rows].sum(axis=0)[groups.free]) for each, rows in pairs])
     off = moves - moves.mean(axis=0)
-    return np.asarray((len(left) - 1) / len(left) * off.T @ off)
+    return (len(left) - 1) / len(left) * off.T @ off
 
 
 def shown_once(H: Array, groups: Groups) -> Array:
@@ -130,7 +130,7 @@ def shown_once(H: Array, groups: Groups) -> Array:
     most = SINGULAR * np.diag(H)
     left = [np.diag(H - groups.H[rows].sum(axis=0)) for rows in rows_by(groups.cluster)]
     shape = (len(left), len(H))  # nothing may be free
-    return np.asarray(np.min(np.reshape(left, shape), axis=0, initial=np.inf) <= most)
+    return np.min(np.reshape(left, shape), axis=0, initial=np.inf) <= most
 
 
 def expected(H: Array, groups: Groups, left: Array | None = None) -> tuple[Array, Array]:
@@ -166,7 +166,7 @@ def expected(H: Array, groups: Groups, left: Array | None = None) -> tuple[Array
 
 def solve_scaled(H: Array, g: Array) -> Array:
     """H^-1 g of a normal matrix H (D, D), least squares where it is singular; g (D, ...)."""
-    return np.asarray(scaled_inverse(H, SINGULAR) @ g)
+    return scaled_inverse(H, SINGULAR) @ g
 
 
 def step_of(H: Array, g: Array, free: Array) -> Array:

@@ -4,7 +4,7 @@ from .axes import linear_axis, two_mass_axis, unit_inertia
 from .check_mechanism import check_mechanism
 from .description import Base, Body, Description
 from .from_bodies import Joint, from_bodies
-from .mechanism import Mechanism, Parameter, Partials, Terms, configurations
+from .mechanism import Mechanism, Parameter, Partials, configurations
 from .mechanism_table import as_mechanism, mechanism_of
 from .mjcf_text import mjcf_of
 from .pendulum import pendulum

@@ -175,4 +175,4 @@ def _columns(table: Table, quantity: str) -> Iterator[str]:
 def _size(table: Table, names: list[str]) -> Array:
     """Length (T,) of vectors where all their columns have numbers."""
     vectors = np.stack([table.columns[name] for name in names])
-    return np.asarray(np.linalg.norm(vectors[:, np.isfinite(vectors).all(axis=0)], axis=0))
+    return np.linalg.norm(vectors[:, np.isfinite(vectors).all(axis=0)], axis=0)

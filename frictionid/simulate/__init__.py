@@ -8,7 +8,6 @@ from .rig import Camera, Drive, Rig, Run, Variation, noise_free
 from .simulation import simulate
 from .torques import (
     Chirp,
-    Command,
     Controller,
     Fourier,
     Multisine,
@@ -16,6 +15,5 @@ from .torques import (
     Sine,
     Steps,
     sampled_loop,
-    track,
 )
 from .true_friction import Curve, FilmLag, LoadFriction, LuGre, Stribeck, TrueFriction

@@ -76,7 +76,7 @@ def _clock(initial: InitialStates, s: int) -> Array:
     """Times [s] of a prediction's samples, by the recording's clock."""
     assert initial.time is not None
     steps = initial.dt[: initial.last[-1, s], s]
-    return np.asarray(initial.time[s] + np.concatenate([[0.0], np.cumsum(steps)]))
+    return initial.time[s] + np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def run_by_engine(

@@ -66,7 +66,7 @@ class Reference(NamedTuple):
     def level(self) -> Array:
         """Friction (n,) at the usual speed [N m], at least a thousandth of the largest."""
         level = np.abs(np.diagonal(self.friction.curve(self.speeds[:, 1])))
-        return np.asarray(np.maximum(level, 1e-3 * level.max() + 1e-12))
+        return np.maximum(level, 1e-3 * level.max() + 1e-12)
 
 
 class Changes(NamedTuple):
@@ -95,7 +95,7 @@ class Changes(NamedTuple):
     @property
     def disturbed(self) -> Array:
         """Residual (n,) over a tenth of a second from which on a stretch is disturbed."""
-        return np.asarray(_DISTURBED * self.peak.max(axis=0))
+        return _DISTURBED * self.peak.max(axis=0)
 
 
 def joined(several: Iterable[Changes]) -> Changes:
@@ -127,7 +127,7 @@ def totals(changes: Changes, speeds: Array) -> Array:
     """Changes (R, n) of each joint's friction at its usual speed [N m]."""
     weights = total_weights(speeds)
     parts = changes.value[:, : weights.size].reshape(-1, *weights.shape)
-    return np.asarray((parts * weights).sum(axis=-1))
+    return (parts * weights).sum(axis=-1)
 
 
 def prepared_data(dataset: Dataset) -> Prepared:
@@ -287,7 +287,7 @@ def _excess(scores: Array, time: Array, curvature: Array) -> Array:
     np.add.at(sums, label, scores)
     shows = curvature > 0
     ratio = (sums**2).sum(axis=0) / np.where(shows, curvature, 1.0)
-    return np.asarray(np.where(shows, ratio, 1.0))
+    return np.where(shows, ratio, 1.0)
 
 
 def _local_means(left: Array, rows: _Rows) -> Array:
@@ -297,7 +297,7 @@ def _local_means(left: Array, rows: _Rows) -> Array:
     both = np.column_stack([left, rows.dt])
     total = np.concatenate([np.zeros((1, both.shape[1])), np.cumsum(both, axis=0)])
     within = total[end] - total[begin]
-    return np.asarray(within[:, :-1] / within[:, -1:])
+    return within[:, :-1] / within[:, -1:]
 
 
 def _widened(pushed: Array, time: Array) -> Array:
@@ -306,7 +306,7 @@ def _widened(pushed: Array, time: Array) -> Array:
     after = np.searchsorted(at, time)
     padded = np.concatenate([[-np.inf], at, [np.inf]])
     near = np.minimum(time - padded[after], padded[after + 1] - time)
-    return np.asarray(near <= _WINDOW)
+    return near <= _WINDOW
 
 
 def _segments(rows: _Rows, used: Array, name: str) -> list[Segment]:

@@ -112,4 +112,4 @@ def _point_masses(body: Array) -> Array:
     r = J[3, :3] * (1.0 + gyration / max(length, 1e-9))
     place, size = np.append(r, 1.0), max(float(np.linalg.norm(r)), 0.1)
     farther = [np.outer(e, place) + np.outer(place, e) for e in size * np.eye(3, 4)]
-    return np.asarray(body[0] * moments_of(np.stack([np.outer(place, place), *farther])))
+    return body[0] * moments_of(np.stack([np.outer(place, place), *farther]))

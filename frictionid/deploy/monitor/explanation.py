@@ -95,7 +95,7 @@ def _noise(healthy: Changes, new: Changes, size: Array) -> tuple[Array, Array]:
 def _plain_mean(values: Array, covariances: Array) -> Array:
     """Mean (D,) of rows (R, D), each effect by itself, while their scatter is not known."""
     weights = 1.0 / np.einsum("rpp->rp", covariances)
-    return np.asarray((weights * values).sum(axis=0) / weights.sum(axis=0))
+    return (weights * values).sum(axis=0) / weights.sum(axis=0)
 
 
 def _mean(values: Array, covariances: Array) -> tuple[Array, Array]:
@@ -166,7 +166,7 @@ def _true_scatter(about: Array, each: Array, freedom: float) -> Array:
     inner = np.linalg.solve(root, np.linalg.solve(root, total).T)
     value, vector = np.linalg.eigh((inner + inner.T) / 2)
     turned = root @ vector
-    return np.asarray((turned * np.maximum(value - 1.0, 0.0)) @ turned.T)
+    return (turned * np.maximum(value - 1.0, 0.0)) @ turned.T
 
 
 class Explanation(NamedTuple):

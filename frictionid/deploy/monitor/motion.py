@@ -39,7 +39,7 @@ def beyond(healthy: Array, new: Array) -> Array:
     [[[False, True]], [[False, False]]]
     """
     low, high = healthy.min(axis=0), healthy.max(axis=0)
-    return np.asarray(new > high + np.maximum(MARGIN, 0.5 * (high - low)))
+    return new > high + np.maximum(MARGIN, 0.5 * (high - low))
 
 
 def apart(healthy: Array, new: Array) -> Array:
@@ -53,7 +53,7 @@ def apart(healthy: Array, new: Array) -> Array:
     """
     low, high = healthy.min(axis=0), healthy.max(axis=0)
     off = np.maximum(new - high, 0.0) + np.maximum(low - new, 0.0)
-    return np.asarray(np.minimum(off / np.maximum(MARGIN, high - low), 1.0).max(axis=(1, 2)))
+    return np.minimum(off / np.maximum(MARGIN, high - low), 1.0).max(axis=(1, 2))
 
 
 def sentence(side: Array, joints: Sequence[str]) -> str:

@@ -178,7 +178,7 @@ def _still(intervals: Intervals) -> Array:
     turns = turns_of(intervals.dataset.mechanism, intervals.q)
     travel = [np.ptp(of_parts(s.q, turns), axis=0) for s in intervals.states]
     noise = of_parts(angle_noise(intervals), None if turns is None else np.abs(turns))
-    return np.asarray(np.max(travel, axis=0) <= _STILL * noise)
+    return np.max(travel, axis=0) <= _STILL * noise
 
 
 def angle_noise(intervals: Intervals) -> Array:
@@ -191,7 +191,7 @@ def angle_noise(intervals: Intervals) -> Array:
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
     most = _MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
-    return np.asarray(np.where(taken < _FOLLOWED * most, most, taken))
+    return np.where(taken < _FOLLOWED * most, most, taken)
 
 
 def warnings_of(solution: Solution) -> Iterator[str]:
@@ -213,7 +213,7 @@ def explained(solution: Solution) -> bool:
 
 def _worse(solution: Solution) -> Array:
     """How many times worse than measured the angles (n,) are predicted."""
-    return np.asarray(solution.sigma / np.maximum(angle_noise(solution.problem.intervals), 1e-12))
+    return solution.sigma / np.maximum(angle_noise(solution.problem.intervals), 1e-12)
 
 
 def _coarse(solution: Solution) -> Iterator[str]:

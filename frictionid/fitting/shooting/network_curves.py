@@ -86,7 +86,7 @@ def curve_of(network: Friction, changes: Array) -> tuple[Friction, Array]:
         """Those (n, s V, r) of curves (n, s V, r) on the nodes of s directions."""
         n, rows, r = values.shape
         sides = values.reshape(n, -1, len(to_coefficients), r)
-        return np.asarray(to_coefficients @ sides).reshape(n, rows, r)
+        return (to_coefficients @ sides).reshape(n, rows, r)
 
     shape = coefficients(y[..., None])[..., 0]
     numbers = np.concatenate([theta[:, :first], shape], axis=1)
@@ -128,7 +128,7 @@ def _values(curve: Friction) -> Array:
     """Values y (n, s V) of a curve at the nodes of s directions."""
     law: Any = curve.law
     sides = law.layer_weights(curve.theta).reshape(curve.n, -1, law.degree + 1)
-    return np.asarray((sides @ _polynomials(law.degree).T).reshape(curve.n, -1))
+    return (sides @ _polynomials(law.degree).T).reshape(curve.n, -1)
 
 
 def _step(J: Array, off: Array, damping: Array) -> Array:
@@ -136,7 +136,7 @@ def _step(J: Array, off: Array, damping: Array) -> Array:
     square = J @ np.swapaxes(J, 1, 2)
     held = damping * np.einsum("jvv->j", square) / off.shape[1]
     square = square + held[:, None, None] * np.eye(off.shape[1])
-    return np.asarray(np.swapaxes(J, 1, 2) @ np.linalg.solve(square, off[..., None]))[..., 0]
+    return (np.swapaxes(J, 1, 2) @ np.linalg.solve(square, off[..., None]))[..., 0]
 
 
 def _nodes(degree: int) -> Array:

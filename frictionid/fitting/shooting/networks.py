@@ -284,7 +284,7 @@ class CombinationBlock(ParameterBlock):
     @property
     def _scale(self) -> Array:
         """Length (n,) of the directions."""
-        return np.asarray(self.deviation * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1)))
+        return self.deviation * np.sqrt((self.begin[:, self.free] ** 2).mean(axis=-1))
 
     def listed(self, estimate: Estimate) -> Iterator[Parameter]:
         friction, joints = estimate.friction, estimate.mechanism.friction_names
@@ -345,4 +345,4 @@ class CurveBlock(CombinationBlock):
 def _solved(slopes: Array, off: Array, damping: float) -> Array:
     """Damped least-squares solution (P,) of slopes (N, P) @ change = off (N,)."""
     left, size, right = np.linalg.svd(slopes, full_matrices=False)
-    return np.asarray(right.T @ (size / (size**2 + (damping * size[0]) ** 2) * (left.T @ off)))
+    return right.T @ (size / (size**2 + (damping * size[0]) ** 2) * (left.T @ off))

@@ -308,7 +308,7 @@ def rounded_up(counts: Array) -> Array:
     array([  7,  15,  18, 512])
     """
     unit = 2.0 ** np.maximum(np.floor(np.log2(counts)) - 3, 0)
-    return np.asarray(np.ceil(counts / unit) * unit).astype(int)
+    return (np.ceil(counts / unit) * unit).astype(int)
 
 
 def memory_of(nodes: Array, mechanism: Mechanism) -> tuple[Array, ...]:

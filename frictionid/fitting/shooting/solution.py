@@ -55,7 +55,7 @@ class Solution(NamedTuple):
     @property
     def curvature(self) -> Array:
         """Normal matrix (D, D) of the windows that counted, without priors."""
-        return np.asarray(self.normal.H[self.closed].sum(axis=0))
+        return self.normal.H[self.closed].sum(axis=0)
 
     @property
     def groups(self) -> Groups:

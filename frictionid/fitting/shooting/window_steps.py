@@ -117,7 +117,7 @@ def counts_of(point: Point, sigma: Array, huber: float) -> Array:
     if not _most_closed(point):
         return ~point.out * 1.0
     u = _taper(_costs(point.prediction, sigma, huber), _lost_cost(point.prediction, huber))
-    return np.asarray(~point.out * (1.0 - u**2) ** 2)
+    return ~point.out * (1.0 - u**2) ** 2
 
 
 def _most_closed(point: Point) -> bool:

@@ -41,7 +41,7 @@ def left_to_friction(balance: TorqueBalance, estimate: Estimate) -> Array:
     logged = balance.logged(float(calibration.delay)).mean[0]
     applied = (calibration.gain * logged + calibration.bias) * estimate.mechanism.motors
     base = np.asarray(calibration.base) + balance.base
-    return np.asarray(applied - np.einsum("kib,kb->ki", balance.regressor, base))
+    return applied - np.einsum("kib,kb->ki", balance.regressor, base)
 
 
 def logged_gain(estimate: Estimate) -> Array:
@@ -136,7 +136,7 @@ class TorqueProblem:
 
     def cost(self, residual: Array, weights: Array) -> Array:
         """Weighted squares (1,) of residuals."""
-        return np.asarray((weights * residual**2).sum(axis=(1, 2)))
+        return (weights * residual**2).sum(axis=(1, 2))
 
     def normal_equations(self, x: Array, residual: Array, weights: Array) -> tuple[Array, Array]:
         """J'We (1, D) and J'WJ (1, D, D) with J = -de/dx."""
@@ -148,7 +148,7 @@ class TorqueProblem:
         balance = self.balance
         mean = balance.problem.mean(along(estimate.friction, balance.nodes))
         left = left_to_friction(balance, estimate) - mean @ estimate.mechanism.friction_map
-        out = np.asarray(left / logged_gain(estimate))
+        out = left / logged_gain(estimate)
         if balance.wrench is None:
             return out
         base = np.asarray(estimate.calibration.base) + balance.base

@@ -56,7 +56,7 @@ class BaseWrench(NamedTuple):
 
     def left(self, base: Array) -> Array:
         """What base parameters (K, nb) leave of the known wrench, (K, 6)."""
-        return np.asarray(self.wrench - np.einsum("kib,kb->ki", self.regressor, base))
+        return self.wrench - np.einsum("kib,kb->ki", self.regressor, base)
 
     def eliminated(self, use: Array) -> "BaseWrench":
         """The rows of windows in use (K,), others are zero, with b eliminated.
@@ -232,7 +232,7 @@ def _simpson(count: int) -> Array:
     """Coefficients (2 count + 1,) of the mean over equal steps with a midpoint each."""
     c = np.tile([2.0, 4.0], count + 1)[: 2 * count + 1]
     c[0] = c[-1] = 1.0
-    return np.asarray(c / c.sum())
+    return c / c.sum()
 
 
 def _part(
@@ -313,4 +313,4 @@ def _regressor(plant: Plant, time: Array, q: Array, w: Array, stencil: Array) ->
     change = terms.momentum[:, last] - terms.momentum[:, first]
     mean = np.einsum("m,bkmn->bkn", _simpson(stencil.shape[1] // 2), terms.dLdq[:, stencil - low])
     length = (time[stencil[:, -1]] - time[stencil[:, 0]])[:, None]
-    return np.asarray(np.moveaxis(change / length - mean, 0, -1))
+    return np.moveaxis(change / length - mean, 0, -1)

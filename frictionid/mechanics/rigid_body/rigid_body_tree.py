@@ -247,7 +247,7 @@ def moments_of(J: Array) -> Array:
 def nearest_consistent(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> Array:
     """Consistent base parameters p (nb,) of the `nearest_bodies`."""
     bodies, rotors = nearest_bodies(mechanism, wanted, metric)
-    return np.asarray(mechanism.reduction.regrouping @ np.append(bodies, rotors))
+    return mechanism.reduction.regrouping @ np.append(bodies, rotors)
 
 
 def nearest_bodies(mechanism: RigidBodyTree, wanted: Array, metric: Array) -> tuple[Array, Array]:
