@@ -114,7 +114,7 @@ def _fitting(law: Law) -> Identifier:
         return Frictionless()
     for _, parts in _forms():
         if parts[-1] is type(law):
-            identifier: Any = law
+            identifier = law
             for part in reversed(parts[:-1]):
                 identifier = part(identifier)
             return identifier if isinstance(identifier, Identifier) else LeastSquares(law)

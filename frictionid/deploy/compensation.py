@@ -237,7 +237,7 @@ def compensation_table(
         Columns joint, velocity and torque, SI.
     """
     compensation, parts = compensating(friction, settings), []
-    widths: Any = np.broadcast_to(np.asarray(settings.smooth, dtype=float), compensation.n)
+    widths = np.broadcast_to(np.asarray(settings.smooth, dtype=float), compensation.n)
     names = tuple(joints) or compensation.joints
     if len(speeds) != compensation.n or not all(v > 0 for v in speeds):
         raise InputError(

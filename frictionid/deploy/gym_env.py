@@ -180,7 +180,7 @@ def _after(
     u = np.zeros((*np.shape(action)[:-1], simulator.n))
     u[..., simulator.plant.mechanism.motors > 0] = action  # of the joints with a motor
     state = simulator.step(before, u, fresh)
-    is_over: Array = np.asarray(np.isnan(state.q).any(axis=-1))
+    is_over = np.asarray(np.isnan(state.q).any(axis=-1))
     if is_over.any():
         lost = is_over[..., None]
         pairs = zip(before.memory or state.memory, state.memory, strict=True)

@@ -85,7 +85,7 @@ class Simulator:
     def plant(self) -> Plant:
         """The machine with its parameters."""
         friction = self.friction
-        mechanism: Mechanism = self.mechanism
+        mechanism = self.mechanism
         if friction.mechanism == "unit":
             mechanism = unit_inertia(mechanism.position_units)
         values = {**friction.parameters, **self.parameters}

@@ -137,7 +137,7 @@ def true_friction(truth: Mapping[str, Any]) -> Friction | None:
 
 def true_calibration(dataset: Dataset) -> Calibration | None:
     """True base parameters, gain and delay of simulated data; None where the nominal are true."""
-    table: Any = (dataset.truth or {}).get("rig")
+    table = (dataset.truth or {}).get("rig")
     if not isinstance(table, Mapping):
         return None
     mechanism, parameters = dataset.mechanism, table.get("parameters") or {}

@@ -250,7 +250,7 @@ def _check_start(dataset: Dataset, start: float, horizon: float) -> None:
 
 
 def _pieces(data: Prepared, friction: Friction) -> Iterator[pd.DataFrame]:
-    initial: InitialStates = data.initial_states
+    initial = data.initial_states
     owner = np.zeros(len(initial.recording), dtype=int)
     motion = predict(data.plant[initial.recording], friction[owner], initial)
     for s in range(len(owner)):

@@ -372,7 +372,7 @@ def check_temperature(law: Law, temperature: Array | float | None, *, fitted: bo
             f"{name}: friction depends on the temperature, and not all recordings have one: name "
             'its column, e.g. columns.covariates = {temperature = "T"}, in degC'
         )
-    T: Array = np.asarray(temperature, dtype=float)
+    T = np.asarray(temperature, dtype=float)
     if not np.isfinite(T).all():
         raise InputError(f"{name}: a temperature is {T[~np.isfinite(T)][0]}: give it in degC")
     low, high = float(T.min()), float(T.max())

@@ -74,7 +74,7 @@ def settings_of(kind: type[Settings], document: dict[str, Any], file: str) -> Se
     try:
         # as JSON: lists become tuples, tables dataclasses, and nothing else is converted
         text = json.dumps(document, default=str)
-        settings: Settings = TypeAdapter(kind).validate_json(text, strict=True)
+        settings = TypeAdapter(kind).validate_json(text, strict=True)
     except ValidationError as invalid:
         error = invalid.errors(include_url=False)[0]
         raise InputError(f"{file}: {_sentence(error)}") from None

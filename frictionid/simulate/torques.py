@@ -51,7 +51,7 @@ class Sine(Command):
     kind: Literal["sine"] = "sine"
 
     def values(self, time: Array, generator: np.random.Generator) -> Array:  # noqa: ARG002
-        wave: Array = np.sin(2 * np.pi * self.frequency * time + self.phase)
+        wave = np.sin(2 * np.pi * self.frequency * time + self.phase)
         return self.offset + self.amplitude * wave
 
 

@@ -123,7 +123,7 @@ def monitor(
     if not isinstance(baseline, Baseline | str | Path):
         raise InputError(f"monitor: {baseline!r} is no baseline; give one, or its file, first")
     healthy = baseline if isinstance(baseline, Baseline) else load_baseline(Path(baseline))
-    several: Any = [data] if isinstance(data, str | Path | Dataset) else data
+    several = [data] if isinstance(data, str | Path | Dataset) else data
     parts: list[Changes] = []
     disturbed: list[Segment] = []
     recordings: list[tuple[str, str]] = []

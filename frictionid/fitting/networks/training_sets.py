@@ -210,7 +210,7 @@ class RowTrainingSet:
     def _torque(self, theta: Tensor, nodes: Tensor) -> Tensor:
         """Torque (F, N, n) at nodes (F, N)."""
         z, share, sign = (_taken(s, nodes + self.first) for s in self.features)
-        level: Tensor = self.law.level(theta[:, None], z, share)
+        level = self.law.level(theta[:, None], z, share)
         return level * sign
 
 

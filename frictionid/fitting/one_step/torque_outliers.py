@@ -12,7 +12,6 @@ over a few intervals, over which the smoother spreads what acts within one.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -166,7 +165,7 @@ def _did_not_act(footprint: csr_array, left: Array, noise: float, time: Array) -
     normal = csr_array(F.T @ F)
     size = np.sqrt(normal.diagonal())
     unit = np.where(size > 0, size, 1.0)
-    scaled: Any = csr_array(diags_array(1 / unit) @ normal @ diags_array(1 / unit))
+    scaled = csr_array(diags_array(1 / unit) @ normal @ diags_array(1 / unit))
     target = (F.T @ p) / unit
     share, error = np.empty(len(size)), np.empty(len(size))
     for part in _apart(scaled):

@@ -248,7 +248,7 @@ def _early(solution: Solution) -> Iterator[str]:
 
 
 def _scaled(solution: Solution) -> Iterator[str]:
-    base: Array = np.asarray(solution.estimate.calibration.base)
+    base = np.asarray(solution.estimate.calibration.base)
     mechanism = solution.estimate.mechanism
     nominal = mechanism.nominal_base
     size = float(np.median(np.abs(base) / np.maximum(np.abs(nominal), 1e-12)))

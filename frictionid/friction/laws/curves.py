@@ -148,7 +148,7 @@ class Spline(Law):
         steps = _steps(namespace(x.w).abs(x.w), self.knots, self.degree)
         sign = smooth_sign(x.w, self.width, self.shape)
         columns: list[Array] = []
-        by_load: Array = 0.0 * (theta[..., 0] + x.w)
+        by_load = 0.0 * (theta[..., 0] + x.w)
         signs = by_side(x.w, sign, len(self._sides))
         for part, side in zip(self._parts(theta), signs, strict=True):
             counts = (self._with_load(_sum(part, steps), theta, x) >= 0) * side

@@ -133,7 +133,7 @@ def _measured(
     """The frames; the brightness of the LED in each, from 0 to 1, is appended to a list."""
     (x0, y0), (x1, y1), disc = _disc(led, size)
     for frame in frames:
-        part: Image = frame.image[y0:y1, x0:x1]
+        part = frame.image[y0:y1, x0:x1]
         brightness.append(sum(cv2.mean(part, disc)[:3]) / (3 * 255))
         yield frame
 

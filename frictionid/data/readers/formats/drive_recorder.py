@@ -17,7 +17,6 @@ import numpy as np
 from frictionid.config import Strict, checked
 from frictionid.errors import InputError
 
-from ...signals import Array
 from ..column_toml import ColumnNames
 from ..csv_table import number, separator_of
 from ..table import Table
@@ -205,8 +204,8 @@ def _number(cell: str, where: str, name: str) -> float:
 
 def _check_clock(table: Table, name: str, said: str, clock: str) -> None:
     """Refuse a column whose own time column differs from the one it is said to have."""
-    time: Array = table.columns[said]
-    other: Array = table.columns[f"{name}\0"]
+    time = table.columns[said]
+    other = table.columns[f"{name}\0"]
     if not np.allclose(time, other, rtol=_SAME, atol=0.0, equal_nan=True):
         raise InputError(
             f"{table.file}: {name!r} stands behind the time {clock[:60]!r}, which differs from "

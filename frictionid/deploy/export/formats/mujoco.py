@@ -279,7 +279,7 @@ def _mechanism(model: ExportedFriction) -> tuple[bytes, str, list[str], list[str
             "mujoco: name the MJCF whose joints are given the friction (--into robot.xml), or the "
             "data set whose mechanism is written (--dataset)"
         )
-    parameters: Mapping[str, float] = model.friction.parameters
+    parameters = model.friction.parameters
     calibration = model.friction.calibration
     if model.data is not None and calibration is not None and calibration.base is not None:
         report_step("masses and inertias", 1)
@@ -329,7 +329,7 @@ def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
     defaults = [e for e in listed if e.tag == "default"]
     top = [e for e in defaults if e.parent is not None and e.parent.tag == "mujoco"]
     classes = [e for e in defaults if chosen is not None and e.attributes.get("class") == chosen]
-    default: Element | None = next(iter(classes or top), None)
+    default = next(iter(classes or top), None)
     while default is not None and default.tag == "default":
         for child in default.children:
             if child.tag == _DEFAULT[joint.tag] and name in child.attributes:
