@@ -327,7 +327,8 @@ def check_arguments(function: Callable[..., Any], arguments: Mapping[str, Any], 
 def _model_of(settings: Callable[..., Any]) -> type[BaseModel]:
     """Model of the fields of a dataclass, or arguments of a function, that hold no objects."""
     types = get_type_hints(settings, include_extras=True)
-    names = [f.name for f in fields(settings)] if is_dataclass(settings) else {*types} - {"return"}
+    types.pop("return", None)
+    names = [f.name for f in fields(settings)] if is_dataclass(settings) else types
     kinds = {name: types[name] for name in names}
     plain = (bool, int, float, str)
     checkable: Any = {
