@@ -2,7 +2,8 @@
 
 import sys
 import warnings
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Any
 
 import typer
 
@@ -93,9 +94,15 @@ def main() -> int:
         return _run(words)
 
 
+@cache
+def _commands() -> Any:
+    """All commands with their options."""
+    return typer.main.get_command(app)
+
+
 def _run(words: list[str]) -> int:
     try:
-        return int(app(args=words, standalone_mode=False) or 0)
+        return int(_commands()(args=words, standalone_mode=False) or 0)
     except InputError as error:
         return _complain(str(error), 2)
     except typer.Exit as stop:
