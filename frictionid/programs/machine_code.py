@@ -6,10 +6,12 @@ for the same lines of Python. A row is one array, which costs nothing to hand on
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from itertools import count
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.binding import parse_assembly
 from numba import types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
@@ -27,7 +29,7 @@ _LIBRARY = {"log1p": "log1p", "tanh": "tanh", "arctan": "atan"}
 _COMPARISON = {"less": "<", "less_equal": "<=", "equal": "=="}
 _LONG = 50  # lines
 _numbers = count()
-_kept: list[Any] = []  # code lives as long as the process: who knows its address, no one counts
+_NAME = "frictionid"  # of a module, until it is compiled
 
 
 def machine_code(
@@ -47,9 +49,9 @@ def machine_code(
     >>> row[2:]
     array([2., 6.])
     """
-    module = ir.Module(f"frictionid_{next(_numbers)}")
+    module = ir.Module(_NAME)
     names = (*programs, *(sequences or {}))
-    functions = {x: ir.Function(module, _FUNCTION, f"{module.name}_{x}") for x in names}
+    functions = {x: ir.Function(module, _FUNCTION, f"{_NAME}_{x}") for x in names}
     for name, program in programs.items():
         if len(program.lines) > _LONG:  # not to be compiled again in each sequence
             functions[name].attributes.add("noinline")
@@ -59,13 +61,19 @@ def machine_code(
         for part in parts:
             builder.call(functions[part], functions[name].args)
         builder.ret_void()
+    library = _library(str(module))
+    pointer = library.get_pointer_to_function
+    return {x: int(pointer(f.name.replace(_NAME, library.name))) for x, f in functions.items()}
+
+
+@cache  # code lives as long as the process: who knows its address, no one counts
+def _library(text: str) -> Any:
+    """The compiled module: machines that differ in their parameters alone share their code."""
     with global_compiler_lock:
-        library = cpu_target.target_context.codegen().create_library(module.name)
-        library.add_ir_module(module)
+        library = cpu_target.target_context.codegen().create_library(f"{_NAME}_{next(_numbers)}")
+        library.add_llvm_module(parse_assembly(text.replace(_NAME, library.name)))
         library.finalize()
-        _kept.append(library)
-        pointers = library.get_pointer_to_function
-        return {name: int(pointers(function.name)) for name, function in functions.items()}
+        return library
 
 
 @intrinsic
