@@ -39,7 +39,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
-        if not fast.signatures and not _indices(fast):
+        if not fast.overloads and not _indices(fast):
             report_compiling(function.__name__.strip("_").replace("_", " "))
         try:
             return fast(*arguments)
