@@ -121,24 +121,39 @@ def dynamics(tree: Geometry, p: Array, q: Array, w: Array, M: Array, h: Array) -
 
 
 @compiled
-def lagrangian(
-    tree: Geometry, p: Array, q: Array, w: Array, slope: Array, energy: Array, turned: Array
+def terms(
+    tree: Geometry,
+    p: Array,
+    q: Array,
+    w: Array,
+    M: Array,
+    h: Array,
+    slope: Array,
+    energy: Array,
+    turned: Array,
 ) -> None:
-    """dL/dq (K, n), potential energies (K,) [J], momenta (K, n) as the base turns them all."""
-    base, pi, rotor, R, o, S, bodies, v, dS, a, moving = _scratch(tree, q.dtype)
-    carried = np.empty_like(bodies)
+    """What `dynamics` writes, dL/dq (K, n), and potential energies (K,) [J].
+
+    turned (K, n) : momenta as the base turns them all
+    """
+    base, pi, rotor, R, o, S, bodies, v, dS, a, force = _scratch(tree, q.dtype)
+    carried, rate = np.empty_like(bodies), np.zeros(q.shape[1])
     for k in range(len(q)):
         if k == 0 or len(p) > 1:
             _expand(tree, p[k], pi, rotor, base)
         placements(tree, q[k], R, o, S)
         world_inertias(pi, R, o, bodies)
-        motion(tree, base, S, w[k], w[k], v, dS, a)
+        motion(tree, base, S, w[k], rate, v, dS, a)
+        torques(tree.parent, S, v, a, bodies, force, h[k])
         _copy(bodies, carried)
         add_to_parents(tree.parent, carried, 10)
         for i in range(len(o)):
+            h[k, i] = -h[k, i]
             still = (base[0], base[1], base[2], 0.0, 0.0, 0.0)
             turned[k, i] = dot(S[i], momentum(carried[i], still))
-        energy[k] = lagrangian_slopes(tree, base, S, v, dS, bodies, carried, moving, slope[k])
+        energy[k] = lagrangian_slopes(tree, base, S, v, dS, bodies, carried, force, slope[k])
+        _copy(rotor, M[k])
+        add_mass_matrix(tree.parent, S, carried, M[k])
 
 
 @compiled

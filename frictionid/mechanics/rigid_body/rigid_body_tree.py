@@ -75,9 +75,8 @@ class RigidBodyTree(Mechanism):
         return self._evaluate(loops.inertia, ((self.n, self.n),), p, q)[0]
 
     def terms(self, p: Array, q: Array, w: Array) -> Terms:
-        M, h = self.dynamics(p, q, w)
-        shapes = ((self.n,), (), (self.n,))
-        slope, potential, turned = self._evaluate(loops.lagrangian, shapes, p, q, w)
+        shapes = ((self.n, self.n), (self.n,), (self.n,), (), (self.n,))
+        M, h, slope, potential, turned = self._evaluate(loops.terms, shapes, p, q, w)
         momentum = times(M, w)
         energy = (momentum * w).sum(-1) / 2 + potential
         return Terms(M, h, momentum + turned, slope, self.B, energy)
