@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from joblib.externals.loky import process_executor
 
 from frictionid.comparison.processes import side_by_side
 
@@ -25,8 +26,9 @@ KEPT = []
 
 def kept(megabytes):
     """Process that keeps so much memory from now on, as one that loads PyTorch does."""
+    process_executor._MEMORY_LEAK_CHECK_DELAY = 0.05  # [s], one second else
     KEPT.append(b"1" * int(1e6 * megabytes))
-    time.sleep(1.1)
+    time.sleep(0.2)
     return os.getpid()
 
 
