@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
+from fixtures.result_folders import leave_blank
 from fixtures.tiny_pendulums import dataset
 
 import frictionid as fid
@@ -39,7 +40,8 @@ def test_the_others_are_compared(folder, tmp_path, capsys):
     assert json.loads(results_json(results))["not_fitted"] == [why]
 
 
-def test_without_any_fit_the_reason_is_what_is_said_and_earlier_results_stay(tmp_path):
+def test_without_any_fit_the_reason_is_what_is_said_and_earlier_results_stay(tmp_path, monkeypatch):
+    leave_blank(monkeypatch)
     fid.compare(TINY, ["coulomb_viscous"], folder=tmp_path / "out", **SETTINGS)
     before = contents(tmp_path / "out")
     for folder in (None, tmp_path / "out"):
