@@ -6,9 +6,13 @@ import numpy as np
 from fixtures import compared
 
 import frictionid
+from frictionid.api.evaluate import training_notes
 from frictionid.api.models import identifier_of
 from frictionid.comparison.usual_method import usual_recipe
 from frictionid.evaluation import Protocol, make_folds
+from frictionid.friction import Friction
+from frictionid.friction.laws import NoFriction
+from frictionid.friction.provenance import Provenance
 
 
 def test_a_comparison_of_a_mapping_gives_the_results_of_cross_validation():
@@ -42,3 +46,13 @@ def test_one_step_of_all_data_is_the_fit():
     fit = frictionid.fit(data, "stribeck", method="one_step")
     theta = bench["stribeck"].friction.theta  # folds and all data are iterated together
     np.testing.assert_allclose(theta, fit.friction.theta, rtol=1e-5)
+
+
+def test_the_file_of_a_robot_is_no_training_data():
+    data = frictionid.load_dataset("acrobot_clean")
+    source = Provenance(data={"run1.csv": "1f", "arm.urdf": "c0"})
+    friction = Friction(NoFriction(), np.zeros((2, 0)), provenance=source)
+    for file, digest, seen in (("run2.csv", "2f", False), ("run1.csv", "1f", True)):
+        scored = replace(data, hashes={file: digest, "arm.urdf": "c0"})
+        (note,) = [*training_notes("mine", friction, scored)] or [""]
+        assert ("fitted to 1 of the 1 files" in note) == seen == bool(note)

@@ -2,7 +2,6 @@
 
 import importlib
 import inspect
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,16 +124,6 @@ def test_scores_on_training_data_are_said_to_be_that(data):
     fit = fid.fit(data, "coulomb_viscous")
     with pytest.warns(UserWarning, match="fitted to 5 of the 5 files"):
         fit.score(data)
-
-
-def test_the_file_of_a_robot_is_no_training_data(data):
-    fitted = replace(data, hashes={"run1.csv": "1f", "arm.urdf": "c0"})
-    other = replace(data, hashes={"run2.csv": "2f", "arm.urdf": "c0"})
-    fit = fid.fit(fitted, "coulomb_viscous", method="one_step")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        scored = fit.score(other)
-    assert len(scored)
 
 
 def test_a_fit_shows_its_parameters_with_intervals(shot):
