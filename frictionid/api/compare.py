@@ -24,6 +24,7 @@ from frictionid.config import distinct
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError, NoFitError
 from frictionid.evaluation import Folds, Protocol, Split, make_folds, protocol_for
+from frictionid.evaluation.folds import usual_kind
 from frictionid.fitting.method import Method
 from frictionid.friction import Law
 from frictionid.friction.model_files import LAWS
@@ -215,10 +216,10 @@ def _folds(dataset: Dataset, folds: int | Split | Folds | None) -> Folds:
         return folds
     if not isinstance(folds, Split):
         folds = Split(count=None if folds is None else count("folds", folds))
-    split = folds
-    recordings = len(dataset.recordings)
-    if split.kind is None and recordings < split.folds(recordings):
-        split = with_changes(split, kind="blocks")
+    split, recordings = folds, len(dataset.recordings)
+    if split.kind is None:
+        few = recordings < split.folds(recordings)
+        split = with_changes(split, kind="blocks" if few else usual_kind(dataset.recordings))
     return make_folds(dataset.recordings, split)
 
 

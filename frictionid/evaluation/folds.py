@@ -14,23 +14,28 @@ from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 USUAL = 10  # folds
+Kind = Literal["recordings", "blocks", "stretches", "shuffled"]
 
 
 @validated
 class Split:
-    """How to split: whole "recordings", contiguous "blocks" or "shuffled" samples, `count` folds.
+    """How to split into `count` folds: see `kind`.
+
+    Whole "recordings", contiguous "blocks" of all data, "stretches" of each recording, or
+    "shuffled" samples.
 
     Without a `kind` these are whole recordings, and blocks of a single one. Without a `count` there
     are ten folds, or one for each recording where there are fewer.
     Whole recordings are right where there are enough of them. With fewer recordings than folds,
     blocks: `gap` [s] around a held-out block is left out of its training, at least the smoother's
-    support plus the models' memory. Shuffled samples are what the study did [DeMeester2020]:
-    held-out samples then have neighbours in the training set, which flatters models that
-    interpolate; rollouts cannot be held out at all.
+    support plus the models' memory. Stretches where a joint moves in one recording alone: a fold
+    without that has nothing to learn of it. Shuffled samples are what the study did
+    [DeMeester2020]: held-out samples then have neighbours in the training set, which flatters
+    models that interpolate; rollouts cannot be held out at all.
     """
 
     count: Annotated[int, Field(ge=2)] | None = None
-    kind: Literal["recordings", "blocks", "shuffled"] | None = None
+    kind: Kind | None = None
     gap: NotNegative = 0.25
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -165,8 +170,32 @@ def make_folds(recordings: Sequence[Recording], split: Split) -> Folds:
     if kind == "shuffled":
         every = np.random.default_rng(split.seed).permutation(every)
     parts = tuple(np.split(every, np.cumsum(sizes)[:-1]))
-    blocks = kind == "blocks"
-    return Folds(count, times, parts, split.gap if blocks else 0.0, blocks, names)
+    if kind == "stretches":
+        short = int(sizes.argmin())
+        if sizes[short] < count:
+            raise InputError(f"{names[short]}: {sizes[short]} samples cannot make {count} folds")
+        parts = tuple(np.arange(size) * count // size for size in sizes)
+    contiguous = kind != "shuffled"
+    return Folds(count, times, parts, split.gap if contiguous else 0.0, contiguous, names)
+
+
+def usual_kind(recordings: Sequence[Recording], fewest: int = 2) -> Kind:
+    """Kind of folds from which all can be learned, of at least so many whole recordings.
+
+    A joint moves in a recording where it travels 2 % of its widest motion.
+
+    >>> from frictionid.data.signals import Signal
+    >>> still, moving = np.zeros(5), np.arange(5.0)
+    >>> angles = (np.stack([moving, still], 1), np.stack([still, moving], 1))
+    >>> signals = [Signal(moving, angle) for angle in angles]
+    >>> usual_kind([Recording(name, s, s) for name, s in zip("ab", signals, strict=True)])
+    'stretches'
+    """
+    if len(recordings) < fewest:
+        return "blocks"
+    travel = np.array([np.ptp(r.angle.value, axis=0) for r in recordings])
+    moves = (travel > 0.02 * travel.max(axis=0)).sum(axis=0)
+    return "stretches" if (moves == 1).any() else "recordings"
 
 
 def _balanced(sizes: Array, count: int, seed: int) -> Array:

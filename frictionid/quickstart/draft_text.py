@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from frictionid.data.recordings import Dataset
+from frictionid.evaluation.folds import usual_kind
 from frictionid.mechanics import Mechanism
 from frictionid.report.tables import render
 
@@ -57,9 +58,9 @@ def dataset_text(draft: Draft) -> str:
 
 def suite_text(draft: Draft, dataset: Dataset) -> str:
     """Text of a first suite: the laws and the method of `frictionid quick`."""
-    plan, single = plan_for(dataset), len(dataset.recordings) == 1
+    plan, folds = plan_for(dataset), usual_kind(dataset.recordings)
     laws = [law.model_dump(exclude_none=True) for law in plan.laws]
-    context = {"single": single, "by_torque": plan.by_torque, "laws": laws}
+    context = {"folds": folds, "by_torque": plan.by_torque, "laws": laws}
     return _rendered("suite.toml.j2", draft, context)
 
 

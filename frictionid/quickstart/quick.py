@@ -32,6 +32,7 @@ from frictionid.evaluation.complexity import (
     shown_names,
     zero_names,
 )
+from frictionid.evaluation.folds import usual_kind
 from frictionid.evaluation.prepared import usual_interval
 from frictionid.evaluation.reference_model import (
     StartErrors,
@@ -245,10 +246,9 @@ def _compared(
 
 
 def _folds(dataset: Dataset, most: int) -> Folds:
-    several = len(dataset.recordings) >= _FEWEST
-    count = min(len(dataset.recordings), most) if several else most
-    split = Split(count=count, kind="recordings" if several else "blocks")
-    return make_folds(dataset.recordings, split)
+    kind = usual_kind(dataset.recordings, _FEWEST)
+    count = min(len(dataset.recordings), most) if kind == "recordings" else most
+    return make_folds(dataset.recordings, Split(count=count, kind=kind))
 
 
 def candidates_of(

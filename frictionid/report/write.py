@@ -284,6 +284,7 @@ def _notes(section: Section) -> list[tuple[str, list[str]]]:
 KINDS = {
     "recordings": "whole recordings",
     "blocks": "contiguous blocks",
+    "stretches": "stretches of each recording",
     "shuffled": "shuffled samples",
 }
 LOOSE = 0.5  # scatter of a parameter over the folds, in units of its mean
@@ -321,7 +322,7 @@ def folds_of(results: Results, section: Section) -> str:
     if "count" not in settings:
         return "judged on held-out data"
     kind = Split(kind=settings.get("kind")).kind_of(section.description.recordings)
-    gaps = f" with gaps of {settings['gap']:g} s" if kind == "blocks" else ""
+    gaps = f" with gaps of {settings['gap']:g} s" if kind in ("blocks", "stretches") else ""
     return f"{settings['count'] or ''} folds of {KINDS[kind]}{gaps}".strip()
 
 

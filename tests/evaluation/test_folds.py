@@ -35,6 +35,16 @@ def rows_of(made):
     return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
+def test_of_each_recording_all_folds_but_one_learn():
+    """As where joints move one after the other, each in a recording of its own."""
+    made = make_folds(of_sizes((40, 90, 65)), Split(count=5, kind="stretches"))
+    for label in made.labels:
+        assert np.array_equal(np.unique(label), np.arange(5)) and (np.diff(label) >= 0).all()
+        assert np.ptp(np.bincount(label)) <= 1
+    with assert_refused("001: 3 samples cannot make 5 folds"):
+        make_folds(of_sizes((40, 3)), Split(count=5, kind="stretches"))
+
+
 # --- Every interval is held out once -------------------------------------------------------------
 
 
@@ -214,7 +224,7 @@ REFUSED = r"""
 count = 13 => 12 recordings cannot make 13 folds of whole ones: lower folds.count, or .*"blocks"
 count = 9999; kind = "blocks" => 1092 samples cannot make 9999
 count = 1 => count: it should be greater than or equal to 2, not 1
-kind = "block" => kind: it should be 'recordings', 'blocks' or 'shuffled', not 'block'
+kind = "block" => kind: it should be 'recordings', 'blocks', 'stretches' or 'shuffled', not 'block'
 kind = "blocks"; gap = -0.1 => gap: it should be greater than or equal to 0, not -0.1
 kind = "blocks"; gap = inf => gap: it should be a finite number, not inf
 gap = nan => gap: it should be a finite number, not nan
