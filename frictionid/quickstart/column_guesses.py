@@ -122,7 +122,7 @@ def guess_columns(
     hold = "linear" if pushes and all(_varies(table, name) for name in pushes) else TORQUE_HOLD
     unused = tuple(name for name in free if name not in pushes)
     missing = len(table.rows) - len(table.complete(angle.columns).rows)
-    header = bool(table.faults) or not all(map(str.isdecimal, table.columns))
+    header = bool(table.rows[0] > 1) or not all(map(str.isdecimal, table.columns))
     return ColumnGuesses(time, angle, torque, hold, unused, missing, header, split)
 
 

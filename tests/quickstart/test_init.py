@@ -35,7 +35,7 @@ def lab(tmp_path_factory):
     write_lab_tables(folder / "single", only=1)
     for name, text in (
         ("words", "t_ms,pos_deg,u\n0,1,2\n10,lost,2\n"),
-        ("nameless", "0,1,2\n10,1,2\n"),
+        ("nameless", "0,1,5\n10,1,2\n"),
         (
             "repeated",
             "t_ms,pos_deg,u\n" + "".join(f"{k - k % 3},{k % 7},{k % 2}\n" for k in range(99)),
@@ -96,11 +96,20 @@ def test_tables_without_a_header_have_counted_columns(call, tmp_path, separator)
     for file in (tmp_path / "arm").iterdir():
         lines = pd.read_csv(file).drop(columns="state").astype(str).to_numpy().tolist()
         file.write_text("".join(f"{separator.join(line)}{separator.strip()}\n" for line in lines))
-    code, out, err = call(f"init arm {INIT} {MOTOR} --angle 2 --torque 4")
-    assert (code, err) == (0, "")
+    assert call(f"init arm {INIT} {MOTOR} --angle 2 --torque 4")[::2] == (0, "")
     document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
     assert document["columns"] == {"header": False, "time": "1", "angle": "2", "torque": "4"}
     assert document["units"]["torque"] == "A"  # as it has a torque constant
+    same_motion(tmp_path / "arm")
+
+
+def test_a_line_that_counts_the_columns_as_pandas_does_is_their_header(call, tmp_path):
+    for file in (tmp_path / "arm").iterdir():
+        values = pd.read_csv(file).drop(columns="state").to_numpy()
+        pd.DataFrame(values).to_csv(file, index=False)
+    assert call(f"init arm {INIT} {MOTOR} --angle 1 --torque 3")[0] == 0
+    document = tomllib.loads((tmp_path / "arm" / "dataset.toml").read_text())
+    assert document["columns"] == {"time": "0", "angle": "1", "torque": "3"}
     same_motion(tmp_path / "arm")
 
 

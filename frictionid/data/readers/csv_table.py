@@ -39,7 +39,7 @@ def csv_columns(
     lines = _csv_lines(content, file)
     row, head = next(lines)
     if columns is None and any(head):
-        header = not all(map(_is_number, filter(None, head)))
+        header = not all(map(_is_number, filter(None, head))) or _counts(head)
     if not header:
         lines, head = chain([(row, head)], lines), [str(k + 1) for k in range(len(head))]
     names = head if columns is None else columns
@@ -164,6 +164,16 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _counts(head: Sequence[str]) -> bool:
+    """Whether a first line of numbers counts the columns, as that of a frame without names does.
+
+    >>> _counts(["", "0", "1", "2"]), _counts(["1", "2", "3"]), _counts(["0.0", "1", "2"])
+    (True, True, False)
+    """
+    names = [name for name in head if name]
+    return names in ([str(k + first) for k in range(len(names))] for first in (0, 1))
 
 
 def _check_row(file: str, header: list[str], cells: list[str], numbers: tuple[int, int]) -> None:
