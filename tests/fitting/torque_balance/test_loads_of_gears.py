@@ -36,19 +36,27 @@ def arm(tmp_path):
     return urdf(path).with_values({"rotor_one": 0.2, "rotor_two": 0.1})
 
 
-def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
-    """The load is the torque beyond the rotor; the motor's own would explain friction by itself."""
+def fitted(arm, loss, by_pose=(0.0, 0.0)):
+    """Load-dependent friction of 12 s of motion, and the loads: torques beyond the rotors.
+
+    loss : share of the loads ; by_pose : growth of the Coulomb levels with cos^2 of joint two
+    """
     t = np.arange(0.0, 12.0, 0.002)
     q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
     needed = torque_without_friction(arm, q, w, a)
     load = np.abs(needed - np.array([0.2, 0.1]) * a)
-    u = needed + (COULOMB + LOSS * load) * np.sign(w) + VISCOUS * w
+    coulomb = COULOMB * (1.0 + by_pose * np.cos(q[:, 1:]) ** 2)
+    u = needed + (coulomb + loss * load) * np.sign(w) + VISCOUS * w
     noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
     data = Dataset("arm", arm, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),))
     balance = torque_balance(data, states_of(data, INTEGRAL.states, None), 0.05, 0.004)
-    found = fit_torques(
-        LeastSquares(LoadDependent()), balance, (FrictionBlock(),), TorqueSettings()
-    ).friction
+    fit = fit_torques(LeastSquares(LoadDependent()), balance, (FrictionBlock(),), TorqueSettings())
+    return fit.friction, load
+
+
+def test_the_share_that_a_gear_swallows_is_found(arm, tmp_path):
+    """The load is the torque beyond the rotor; the motor's own would explain friction by itself."""
+    found, _ = fitted(arm, LOSS)
     by_name = dict(zip(found.law.names, np.asarray(found.theta).T, strict=True))
     assert found.units_at(0) == ("N m", "1", "N m s/rad")  # N m of friction for each of load
     save_model(found, tmp_path / "model.json")
@@ -64,19 +72,8 @@ def test_friction_by_the_pose_is_no_load_of_a_joint_that_carries_nothing(tmp_pat
     begin, end = balanced.rsplit('ixx="0.01"', 1)
     (tmp_path / "arm.urdf").write_text(f'{begin}ixx="1e-5"{end}')
     arm = urdf(tmp_path / "arm.urdf").with_values({"rotor_one": 0.2, "rotor_two": 0.1})
-    t = np.arange(0.0, 12.0, 0.002)
-    q, w, a = sines(t, ((0.9, 1.1), (0.4, 2.3)), ((1.1, 1.7), (0.5, 2.9)))
-    needed = torque_without_friction(arm, q, w, a)
-    load = np.abs(needed - np.array([0.2, 0.1]) * a)
+    found, load = fitted(arm, np.array([0.12, 0.0]), by_pose=(0.0, 0.1))
     assert load[:, 1].mean() < 2e-4
-    coulomb = COULOMB * (1 + [0.0, 0.1] * np.cos(q[:, 1:]) ** 2)
-    u = needed + (coulomb + [0.12, 0.0] * load) * np.sign(w) + VISCOUS * w
-    noise = np.random.default_rng(0).normal(scale=1e-5, size=q.shape)
-    data = Dataset("arm", arm, (Recording("a", Signal(t, q + noise), Signal(t, u, "linear")),))
-    balance = torque_balance(data, states_of(data, INTEGRAL.states, None), 0.05, 0.004)
-    found = fit_torques(
-        LeastSquares(LoadDependent()), balance, (FrictionBlock(),), TorqueSettings()
-    ).friction
     coulomb, coefficient, _ = np.asarray(found.theta).T
     assert_allclose(coefficient, [0.12, 0.0], atol=0.002)
     assert 0.4 < coulomb[1] < 0.44
