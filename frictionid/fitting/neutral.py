@@ -3,9 +3,8 @@
 A parameter is not identified where its standard error between recordings exceeds half of its usual
 size, and its interval holds the neutral value; one of friction also where it is ten sizes off. It
 is held there, and the others are fitted on, as long as that does not make the fit clearly worse:
-the deviance counts samples as independent, and is
-divided by the ratio of the parameter's variance between recordings to that by the curvature
-[Ribatet2012].
+the deviance counts samples as independent, and is divided by the ratio of the parameter's variance
+between recordings to that by the curvature [Ribatet2012].
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

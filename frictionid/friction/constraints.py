@@ -5,7 +5,7 @@ neutral value and a size. Both are in multiples of what is usual in the data, by
 
     N m               the level of friction: what it is on average, whatever the law
     N m s/rad         level / speed, with the fastest speed; N m s^2/rad^2: level / speed^2
-    N m/N             level / load, with the mean bearing load
+    N m/N             level / load, with the mean load; at least 3 % of that of any other joint
     1/(N m)           level / torque^2, with the motor torque's root mean square
 
 Parameters of other units, times and shares, have their neutral value and size as they are. The

@@ -132,11 +132,10 @@ def heaviest_rotors(mechanism: Mechanism) -> Array:
     rotors, base = {p.name for p in mechanism.parameters if p.rotor}, mechanism.nominal_base
     q, out = configurations(mechanism.n, 9), np.full(len(base), np.inf)
     inertia = np.diagonal(mechanism.inertia(base, q), axis1=-2, axis2=-1)
-    most, slides = inertia.max(axis=0), np.array([u == "m" for u in mechanism.position_units])
-    largest = np.where(
-        slides, most.max(where=slides, initial=0), most.max(where=~slides, initial=0)
-    )
-    most = _HEAVIEST * np.maximum(most, _FLANGE * largest)
+    units = np.array(mechanism.position_units)
+    alike = units[:, None] == units  # masses and moments of inertia are not compared
+    largest = inertia.max(axis=0)
+    most = _HEAVIEST * np.maximum(largest, _FLANGE * (alike * largest).max(axis=1))
     for i, name in enumerate(mechanism.base_names):
         if name in rotors:
             unit = mechanism.inertia(base + np.eye(len(base))[i], q)

@@ -34,7 +34,7 @@ def test_a_compiled_network_learns_the_same():
     assert_allclose(quick, eager, rtol=0, atol=1e-9 * np.abs(eager).max())
 
 
-def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
+def test_what_cannot_be_compiled_is_refused_in_one_line(monkeypatch):
     def broken(*_):
         raise RuntimeError("InvalidCxxCompiler: No working C++ compiler\nand much more")
 
@@ -47,7 +47,7 @@ def test_what_cannot_be_compiled_is_told_in_one_line(monkeypatch):
 def refused(tmp_path, run):
     """What the command line says of a suite whose second identifier has these settings."""
 
-    def told(settings):
+    def said(settings):
         network = {"kind": "mlp", "solver": "adam", **settings}
         changes = [("identifiers", [{"kind": "none"}, network])]
         file = tiny.write_suite(tmp_path, changes)
@@ -56,16 +56,16 @@ def refused(tmp_path, run):
         assert err.startswith("frictionid: ") and err.count("\n") == 1 and not out
         return err
 
-    return told
+    return said
 
 
 def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
     monkeypatch.setenv("CXX", "no-such-compiler")
-    told = refused({"compile": True})
-    assert re.search("identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp", told)
+    said = refused({"compile": True})
+    assert re.search("identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp", said)
 
 
 @NO_CUDA
 def test_a_suite_without_a_device_computes_nothing(refused):
-    told = refused({"device": "cuda"})
-    assert "PyTorch sees no CUDA device here: leave the device out" in told
+    said = refused({"device": "cuda"})
+    assert "PyTorch sees no CUDA device here: leave the device out" in said
