@@ -26,6 +26,7 @@ from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
     Protocol,
+    protocol_for,
     screened,
     training_of,
     with_calibration,
@@ -45,6 +46,7 @@ _ROUNDS = 5
 _PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
 _WINDOW = 0.1  # [s], of a disturbance
 _DISTURBED = 1.5  # times the largest residual over it
+_SPEEDS = 40  # of a friction curve
 _PASSES = 8  # at most, each with what the one before found left out
 
 
@@ -123,6 +125,17 @@ def total_weights(speeds: Array) -> Array:
     return np.stack([ones, ones, np.exp(-((usual / slow) ** 2)), 0.0 * ones], axis=-1)
 
 
+def in_proportion(reference: Reference) -> Array:
+    """Effects (n, D) that change the friction of each joint in proportion to itself."""
+    n, places = len(reference.level), np.arange(len(reference.level))
+    w = np.linspace(-1.0, 1.0, _SPEEDS)[:, None] * reference.speeds[:, 2]
+    curves = np.stack([reference.friction.curve(w[:, j])[:, j] for j in places])
+    shapes = _basis(w, reference.speeds).reshape(n, len(PARTS), _SPEEDS, n)[places, :, :, places]
+    out = np.zeros((n, n, len(PARTS)))
+    out[places, places] = (np.linalg.pinv(shapes.swapaxes(1, 2)) @ curves[..., None])[..., 0]
+    return np.pad(out.reshape(n, -1), ((0, 0), (0, len(reference.effects) - out[0].size)))
+
+
 def totals(changes: Changes, speeds: Array) -> Array:
     """Changes (R, n) of each joint's friction at its usual speed [N m]."""
     weights = total_weights(speeds)
@@ -131,9 +144,13 @@ def totals(changes: Changes, speeds: Array) -> Array:
 
 
 def prepared_data(dataset: Dataset) -> Prepared:
-    """The data set prepared for one-step problems."""
-    estimated, plant = EstimatedStates(dataset, None), plant_of(dataset)
-    return Prepared(screened(dataset, plant, estimated), Protocol(), estimated, plant)
+    """The data set prepared for one-step problems, of a fast log with the usual protocol's samples.
+
+    Between those there is noise alone.
+    """
+    protocol = protocol_for(Protocol(), [(dataset, None)])
+    estimated, plant = EstimatedStates(dataset, protocol.sample_time), plant_of(dataset)
+    return Prepared(screened(dataset, plant, estimated), protocol, estimated, plant)
 
 
 def recording_changes(

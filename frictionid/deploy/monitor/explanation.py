@@ -7,9 +7,11 @@ shrunk towards independent effects, since recordings are often no more than effe
 the motion are shrunk as much as predicts left-out recordings best [Allen1974].
 
 Each cause alone, by generalised least squares: how much of the difference d with covariance V it
-explains, T = b' M^-1 b with b the cause's rows of V^-1 d, and M its block of V^-1. Healthy
-recordings against the others calibrate T, cause by cause. Another cause is a rival where, beside
-it, the best one explains nothing more that is significant: the two cannot be separated.
+explains, T = b' M^-1 b with b the cause's rows of V^-1 d, and M its block of V^-1. Friction is
+tested twice: all its numbers, which few recordings hardly tell, and a change in proportion to
+itself. Healthy recordings against the others calibrate T, test by test. Another cause is a rival
+where, beside it, the best one explains nothing more that is significant: the two cannot be
+separated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -128,7 +130,7 @@ def _penalty(Z: Array, healthy: Changes, C: Array) -> Array:
     """Penalties of the columns: none of covariates, that of the motion by left-out recordings."""
     moves = healthy.motion[0].size
     free = np.zeros(Z.shape[1] - moves)
-    if len(Z) < max(_FEW, len(free) + 3):
+    if len(Z) < max(_FEW, Z.shape[1] + 3):
         return np.concatenate([free, np.full(moves, 1e12)])
     fixed = Z[:, : len(free)]
     others = healthy.value - fixed @ (np.linalg.pinv(fixed) @ healthy.value)
@@ -183,34 +185,42 @@ class Explanation(NamedTuple):
 
 
 class CauseTests(NamedTuple):
-    """CauseTests of causes of a difference d with covariance V.
+    """Tests of causes of a difference d with covariance V.
 
     inverse, pull : V^-1 (D, D) and V^-1 d; causes : their columns
-    scale : of T, by cause; freedom : of the scatter
+    likely : (D,) the likeliest change of a cause, where it has one, tested beside any other
+    scale : of T, by cause and test; freedom : of the scatter
     """
 
     inverse: Array
     pull: Array
     causes: Mapping[str, Array]
-    scale: Mapping[str, float]
+    likely: Mapping[str, Array]
+    scale: Mapping[str, Sequence[float]]
     freedom: float
 
-    def explained(self, columns: Array) -> float:
-        """Squares that some columns explain."""
-        if not len(columns):
-            return 0.0
-        b = self.pull[columns]
-        return float(b @ np.linalg.solve(self.inverse[np.ix_(columns, columns)], b))
+    def tests(self, cause: str) -> list[Array]:
+        """What a cause may change, rows (k, D) of each test."""
+        rows = np.eye(len(self.pull))[self.causes[cause]]
+        return [rows, self.likely[cause][None]] if cause in self.likely else [rows]
+
+    def explained(self, rows: Array) -> float:
+        """Squares that changes along some rows explain."""
+        b = rows @ self.pull
+        return float(b @ np.linalg.solve(rows @ self.inverse @ rows.T, b))
 
     def p(self, cause: str, beside: Sequence[str] = ()) -> float:
         """Probability of what a cause explains beside others, if it has not changed."""
-        before = np.concatenate([np.zeros(0, dtype=int), *(self.causes[c] for c in beside)])
-        columns = self.causes[cause]
-        k = len(columns)
-        gained = self.explained(np.concatenate([before, columns])) - self.explained(before)
-        free = max(self.freedom - k + 1.0, 1.0)
-        ratio = max(gained, 0.0) / self.scale[cause] / k * free / max(self.freedom, 1.0)
-        return float(fdtrc(k, free, ratio))
+        columns = [*(column for c in beside for column in self.causes[c])]
+        before = np.eye(len(self.pull))[columns]
+        least, tests = 1.0, self.tests(cause)
+        for rows, scale in zip(tests, self.scale[cause], strict=True):
+            k = len(rows)
+            gained = self.explained(np.concatenate([before, rows])) - self.explained(before)
+            free = max(self.freedom - k + 1.0, 1.0)
+            ratio = max(gained, 0.0) / scale / k * free / max(self.freedom, 1.0)
+            least = min(least, float(fdtrc(k, free, ratio)))
+        return min(1.0, len(tests) * least)
 
 
 def explained(test: CauseTests, rate: float) -> Explanation:
@@ -241,18 +251,24 @@ def explained(test: CauseTests, rate: float) -> Explanation:
     return Explanation(first, {cause: p(cause) for cause in causes}, tuple(groups))
 
 
-def cause_tests(difference: Difference, causes: Mapping[str, Array]) -> CauseTests:
-    """CauseTests of causes on a difference, calibrated by healthy recordings against the others."""
-    inverse = np.linalg.inv(difference.covariance)
-    plain = dict.fromkeys(causes, 1.0)
-    sizes: dict[str, list[float]] = {cause: [] for cause in causes}
-    for left, covariance in zip(difference.left, difference.covariances, strict=True):
-        each = np.linalg.inv(covariance)
-        alone = CauseTests(each, each @ left, causes, plain, difference.freedom)
-        for cause, columns in causes.items():
-            sizes[cause].append(alone.explained(columns) / len(columns))
-    scale = {cause: _scale(np.array(values)) for cause, values in sizes.items()}
-    return CauseTests(inverse, inverse @ difference.mean, causes, scale, difference.freedom)
+def cause_tests(
+    difference: Difference, causes: Mapping[str, Array], likely: Mapping[str, Array]
+) -> CauseTests:
+    """Tests of causes on a difference, calibrated by healthy recordings against the others."""
+
+    def tests(inverse: Array, off: Array, scale: Mapping[str, Sequence[float]]) -> CauseTests:
+        return CauseTests(inverse, inverse @ off, causes, likely, scale, difference.freedom)
+
+    each = np.linalg.inv(difference.covariances)
+    healthy = [tests(*pair, {}) for pair in zip(each, difference.left, strict=True)]
+    scale = {
+        cause: [
+            _scale(np.array([h.explained(rows) for h in healthy]) / len(rows))
+            for rows in healthy[0].tests(cause)
+        ]
+        for cause in causes
+    }
+    return tests(np.linalg.inv(difference.covariance), difference.mean, scale)
 
 
 def _scale(sizes: Array) -> float:

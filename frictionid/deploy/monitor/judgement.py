@@ -16,7 +16,7 @@ from frictionid.arrays import Array
 from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
-from .changes import Changes, total_weights
+from .changes import Changes, in_proportion, total_weights
 from .effects import MOMENTS, PARTS, causes_of
 from .explanation import CauseTests, Explanation, cause_tests, difference_of, explained
 from .motion import beyond, sentence
@@ -71,7 +71,12 @@ def judge(
         return Judgement("cannot_tell", rate, np.nan, nothing, (), (), (), parts, tuple(notes))
     size = np.array([e.size for e in baseline.reference.effects])
     difference = difference_of(baseline.changes, new.rows(fits), size)
-    tests = cause_tests(difference, causes_of(baseline.reference.effects))
+    likely = {
+        f"friction of {name}": row
+        for name, row in zip(baseline.joints, in_proportion(baseline.reference), strict=True)
+        if row.any()
+    }
+    tests = cause_tests(difference, causes_of(baseline.reference.effects), likely)
     explanation = explained(tests, rate)
     single = [group[0] for group in explanation.groups if len(group) == 1]
     joints = tuple(j for j, name in enumerate(baseline.joints) if f"friction of {name}" in single)
@@ -124,7 +129,7 @@ def _intervals(tests: CauseTests, causes: Sequence[str], rows: Array) -> Array:
     count = rows.shape[1]
     value = rows @ (covariance @ tests.pull[columns])[:count]
     variance = np.einsum("kp,pq,kq->k", rows, covariance[:count, :count], rows)
-    scale = max(tests.scale[c] for c in causes)
+    scale = max(tests.scale[c][0] for c in causes)
     half = stdtrit(tests.freedom, 0.975) * np.sqrt(scale * variance)
     return np.stack([value, value - half, value + half], axis=-1)
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from frictionid.api.fit import fit
-from frictionid.api.models import DatasetLike, dataset_of, friction_of
+from frictionid.api.models import DatasetLike, dataset_of, friction_of, identifier_of
+from frictionid.comparison.usual_method import usual_method
 from frictionid.config import nearest
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -48,7 +49,8 @@ def baseline(
     out : str or Path, optional
         JSON file to write.
     law : as of `frictionid.fit`
-        Fitted in one step to all recordings; changes are measured against it.
+        Fitted to all recordings, of arms by inverse dynamics, whose rotors files lack, else in one
+        step; changes are measured against it.
     model : Fit, Friction or path of a model file, optional
         In place of that fit, with its calibration.
     only : list of str
@@ -66,9 +68,11 @@ def baseline(
     (25, 16)
     """
     (dataset,) = chosen_recordings([dataset_of(data)], only)
-    friction = (
-        fit(dataset, law, method="one_step").friction if model is None else friction_of(model)
-    )
+    if model is None:
+        is_arm = usual_method(dataset, identifier_of(law)) == "inverse_dynamics"
+        friction = fit(dataset, law, method=None if is_arm else "one_step").friction
+    else:
+        friction = friction_of(model)
     if friction.theta.ndim != 2 or friction.mechanism or not friction.law.names:
         raise InputError("a baseline needs one friction with physics, and a law other than none")
     healthy = make_baseline(prepared_data(dataset), friction)

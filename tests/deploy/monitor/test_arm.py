@@ -1,4 +1,4 @@
-"""The monitor on an arm from a URDF: wear and a payload are called by their names."""
+"""The monitor on an arm whose URDF lacks rotors: wear and a payload are called by their names."""
 
 from dataclasses import replace
 
@@ -13,13 +13,19 @@ from frictionid.mechanics import urdf
 ARM = """<robot name="arm"><link name="base"/>
 <link name="upper"><inertial><origin xyz="0 0 0.15"/><mass value="3"/>
 <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.003"/></inertial></link>
-<link name="fore"><inertial><origin xyz="0 0 {centre!r}"/><mass value="{mass!r}"/>
+<link name="fore"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+<inertia ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.002"/></inertial></link>
+<link name="hand"><inertial><origin xyz="0 0 {centre!r}"/><mass value="{mass!r}"/>
 <inertia ixx="{inertia!r}" ixy="0" ixz="0" iyy="{inertia!r}" iyz="0" izz="0.002"/></inertial></link>
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
 <axis xyz="0 1 0"/></joint><joint name="elbow" type="revolute"><parent link="upper"/>
-<child link="fore"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/></joint></robot>"""
+<child link="fore"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/></joint>
+<joint name="wrist" type="revolute"><parent link="fore"/>
+<child link="hand"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/></joint></robot>"""
 MASS, LENGTH = 2.0, 0.4
-COULOMB, VISCOUS = np.array([1.2, 0.6]), np.array([0.4, 0.15])
+COULOMB, VISCOUS = np.array([1.2, 0.6, 0.4]), np.array([0.4, 0.15, 0.1])
+ANGLES, TORQUES = ["q1", "q2", "q3"], ["u1", "u2", "u3"]
+ROTORS = np.array([0.3, 0.2, 0.1])  # [kg m^2], as their joints see them
 
 
 def arm(folder, payload=0.0):
@@ -37,20 +43,19 @@ def recorded(folder, seed, count, payload=0.0, wear=0.0):
     machine, rng = arm(folder, payload), np.random.default_rng(seed)
     time, out = np.arange(0.0, 12.0, 0.005), {}
     for k in range(count):
-        size = rng.uniform(0.3, 0.9, (2, 3))
-        rate = rng.uniform(0.9, 3.5, (2, 3))
+        size = rng.uniform(0.3, 0.9, (3, 3))
+        rate = rng.uniform(0.9, 3.5, (3, 3))
         q, w, a = sines(
             time, *(tuple(zip(*row, strict=True)) for row in zip(size, rate, strict=True))
         )
-        level = COULOMB * (1 + rng.normal(scale=0.01, size=2)) * np.array([1.0, 1.0 + wear])
+        level = COULOMB * (1 + rng.normal(scale=0.01, size=3)) * np.array([1.0, 1.0 + wear, 1.0])
         torque = torque_without_friction(machine, q, w, a) + level * np.sign(w) + VISCOUS * w
+        torque += ROTORS * a
         torque = torque * (1 + rng.normal(scale=0.01, size=torque.shape))
         angle = q + rng.normal(scale=1e-4, size=q.shape)
         columns = np.column_stack([time, angle, torque])
-        out[f"r{seed}_{k}"] = pd.DataFrame(columns, columns=["t", "q1", "q2", "u1", "u2"])
-    return fid.Dataset.from_frames(
-        out, arm(folder), time="t", angle=["q1", "q2"], torque=["u1", "u2"]
-    )
+        out[f"r{seed}_{k}"] = pd.DataFrame(columns, columns=["t", *ANGLES, *TORQUES])
+    return fid.Dataset.from_frames(out, arm(folder), time="t", angle=ANGLES, torque=TORQUES)
 
 
 @pytest.fixture(scope="module")
@@ -92,20 +97,22 @@ def test_torques_in_another_unit_are_no_judgement(known, folder):
 
 
 def test_a_baseline_is_said_in_a_line_and_comes_first(known, folder):
-    assert repr(known) == "Baseline(10 recordings of shoulder, elbow)"
+    assert repr(known) == "Baseline(10 recordings of shoulder, elbow, wrist)"
     with pytest.raises(fid.InputError, match="is no baseline; give one, or its file, first"):
         fid.monitor(recorded(folder, 6, 1), known)
 
 
 def test_the_same_arm_with_its_joints_named_is_the_same(known, folder):
     data = recorded(folder, 4, 2)
-    named = replace(data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow"]))
+    named = replace(
+        data, mechanism=urdf(folder / "arm_0.urdf", joints=["shoulder", "elbow", "wrist"])
+    )
     assert fid.monitor(known, named).answer == fid.monitor(known, data).answer == "unchanged"
 
 
 def test_the_picture_shows_friction_beside_what_changed(known, folder):
     picture = fid.monitor(known, recorded(folder, 2, 4, payload=0.1)).plot()
-    for axis in picture.axes[:2]:
+    for axis in picture.axes[:3]:
         _, healthy, new = (np.asarray(drawn.get_ydata()) for drawn in axis.lines[:3])
         assert abs(new.mean() - healthy.mean()) < 2.0  # % of the friction
         assert max(np.ptp(healthy), np.ptp(new)) < 6.0

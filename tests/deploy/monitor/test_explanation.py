@@ -26,7 +26,7 @@ def recordings(rng, count, off=0.0, noise=1.0, motion=0.0, slope=0.0):
 
 
 def p_of(healthy, new):
-    return explained(cause_tests(difference_of(healthy, new, SIZE), CAUSES), 0.01)
+    return explained(cause_tests(difference_of(healthy, new, SIZE), CAUSES, {}), 0.01)
 
 
 @pytest.mark.parametrize(("count", "noise"), [(20, 1.0), (8, 1.0), (20, 4.0), (20, 0.25)])
@@ -44,6 +44,21 @@ def test_the_cause_that_changed_is_named_alone(cause):
     off[CAUSES[cause][0]] = 6.0
     said = [p_of(recordings(rng, 20), recordings(rng, 10, off=off)).groups for _ in range(20)]
     assert sum(groups == ((cause,),) for groups in said) >= 18
+
+
+def test_one_recording_tells_a_change_along_what_is_likely():
+    rng = np.random.default_rng(7)
+    shape = np.array([0.8, 0.5, 0.332, 0.0, 0.0, 0.0])
+
+    def share(off, likely):
+        """Of a hundred sets, each with five healthy recordings, that tell a change."""
+        sets = [(recordings(rng, 5), recordings(rng, 1, off=off)) for _ in range(100)]
+        tests = [cause_tests(difference_of(*pair, SIZE), CAUSES, likely) for pair in sets]
+        return np.mean([each.p("a") < 0.01 for each in tests])
+
+    assert share(0.0, {"a": shape}) <= 0.03
+    assert share(8.0 * shape, {}) < 0.1
+    assert share(8.0 * shape, {"a": shape}) > 0.5
 
 
 def test_causes_that_do_the_same_cannot_be_told_apart():
@@ -68,7 +83,7 @@ def test_what_only_stood_for_a_cause_is_no_cause():
     inverse = 100.0 * np.eye(D)
     inverse[3, :3] = inverse[:3, 3] = 97.0 * along
     off = np.concatenate([np.sqrt(20.0) * along, np.zeros(3)])
-    tests = CauseTests(inverse, inverse @ off, CAUSES, dict.fromkeys(CAUSES, 1.0), 10.0)
+    tests = CauseTests(inverse, inverse @ off, CAUSES, {}, dict.fromkeys(CAUSES, [1.0]), 10.0)
     assert tests.p("b") < tests.p("a")
     explanation = explained(tests, 0.01)
     assert explanation.groups == (("a",),)
