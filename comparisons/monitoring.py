@@ -5,6 +5,7 @@ for the numbers. Its motion is integrated by the simulator's own steps, judged b
 smoothing: no code is shared. Half of the healthy sets, and all changed ones, move otherwise than
 the baseline. Then the real C.1 arm, each controller's recordings against those of the others.
 Run from the clone: python comparisons/monitoring.py [--sets N] [--only simulated|real]
+[--healthy 8 --new 3]
 """
 
 from __future__ import annotations
@@ -244,15 +245,27 @@ def real() -> None:
         print(f"{name}: {found.answer}; {found.sentence}", *found.judgement.notes[:1], flush=True)
 
 
-def main(*, sets: int | None = None, only: Literal["simulated", "real"] | None = None) -> None:
+def main(
+    *,
+    sets: int | None = None,
+    only: Literal["simulated", "real"] | None = None,
+    healthy: int | None = None,
+    new: int | None = None,
+) -> None:
     """Print all rates.
 
     Parameters
     ----------
     sets : Simulated data sets [those of monitoring.toml].
     only : One of both parts.
+    healthy : Recordings of a simulated baseline [as there].
+    new : Recordings of a simulated set [as there].
     """
     settings = tomllib.loads((Path(__file__).parent / "monitoring.toml").read_text("utf-8"))
+    settings["baseline"], settings["group"] = (
+        healthy or settings["baseline"],
+        new or settings["group"],
+    )
     if only != "real":
         simulated(settings, sets or settings["sets"])
     if only != "simulated":
