@@ -45,6 +45,7 @@ from frictionid.check.partial_regression import (
     nuisance_of,
     refined_delay,
 )
+from frictionid.check.servos import is_fast
 from frictionid.data.integrals import SignalIntegrals
 from frictionid.data.plants import NO_MOTOR_REMEDY, torque_without_motor
 from frictionid.data.recordings import Recording
@@ -246,7 +247,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
     kinds = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}
-    if kinds & {"degrees", "radians", "unknown_cause"}:
+    if kinds & {"degrees", "radians", "unknown_cause"} and not is_fast(measured.dataset):
         fault = recording_findings(corrected) or fault
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]

@@ -128,9 +128,8 @@ def servo_findings(dataset: Dataset) -> Iterator[Finding]:
     servos = servos_of(dataset)
     if not servos:
         return
-    rate = _fastest(dataset)
-    if rate >= _FAST:
-        yield finding("fast_loop", {"samples": 1 / rate})
+    if is_fast(dataset):
+        yield finding("fast_loop", {"samples": 1 / _fastest(dataset)})
     payloads = len(_payloads(dataset))
     words = {
         "payloads": f"{payloads} payloads do"
@@ -167,6 +166,11 @@ def _late_findings(best: _Late, first: _Late) -> Iterator[Finding]:
     if best.play:
         numbers = {"backlash": best.play, "explains": 1.0 - best.left / first.left}
         yield finding("backlash", numbers, {"degrees": np.degrees(best.play)})
+
+
+def is_fast(dataset: Dataset) -> bool:
+    """Whether controllers are so fast that torques computed from samples are no test."""
+    return _fastest(dataset) >= _FAST
 
 
 def _fastest(dataset: Dataset) -> float:

@@ -300,7 +300,8 @@ def with_steps(time: Array, steps: Array) -> Array:
     """
     inside = steps[(steps > time[0]) & (steps <= time[-1])]
     just = inside - max(_JUST * usual_step(time), 10 * _AFTER)
-    return np.unique(np.concatenate([time, just, inside]))
+    merged = np.sort(np.concatenate([time, just, inside]), kind="stable")  # of sorted parts: quick
+    return merged[np.diff(merged, prepend=-np.inf) > 0]
 
 
 def _sampled(signal: Signal, time: Array) -> Array:

@@ -21,6 +21,7 @@ from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
 from .column_names import names_of, quantity_of, words
 from .describe_tables import (
     GAINS,
+    Constants,
     Described,
     Known,
     Tables,
@@ -97,6 +98,10 @@ def describe_robot(
     motor = _motor(columns, guesses, facts)
     efforts = [joint.limits.effort for joint in columns.joints]
     limit = efforts if np.isfinite(efforts).all() else ()
+    of_file = [joint.gains for joint in columns.joints if joint.gains]
+    source = "of the file" if facts.gains is None else ""
+    if facts.gains is None and len(of_file) == len(columns.joints):
+        facts = replace(facts, gains=_each(of_file))
     actuator = actuator_of(columns.target, facts.gains, limit)
     missing = tuple(_missing(machine, motor, actuator, facts))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
@@ -113,7 +118,7 @@ def describe_robot(
         **dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia"),
         "motor.gear": "turns of the motor for one of its joint",
         **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
-        **({} if facts.gains else {f"actuator.{key}": _MISSING for key in ("P", "D")}),
+        **dict.fromkeys(("actuator.P", "actuator.D"), source if facts.gains else _MISSING),
     }
     name = tables.folder.resolve().name
     draft = Draft(
@@ -226,6 +231,12 @@ def _missing(
         yield GAINS
     if not any(machine.defaults[p.name] > 0 for p in machine.parameters if p.rotor):
         yield _ROTOR
+
+
+def _each(gains: Sequence[tuple[float, float]]) -> tuple[Constants, Constants]:
+    """P and D of all joints, one number where they are the same."""
+    P, D = (float(x[0]) if len({*x}) == 1 else list(x) for x in zip(*gains, strict=True))
+    return P, D
 
 
 def _limits(joints: Sequence[Joint]) -> Iterator[str]:

@@ -50,7 +50,7 @@ class Known:
     columns: Mapping[str, Sequence[str]] = field(default_factory=dict)
     kt: Constants | None = None
     gear: Constants | None = None
-    gains: tuple[float, float] | None = None
+    gains: tuple[Constants, Constants] | None = None
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
 
 
 def actuator_of(
-    targets: Sequence[str], gains: tuple[float, float] | None, limit: Sequence[float] = ()
+    targets: Sequence[str], gains: tuple[Constants, Constants] | None, limit: Sequence[float] = ()
 ) -> dict[str, Any]:
     """The [actuator] table of a position controller with these targets; {} without any.
 

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.refusals import assert_refused
+from numpy.testing import assert_array_equal
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -205,6 +206,24 @@ def test_a_free_root_is_held_and_targets_stand_for_torques(call, exact, tmp_path
     assert (actuator["P"], actuator["D"]) == (20.0, 1.5) and "missing" not in out
     assert load_dataset(call.folder).mechanism.joints == ("hip_joint", "knee_joint")
     assert mjcf(tmp_path / "legged.xml", base="trunk").defaults["rotor_hip_joint"] == 0.01
+
+
+def test_gains_are_those_of_the_files_position_actuators(call, exact, tmp_path):
+    pytest.importorskip("mujoco")
+    _, q, _ = exact
+    actuators = re.search(r"<actuator>.*</actuator>", LEGGED, re.DOTALL)[0]
+    servos = (
+        '<actuator><position joint="hip_joint" kp="20" kv="1.5"/><general joint="knee_joint" '
+        'gainprm="30" biastype="affine" biasprm="0 -30 -1.5"/></actuator>'
+    )
+    (tmp_path / "legged.xml").write_text(LEGGED.replace(actuators, servos))
+    columns = {"q_hip": q[:, 0], "q_knee": q[:, 1], "goal_hip": q[:, 0], "goal_knee": q[:, 1]}
+    for given, P, D in (((), [20.0, 30.0], 1.5), (("--gains", "7,1"), 7.0, 1.0)):
+        document, out = call(columns, *given, robot="legged.xml", known=())
+        assert (document["actuator"]["P"], document["actuator"]["D"]) == (P, D)
+        assert "missing: gains" not in out
+        servo = load_dataset(call.folder).recordings[0].servo
+        assert_array_equal(servo.gain, P)
 
 
 @pytest.mark.parametrize(

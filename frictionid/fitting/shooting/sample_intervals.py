@@ -1,7 +1,9 @@
 """The recordings as one series of sample intervals, with measured angles and torque on demand."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +11,8 @@ from frictionid.arrays import Array
 from frictionid.data.base_motion import BASE_COLUMNS
 from frictionid.data.calibration import Calibration
 from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pieces_of
-from frictionid.data.recordings import Dataset
+from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal, relative_noise, sample
 from frictionid.data.state_estimators import RTS, States
 from frictionid.data.temperatures import temperature_at
@@ -17,6 +20,27 @@ from frictionid.errors import InputError
 
 from ..one_step.formulation import states_of
 from ..one_step.residual import GAP
+
+_APART = 4.0  # [s] between recordings on one clock: twice as much as targets may be late
+_LONGEST = 2e4  # [s] on one clock, whose rounding is then far below that of a step's moment
+
+
+class ServoGroup(NamedTuple):
+    """Recordings of alike servos, one behind the other on one clock.
+
+    servo : of all, its signals one behind the other; begin, end : (R,) [s] of each, on its own
+    clock; later : (R,) [s] by which it is later on theirs, NaN of recordings that are none of these
+    """
+
+    servo: Servo
+    begin: Array
+    end: Array
+    later: Array
+
+    @property
+    def members(self) -> list[int]:
+        """Recordings of the group."""
+        return [int(r) for r in np.flatnonzero(np.isfinite(self.later))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +85,11 @@ class Intervals:
         return integrals_of([r.torque for r in self.dataset.recordings])
 
     @cached_property
+    def servos(self) -> list[ServoGroup]:
+        """Groups of recordings with a servo."""
+        return _groups(self.dataset.recordings)
+
+    @cached_property
     def temperature(self) -> Array | None:
         """Temperature (K, n) [degC] of joints in the middle of each; None unless all know it."""
         out, middle = np.empty_like(self.q), self.time + self.dt / 2
@@ -87,6 +116,53 @@ class Intervals:
         """Some of the intervals, as often as they are asked for."""
         names = [f.name for f in fields(self) if f.name not in ("dataset", "states")]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def _groups(recordings: Sequence[Recording]) -> list[ServoGroup]:
+    """Recordings with a servo, in groups whose servos differ by their signals only."""
+    begin, end = np.array([[r.angle.time[0], r.angle.time[-1]] for r in recordings]).T
+    groups: dict[tuple[str, int], list[int]] = {}
+    clock: dict[str, float] = {}
+    for r, recording in enumerate(recordings):
+        if recording.servo is not None:
+            key = _settings(recording.servo)
+            clock[key] = clock.get(key, 0.0) + end[r] - begin[r] + _APART
+            groups.setdefault((key, int(clock[key] / _LONGEST)), []).append(r)
+    out = []
+    for members in groups.values():
+        servos = [s for r in members if (s := recordings[r].servo) is not None]
+        later = np.full(len(recordings), np.nan)
+        spans = end[members] - begin[members] + _APART
+        later[members] = begin[members[0]] + np.cumsum(spans) - spans - begin[members]
+        where = begin[members], end[members], later[members]
+        signals: dict[str, Any] = {
+            f.name: on_one_clock([getattr(s, f.name) for s in servos], *where)
+            for f in fields(Servo)
+            if isinstance(getattr(servos[0], f.name), Signal)
+        }
+        out.append(ServoGroup(replace(servos[0], **signals), begin, end, later))
+    return out
+
+
+def _settings(servo: Servo) -> str:
+    """All that alike servos have in common."""
+    values = [getattr(servo, f.name) for f in fields(Servo)]
+    return repr(
+        [v.hold if isinstance(v, Signal) else np.asarray(v, object).tolist() for v in values]
+    )
+
+
+def on_one_clock(signals: Sequence[Signal], begin: Array, end: Array, later: Array) -> Signal:
+    """Signals one behind the other, each as much later, as they are from begin to end and near."""
+    parts = []
+    ends = np.stack([begin - 0.49 * _APART, end + 0.49 * _APART], axis=1)
+    for signal, (low, high), shift in zip(signals, ends, later, strict=True):
+        near = (signal.time > low) & (signal.time < high)
+        first, last = sample(signal, [low, high])[:, None]
+        time = np.concatenate([[low], signal.time[near], [high]])
+        parts.append((time + shift, np.concatenate([first, signal.value[near], last])))
+    time, value = map(np.concatenate, zip(*parts, strict=True))
+    return Signal(time, value, signals[0].hold)
 
 
 def intervals_of(

@@ -20,10 +20,9 @@ import numpy as np
 from frictionid.arrays import Array
 from frictionid.data.calibration import Calibration, calibrated_servo
 from frictionid.data.integrals import SignalIntegrals, integrals_of
-from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.recordings import Dataset
 from frictionid.data.servo import Servo, seen_by_encoder, with_steps
 from frictionid.data.signals import Signal, sample
-from frictionid.data.state_estimators import States
 from frictionid.errors import InputError
 from frictionid.mechanics import Mechanism
 
@@ -34,7 +33,7 @@ from ..parameters.parameter_block import (
     Parameter,
     ParameterBlock,
 )
-from .sample_intervals import Intervals
+from .sample_intervals import Intervals, ServoGroup, on_one_clock
 
 _SHARE = 1e-4  # of a constant, by which it is changed for a difference
 _CHANGE = {"s": 1e-4, "rad": 1e-4, "m": 1e-4}  # of what may be zero
@@ -118,15 +117,16 @@ def loop_of(intervals: Intervals, calibration: Calibration, motors: Array) -> Lo
     """The servos' feedback by the recorded motion in the middle of each interval."""
     n, middle = intervals.n, intervals.time + intervals.dt / 2 - float(calibration.delay)
     feedback, (q, w) = np.zeros((len(middle), 2, n)), np.zeros((2, len(middle), n))
-    for r, (recording, states) in enumerate(_pairs(intervals)):
-        if recording.servo is not None:
-            rows = intervals.recording == r
-            servo = calibrated_servo(recording.servo, calibration)
-            motion, then = ServoMotion.along(recording, states, servo), middle[rows] - servo.delay
-            seen, w[rows] = motion.at(then)
-            q[rows] = seen + motion.play_at(then)
-            feedback[rows] = servo.at(then).linear(seen, w[rows]).feedback * motors
-            feedback[rows, 1] -= servo.delay * feedback[rows, 0]
+    for group in intervals.servos:
+        rows, r = _rows(intervals, group)
+        servo = calibrated_servo(group.servo, calibration)
+        motion, then = ServoMotion.along(intervals, group, servo), middle[rows] - servo.delay
+        within = np.clip(then, group.begin[r], group.end[r]) + group.later[r]
+        seen, w[rows] = motion.at(within)
+        q[rows] = seen + motion.play_at(within)
+        linear = servo.at(then + group.later[r]).linear(seen, w[rows])
+        feedback[rows] = linear.feedback * motors
+        feedback[rows, 1] -= servo.delay * feedback[rows, 0]
     K, B = np.moveaxis(feedback, 1, 0)
     late = np.stack([K, B - float(calibration.delay) * K], axis=1)
     return Loop(feedback, q, w, calibration.gain * late)
@@ -137,17 +137,27 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
 
     feedback : (K, 2, n), of each interval
     """
-    signals = []
-    for r, (recording, states) in enumerate(_pairs(intervals)):
-        if recording.servo is None:
-            signals.append(recording.torque)
-            continue
-        servo = calibrated_servo(recording.servo, calibration)
-        rows = intervals.recording == r
-        edges = intervals.time[rows] - float(calibration.delay) - servo.delay
-        motion = ServoMotion.along(recording, states, servo)
-        signals.append(torque_signal(servo, motion, edges, feedback[rows]))
+    signals = [recording.torque for recording in intervals.dataset.recordings]
+    for group in intervals.servos:
+        rows, r = _rows(intervals, group)
+        servo = calibrated_servo(group.servo, calibration)
+        edges = intervals.time[rows] - float(calibration.delay) - servo.delay + group.later[r]
+        motion = ServoMotion.along(intervals, group, servo)
+        torque = torque_signal(servo, motion, edges, feedback[rows])
+        for m in group.members:
+            ends = np.array([group.begin[m], group.end[m]]) + group.later[m] + servo.delay
+            first, last = np.searchsorted(torque.time, ends)
+            inside = slice(first, last + 1)
+            # moments that rounding alone keeps apart may fall together
+            time, kept = np.unique(torque.time[inside] - group.later[m], return_index=True)
+            signals[m] = Signal(time, torque.value[inside][kept], "linear")
     return integrals_of(signals)
+
+
+def _rows(intervals: Intervals, group: ServoGroup) -> tuple[Array, Array]:
+    """Intervals (k,) of a group, and the recording (k,) of each."""
+    rows = np.flatnonzero(np.isfinite(group.later[intervals.recording]))
+    return rows, intervals.recording[rows]
 
 
 def torque_signal(servo: Servo, motion: "ServoMotion", edges: Array, feedback: Array) -> Signal:
@@ -179,17 +189,30 @@ class ServoMotion(NamedTuple):
     play: Signal | None = None
 
     @staticmethod
-    def along(recording: Recording, states: States, servo: Servo) -> "ServoMotion":
-        smooth = Signal(states.time, states.q, "linear")
-        seen = seen_by_encoder(servo, recording.angle, smooth)
-        dt = np.diff(states.time)[:, None]
-        ends = states.w[:-1] * dt, states.w[1:] * dt
-        curve = np.stack(ends, axis=-1) - np.diff(states.q, axis=0)[..., None]
-        same = np.array_equal(states.time, seen.time)
-        lag = recording.angle.value - seen.value
-        play = Signal(seen.time, lag, "linear") if np.any(lag) else None
-        w = Signal(states.time, states.w, "linear")
-        return ServoMotion(seen, w, curve if same else None, play)
+    def along(intervals: Intervals, group: ServoGroup, servo: Servo) -> "ServoMotion":
+        """The motion of the recordings of a group, on their one clock."""
+        where = tuple(x[group.members] for x in (group.begin, group.end, group.later))
+        later = where[-1]
+        states = [intervals.states[m] for m in group.members]
+        angles = [intervals.dataset.recordings[m].angle for m in group.members]
+        smooth = [Signal(s.time, s.q, "linear") for s in states]
+        encoders = [
+            seen_by_encoder(servo, *pair).value for pair in zip(angles, smooth, strict=True)
+        ]
+        clock = np.concatenate([a.time + x for a, x in zip(angles, later, strict=True)])
+        time = np.concatenate([s.time + x for s, x in zip(states, later, strict=True)])
+        seen, measured = np.concatenate(encoders), np.concatenate([a.value for a in angles])
+        q, rate = np.concatenate([s.q for s in states]), np.concatenate([s.w for s in states])
+        dt = np.diff(time)[:, None]
+        ends = rate[:-1] * dt, rate[1:] * dt
+        curve = np.stack(ends, axis=-1) - np.diff(q, axis=0)[..., None]
+        lag = measured - seen
+        return ServoMotion(
+            Signal(clock, seen, "linear"),
+            on_one_clock([Signal(s.time, s.w, "linear") for s in states], *where),
+            curve if np.array_equal(time, clock) else None,
+            Signal(clock, lag, "linear") if np.any(lag) else None,
+        )
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Angles and velocities (K, n) at times (K,)."""
@@ -204,10 +227,6 @@ class ServoMotion(NamedTuple):
     def play_at(self, time: Array) -> Array | float:
         """Play (K, n) at times (K,), zero without backlash."""
         return 0.0 if self.play is None else sample(self.play, time)
-
-
-def _pairs(intervals: Intervals) -> list[tuple[Recording, States]]:
-    return list(zip(intervals.dataset.recordings, intervals.states, strict=True))
 
 
 def has_actuator(blocks: Sequence[ParameterBlock]) -> bool:

@@ -82,7 +82,10 @@ class Limits(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A joint between two links; turn and shift place its frame, the child's, in the parent's."""
+    """A joint between two links; turn and shift place its frame, the child's, in the parent's.
+
+    gains : P [N m/rad] and D [N m s/rad] of the file's position controller, where it has one
+    """
 
     name: str
     kind: str
@@ -94,6 +97,7 @@ class Joint(NamedTuple):
     mimic: str | None = None
     rotor: float = 0.0
     limits: Limits = Limits()
+    gains: tuple[float, float] | None = None
 
 
 class Robot(NamedTuple):

@@ -282,7 +282,7 @@ def _joints_of(
             turn = turn @ rotation(axis, -float(joint.qpos0[0]))
         rotor = float(model.dof_armature[model.jnt_dofadr[j]])
         joints = (name, kind, parent, child, turn, shift, axis, mimics.get(j), rotor)
-        out.append(Joint(*joints, _limits_in_mujoco(model, j)))
+        out.append(Joint(*joints, _limits_in_mujoco(model, j), _gains_in_mujoco(model, j)))
         parent, turn, shift = child, np.eye(3), np.zeros(3)
     return out, place
 
@@ -291,13 +291,28 @@ def _limits_in_mujoco(model: Any, j: int) -> Limits:
     """Range of a joint, and the largest torque of a motor at it."""
     low, high = model.jnt_range[j] if model.jnt_limited[j] else (-np.inf, np.inf)
     effort = np.inf
-    for k in np.flatnonzero((model.actuator_trnid[:, 0] == j) & (model.actuator_trntype == 0)):
+    for k in _actuators(model, j):
         if model.actuator_forcelimited[k]:
             effort = abs(model.actuator_forcerange[k, 1] * model.actuator_gear[k, 0])
         elif model.actuator_ctrllimited[k] and not model.actuator_biastype[k]:
             gain = model.actuator_gainprm[k, 0] * model.actuator_gear[k, 0]
             effort = abs(gain * model.actuator_ctrlrange[k, 1])
     return Limits(float(low), float(high), effort=float(effort))
+
+
+def _gains_in_mujoco(model: Any, j: int) -> tuple[float, float] | None:
+    """P and D of a position actuator at a joint, None without one."""
+    for k in _actuators(model, j):
+        P, (_, by_angle, by_rate) = model.actuator_gainprm[k, 0], model.actuator_biasprm[k, :3]
+        if P > 0 and by_angle == -P and model.actuator_gear[k, 0] == 1:
+            return float(P), float(-by_rate)
+    return None
+
+
+def _actuators(model: Any, j: int) -> Array:
+    """Actuators at a joint."""
+    at = (model.actuator_trnid[:, 0] == j) & (model.actuator_trntype == 0)
+    return np.flatnonzero(at)
 
 
 def _body_inertia(model: Any, b: int, anchor: Array) -> Array:

@@ -9,9 +9,11 @@ from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
 from numpy.testing import assert_allclose, assert_array_equal
 
+from frictionid.data.calibration import Calibration
+from frictionid.data.integrals import pieces_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo, servo_torque
-from frictionid.data.signals import Signal, sample
+from frictionid.data.signals import Signal, sample, taken
 from frictionid.data.state_estimators import States
 from frictionid.evaluation import Protocol, prepare
 from frictionid.evaluation.prepared import with_calibration
@@ -245,9 +247,39 @@ def test_between_samples_the_controller_sees_a_cubic_and_no_chord():
     cubic = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0])
     q, w = cubic(time)[:, None], cubic.deriv()(time)[:, None]
     recording = replace(driven()[0], angle=Signal(time, q, "linear"))
-    motion = ServoMotion.along(recording, States(time, q, w), recording.servo)
+    data = Dataset("cubic", MECHANISM, (recording,))
+    intervals = intervals_of(data, states=(States(time, q, w),))
+    (group,) = intervals.servos
+    motion = ServoMotion.along(intervals, group, group.servo)
     fine = np.linspace(0.0, 1.0, 201)
     assert_allclose(motion.at(fine)[0][:, 0], cubic(fine), atol=1e-12)
+
+
+def test_torques_of_recordings_together_are_those_of_each():
+    """With late targets and torques, backlash, held targets, and clocks of different lengths."""
+    late = {"target_delay": 0.03, "delay": -0.01, "backlash": 0.02}
+    recordings = []
+    for k, recording in enumerate((*driven(), *dropped()[:2])):
+        held = recording.servo.goal._replace(hold="previous")
+        servo = replace(recording.servo, goal=held, gain=2.0 if k == 1 else 3.0, **late)
+        angle = taken(recording.angle, np.arange(20 * k, int(RATE * SECONDS)))
+        recordings.append(replace(recording, name=str(k), angle=angle, servo=servo))
+    together = believed(recordings, KT, R)
+    calibration = replace(Calibration.ideal(1), delay=np.array(0.004))
+
+    def driving(intervals):
+        drive = drive_of(intervals, calibration, together.mechanism)
+        edges = np.stack([intervals.time, intervals.time + intervals.dt], axis=1) - 0.004
+        pieces = pieces_of(drive.torque, intervals.recording, edges)
+        return [np.concatenate([*pieces.mean, *pieces.moment], axis=1), *drive.loop[1:3]]
+
+    every = intervals_of(together)
+    assert [group.members for group in every.servos] == [[0, 2, 3, 4], [1]]
+    for r, recording in enumerate(together.recordings):
+        states = (every.states[r],)
+        each = intervals_of(replace(together, recordings=(recording,)), states=states)
+        for ours, theirs in zip(driving(every), driving(each), strict=True):
+            assert_allclose(ours[every.recording == r], theirs, rtol=1e-9, atol=1e-10)
 
 
 def test_what_no_data_can_tell_is_refused_in_one_line():
