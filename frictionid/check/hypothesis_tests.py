@@ -222,6 +222,9 @@ def run_tests(measured: Measured) -> HypothesisTests:
     conventions = scores(measured)
     delay = delay_of(tests.rows, measured.torque, measured.nominal)
     fitting = better(conventions, _limit(conventions[0], tests, delay))
+    coarse = is_fast(measured.dataset)  # torques that would have the sign of the angle
+    if coarse:
+        fitting = [s for s in fitting if not s.convention.kind.startswith("flipped")]
     corrected, rows = measured, tests.rows
     if fitting:
         best = fitting[0].convention
@@ -247,7 +250,7 @@ def run_tests(measured: Measured) -> HypothesisTests:
         or findings_of(left, coarse=bool(sampling_findings(measured)))
     )
     kinds = {*(s.convention.kind for s in fitting), *(f.kind for f in fault)}
-    if kinds & {"degrees", "radians", "unknown_cause"} and not is_fast(measured.dataset):
+    if kinds & {"degrees", "radians", "unknown_cause"} and not coarse:
         fault = recording_findings(corrected) or fault
     findings = [*convention_findings(fitting, conventions[0]), *late, *fault]
     findings += [] if rotors is None else [rotors[1]]

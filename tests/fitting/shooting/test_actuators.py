@@ -212,3 +212,11 @@ def test_check_says_where_a_controller_is_too_fast_for_its_samples():
         else:
             assert found["late_targets"].numbers["delay"] == pytest.approx(0.010, abs=1e-3)
             assert all(row.level == "good" for row in found.values())
+
+
+def test_gains_of_a_fast_controller_that_are_too_large_are_no_wrong_sign():
+    """Its torques, of noise for the most part, would change their sign with the angle's."""
+    data = dataset(ServoPendulum(), {"one": (100.0, 1.0)}, runs=6, seconds=3.0, P=300.0, D=3.0)
+    found = {row.kind: row for row in fid.check(data).findings.itertuples()}
+    assert "fast_loop" in found and all(row.level != "unusable" for row in found.values())
+    assert found["gain"].numbers["size"] == pytest.approx(1 / 3, rel=0.3)
