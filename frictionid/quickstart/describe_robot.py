@@ -21,7 +21,6 @@ from .column_guesses import LEFT_OVER, ColumnGuesses, guess_columns
 from .column_names import names_of, quantity_of, words
 from .describe_tables import (
     GAINS,
-    Constants,
     Described,
     Known,
     Tables,
@@ -96,13 +95,9 @@ def describe_robot(
     machine = machine.with_values(table["parameters"])
     guesses = _guesses(tables, machine, columns, facts)
     motor = _motor(columns, guesses, facts)
-    efforts = [joint.limits.effort for joint in columns.joints]
-    limit = efforts if np.isfinite(efforts).all() else ()
-    of_file = [joint.gains for joint in columns.joints if joint.gains]
-    source = "of the file" if facts.gains is None else ""
-    if facts.gains is None and len(of_file) == len(columns.joints):
-        facts = replace(facts, gains=_each(of_file))
-    actuator = actuator_of(columns.target, facts.gains, limit)
+    of_file = "" if facts.gains else "of the file"
+    facts = _with_gains_of(facts, columns.joints)
+    actuator = actuator_of(columns.target, facts.gains, _efforts(columns.joints))
     missing = tuple(_missing(machine, motor, actuator, facts))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
@@ -118,7 +113,7 @@ def describe_robot(
         **dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia"),
         "motor.gear": "turns of the motor for one of its joint",
         **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
-        **dict.fromkeys(("actuator.P", "actuator.D"), source if facts.gains else _MISSING),
+        **dict.fromkeys(("actuator.P", "actuator.D"), of_file if facts.gains else _MISSING),
     }
     name = tables.folder.resolve().name
     draft = Draft(
@@ -233,10 +228,19 @@ def _missing(
         yield _ROTOR
 
 
-def _each(gains: Sequence[tuple[float, float]]) -> tuple[Constants, Constants]:
-    """P and D of all joints, one number where they are the same."""
-    P, D = (float(x[0]) if len({*x}) == 1 else list(x) for x in zip(*gains, strict=True))
-    return P, D
+def _efforts(joints: Sequence[Joint]) -> list[float]:
+    """Largest torques of the file, none where a joint has no limit."""
+    efforts = [joint.limits.effort for joint in joints]
+    return efforts if np.isfinite(efforts).all() else []
+
+
+def _with_gains_of(facts: Known, joints: Sequence[Joint]) -> Known:
+    """With P and D of the file where nobody said them, one number where all are the same."""
+    each = [joint.gains for joint in joints if joint.gains]
+    if facts.gains or len(each) < len(joints):
+        return facts
+    P, D = (float(x[0]) if len({*x}) == 1 else list(x) for x in zip(*each, strict=True))
+    return replace(facts, gains=(P, D))
 
 
 def _limits(joints: Sequence[Joint]) -> Iterator[str]:
