@@ -116,6 +116,7 @@ _SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
 _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
 _DECEIVED = 10.0  # times the jerk ratio: a robust one shows outliers
 _AT_ONCE = 400_000  # samples that are smoothed together
+_MANY_STEPS = 10
 _NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
 
@@ -276,20 +277,29 @@ def _judged(series: Series, left_out: Array, fit: FilterOutput) -> _Judged:
     """All samples (T, S), judged by those that are not left out.
 
     Samples that repeat both their neighbours, at rest within one step of an encoder, say nothing
-    about the usual size.
+    about the usual size, which is that of rounding to those steps at least.
     """
     residuals = prediction_residuals(series, left_out, fit)
     off, deviation = residuals.by_all
     size = np.where(series.valid, np.abs(off) / deviation, 0.0)
-    change = np.diff(series.value, axis=0) != 0.0
+    jumps = np.abs(np.diff(series.value, axis=0))
+    change = jumps != 0.0
     fresh = np.ones(series.valid.shape, dtype=bool)
     fresh[1:-1] = change[1:] | change[:-1]
     counts = series.valid & ~left_out
     usual = _NORMAL * _median(size, counts & fresh)
     value = np.where(counts, series.value, np.nan)
     span = np.nan_to_num(np.fmax.reduce(value) - np.fmin.reduce(value))
-    usual = np.maximum(usual, _EXACT * span + 1e-300)
+    steps = np.where(change & series.valid[1:] & series.valid[:-1], jumps, np.inf)
+    usual = np.maximum(usual, np.maximum(_EXACT * span + 1e-300, _rounding(steps)))
     return _Judged(size / usual, _kinks(residuals, usual))
+
+
+def _rounding(jumps: Array) -> Array:
+    """Standard deviations (S,) of rounding to the least jump, where many (T, S) are as small."""
+    least = jumps.min(axis=0, initial=np.inf)
+    alike = (jumps < 1.5 * least).sum(axis=0)
+    return np.where((alike >= _MANY_STEPS) & np.isfinite(least), least / np.sqrt(12.0), 0.0)
 
 
 def _kinks(residuals: Residuals, usual: Array) -> Array:

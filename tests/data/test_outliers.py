@@ -172,6 +172,15 @@ def test_rough_but_real_motion_stays(motion):
     assert left_out.mean() <= 0.005
 
 
+def test_single_steps_of_an_encoder_at_rest_are_no_outliers():
+    rng, time = np.random.default_rng(12), clock(3000)
+    flicker = 1e-4 * rng.choice([-1.0, 0.0, 1.0], len(time), p=[0.005, 0.99, 0.005])
+    value = 0.3 + flicker[:, None]
+    assert not found(time, value).any()
+    value[700] += 1e-3
+    assert np.flatnonzero(found(time, value)).tolist() == [700]
+
+
 def test_dropped_samples_and_noise_that_differs_between_recordings_are_no_outliers():
     rng = np.random.default_rng(7)
     signals = []
