@@ -116,7 +116,7 @@ _SHARE = 0.6  # of the largest residual of a neighbourhood: candidates
 _MANY = 0.003  # of the samples: fewer that change leave the jerk ratio as it is
 _DECEIVED = 10.0  # times the jerk ratio: a robust one shows outliers
 _AT_ONCE = 400_000  # samples that are smoothed together
-_MANY_STEPS = 10
+_MANY_STEPS = 10  # of an encoder, that show how large one is
 _NORMAL = 1.4826  # standard deviation over median absolute size of normal errors
 
 

@@ -148,7 +148,10 @@ def _settings(servo: Servo) -> str:
     """All that alike servos have in common."""
     values = [getattr(servo, f.name) for f in fields(Servo)]
     return repr(
-        [v.hold if isinstance(v, Signal) else np.asarray(v, object).tolist() for v in values]
+        [
+            ("signal", v.hold) if isinstance(v, Signal) else np.asarray(v, object).tolist()
+            for v in values
+        ]
     )
 
 
