@@ -10,7 +10,7 @@ import pytest
 from fixtures.drive_ports import setup
 from fixtures.power_cut import Change, Recorder, torn, write_files
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import QUICK, compare_into, write_dataset, write_suite
+from fixtures.tiny_pendulums import FEW, QUICK, compare_into, write_dataset, write_suite
 
 from frictionid.comparison.results import load_results
 from frictionid.errors import InputError
@@ -32,7 +32,7 @@ def comparison(tmp_path_factory):
     """A comparison over the result of other data, what it does to the disk, and both results."""
     place = tmp_path_factory.mktemp("cut")
     file, out = write_suite(place, f'{QUICK}; datasets.0.path = "mine"'), place / "out"
-    write_dataset(place / "mine")
+    write_dataset(place / "mine", changes=FEW)
     compare_into(file, out)
     old = scores(out)
     table = place / "mine" / "dataset.toml"

@@ -315,7 +315,7 @@ def test_fit_never_writes_over_its_data(place, call, out):
 def test_a_numerical_width_is_said_to_change_nothing(place, call):
     texts, thetas = [], []
     for width in ("--set width=0.3", "", "--set width=0.01"):
-        line = f"fit tiny --identifier coulomb_viscous --replace --out w.json {width}"
+        line = f"fit tiny --identifier coulomb_viscous --by one_step --replace --out w.json {width}"
         texts.append(call(line)[1])
         thetas.append(read_json(place / "w.json")["theta"])
     assert ["changes nothing" in text for text in texts] == [False, False, True]

@@ -9,7 +9,7 @@ from distributed import Client
 from fixtures.cluster import Cluster
 from fixtures.mistakes import changes
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.tiny_pendulums import QUICK, compare_into, stamps, write_suite
+from fixtures.tiny_pendulums import FEW, QUICK, compare_into, stamps, write_dataset, write_suite
 
 from frictionid.comparison import cluster as clusters
 from frictionid.comparison.cluster import check_equal, on_cluster
@@ -65,6 +65,7 @@ def place(tmp_path_factory):
     (folder / "own_part.py").write_text(OWN)
     own = [{"kind": KIND, "name": f"slow{i}", "seconds": 0.3 + 0.01 * i} for i in range(4)]
     own.insert(1, {"kind": KIND, "name": "killer", "file": str(folder / "kill")})
+    write_dataset(folder / "tiny", changes=FEW)
     write_suite(folder, {**changes(QUICK), "identifiers": [{"kind": "none"}, *own]})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [*sys.path, str(folder)])

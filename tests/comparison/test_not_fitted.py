@@ -28,7 +28,8 @@ class Lost(fid.Identifier):
 
 
 @pytest.mark.parametrize("folder", [None, "out"])
-def test_the_others_are_compared(folder, tmp_path, capsys):
+def test_the_others_are_compared(folder, tmp_path, capsys, monkeypatch):
+    leave_blank(monkeypatch)
     place = None if folder is None else tmp_path / folder
     results = fid.compare(TINY, [Lost(), "coulomb_viscous"], folder=place, **SETTINGS).results
     why = "tiny, Lost by integral: too steep"

@@ -7,7 +7,14 @@ import shutil
 import pytest
 from fixtures.forked import contents
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import QUICK, compare_into, timeless, write_suite
+from fixtures.tiny_pendulums import (
+    FEW,
+    QUICK,
+    compare_into,
+    timeless,
+    write_dataset,
+    write_suite,
+)
 
 from frictionid.check import check
 from frictionid.comparison.results import load_results
@@ -18,6 +25,7 @@ from frictionid.data.readers.dataset import load_dataset
 def whole(tmp_path_factory):
     """A folder with a suite, and its finished comparison."""
     folder = tmp_path_factory.mktemp("whole")
+    write_dataset(folder / "tiny", changes=FEW)
     file = write_suite(folder, QUICK + '; identifiers = [{kind = "none"}]', "lone.toml")
     compare_into(file, folder / "out")
     return folder

@@ -6,6 +6,7 @@ import tomli_w
 from fixtures.mistakes import changes, mistakes
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import (
+    FEW,
     SUITE,
     TRUTH,
     suite,
@@ -32,7 +33,7 @@ from frictionid.friction.model_files import save_model
 def place(tmp_path_factory):
     """A folder with the data set `tiny`, a model file and a module with identifiers."""
     folder = tmp_path_factory.mktemp("suites")
-    write_dataset(folder / "tiny")
+    write_dataset(folder / "tiny", changes=FEW)
     write_dataset(folder / "other", name="other")
     model = Friction(CoulombViscous(), np.array([[0.02, 0.001]]), {"mass": 0.3})
     save_model(model, folder / "model.json")

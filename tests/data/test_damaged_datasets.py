@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import (
     COLUMNS,
     OTHERS,
@@ -240,25 +239,9 @@ def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     assert try_to_load(a_csv=columns) == needed.issubset(columns)
 
 
-@pytest.mark.parametrize("ending", ["csv", "csv_gz", "parquet"])
-@given(data=st.data())
-def test_damaged_bytes_are_refused_or_harmless(ending, data):
-    text = csv_bytes(motion())
-    packed = {"csv": text, "csv_gz": gzip.compress(text, mtime=0)}
-    content = packed.get(ending) or parquet_bytes(motion())
-    tables = {f"a_{ending}": data.draw(damaged(content))}
-    assert is_harmless(outcome(described(recordings__patterns=["a.*"]), **tables))
-
-
 @given(st.binary(max_size=200), st.sampled_from(["csv", "csv_gz", "parquet"]))
 def test_junk_is_refused(content, ending):
     assert not try_to_load(described(recordings__patterns=["a.*"]), **{f"a_{ending}": content})
-
-
-@given(st.data())
-def test_damaged_toml_is_refused_or_harmless(data):
-    content = tomli_w.dumps(full_description()).encode()
-    assert is_harmless(outcome(data.draw(damaged(content))))
 
 
 VALUES = st.recursive(

@@ -9,7 +9,7 @@ import pytest
 from frictionid.data.readers.table import numeric_table, read_table
 from frictionid.errors import InputError
 
-ROWS = b"0.125,-1.5,run\n" * 100_000
+ROWS = b"0.125,-1.5,run\n" * 20_000
 
 
 def _peak(read):

@@ -5,7 +5,6 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from fixtures.damaged_bytes import damaged
 from fixtures.dataset_files import described, load, load_single
 from fixtures.mistakes import changes, mistakes
 from fixtures.own_reader import read_by
@@ -26,7 +25,6 @@ from hypothesis import strategies as st
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
 from frictionid.data.readers.table import read_table
-from frictionid.data.recordings import Recording
 from frictionid.errors import InputError
 
 
@@ -214,34 +212,6 @@ def test_unreadable_files_are_named(tmp_path):
 # --- Whatever chance brings ----------------------------------------------------------------------
 
 
-def survives(read, path, content, given_settings):
-    """Whether the file is read, or refused: nothing else happens."""
-    path.write_bytes(content)
-    try:
-        recording = read(path, given_settings)
-    except InputError:
-        return True
-    return isinstance(recording, Recording) and bool(np.isfinite(recording.angle.value).all())
-
-
-@given(damaged(bam_bytes(samples=12, passive=4)))
-def test_damaged_logs_end_in_one_line(tmp_path, content):
-    assert survives(read_bam, tmp_path / "a.json", content, MOTOR)
-
-
-@given(
-    damaged(mat_bytes(emps_variables(samples=12)))
-    | damaged(mat_bytes(emps_variables(samples=12), do_compression=True))
-)
-def test_damaged_mat_files_end_in_one_line(tmp_path, content):
-    assert survives(read_carriage, tmp_path / "a.mat", content, {})
-
-
-@given(damaged(marker_csv(12)[0]))
-def test_damaged_marker_tables_end_in_one_line(tmp_path, content):
-    assert survives(read_markers, tmp_path / "a.csv", content, MARKERS)
-
-
 @given(
     st.binary(max_size=200) | st.text(alphabet="0123456789.,-e\n ", max_size=120).map(str.encode)
 )
@@ -249,18 +219,3 @@ def test_junk_without_a_header_ends_in_one_line(content):
     with suppress(InputError):
         table = read_table(content, "a.csv", ["1"], header=False)
         assert len(table.rows) == len(table.columns["1"])
-
-
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4)
-    ),
-    max_leaves=12,
-)
-
-
-@given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
-def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
-    content = bam_bytes(samples=8, passive=2, **{key: value})
-    assert survives(read_bam, tmp_path / "a.json", content, MOTOR)

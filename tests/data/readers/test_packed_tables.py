@@ -56,7 +56,7 @@ def test_packed_bombs_are_refused_with_little_memory(tmp_path):
 
 
 def test_ordinary_packed_tables_are_read_however_well_they_pack():
-    rows = np.column_stack([np.arange(200_000) * 0.001, np.ones(200_000)])
+    rows = np.column_stack([np.arange(50_000) * 0.001, np.ones(50_000)])
     text = pd.DataFrame(rows, columns=["time", "q"]).to_csv(index=False).encode()
     found = read_table(gzip.compress(text), "a.csv.gz", ["time", "q"])
     np.testing.assert_array_equal(found.columns["q"], 1.0)
@@ -83,8 +83,8 @@ def test_only_plain_digits_are_numbers(text):
 
 
 def test_messages_are_short_and_steer_no_terminal():
-    header = ",".join(f"name{i}" for i in range(100_000))
-    with assert_refused("has no column 'q'; it has 'name0', .* and 99980 more") as wide:
+    header = ",".join(f"name{i}" for i in range(10_000))
+    with assert_refused("has no column 'q'; it has 'name0', .* and 9980 more") as wide:
         read_table(f"{header}\n".encode(), "a.csv", ["q"])
     assert len(str(wide.value)) < 1300
     assert len(str(InputError("x" * 400_000))) < 1300

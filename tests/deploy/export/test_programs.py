@@ -32,11 +32,11 @@ LAWS = {
     "sum": known.Sum(),
     "play": known.Play(),
     "none": known.NoFriction(),
-    "mlp": known.MLP(),
-    "window_mlp": known.WindowMLP(),
-    "window_mlp_presliding": known.WindowMLP(presliding=0.01),
-    "lstm": known.LSTM(),
-    "ensemble": known.Ensemble(known.MLP(), 3),
+    "mlp": known.MLP((4,)),
+    "window_mlp": known.WindowMLP(samples=3, hidden=(4,)),
+    "window_mlp_presliding": known.WindowMLP(samples=3, hidden=(4,), presliding=0.01),
+    "lstm": known.LSTM(cells=2, hidden=(4,)),
+    "ensemble": known.Ensemble(known.MLP((4,)), 3),
 }
 N = 2
 GROUPS = ("q", "w", "u", "load")

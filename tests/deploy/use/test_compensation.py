@@ -123,7 +123,7 @@ def assert_holds(table, compensation, most):
         assert off.max() < 1.2 * said
 
 
-@pytest.mark.parametrize("velocity", [0.05, 0.3, 3.0])
+@pytest.mark.parametrize("velocity", [0.05, 3.0])
 def test_the_table_is_the_compensation_for_who_interpolates_it(velocity):
     """Also of a fast joint whose friction falls at slow speeds."""
     friction = Friction(Stribeck(), np.array([[0.12, 0.05, velocity, 0.01], [0.1, 0.0, 0.5, 0.02]]))

@@ -122,22 +122,14 @@ def by_mujoco(machine, theta, q, w, u, dt, step):
     return np.array(out)
 
 
-@pytest.mark.parametrize(
-    ("machine", "theta", "q"),
-    [
-        (pendulum(mass=0.4, length=0.25), [[0.3, 0.02]], [1.8]),
-        (MACHINE, [[0.3, 0.01], [0.1, 0.004]], [1.2, -0.6]),
-    ],
-    ids=["pendulum", "acrobot"],
-)
-def test_mujoco_agrees_on_coulomb_and_viscous_friction(machine, theta, q):
+def test_mujoco_agrees_on_coulomb_and_viscous_friction():
     """The motion stops on the way; half of MuJoCo's step halves the distance, below 1 mrad."""
-    n, steps = machine.n, 150
-    u = 0.05 * np.sin(0.1 * np.arange(steps))[:, None] * machine.motors
-    simulator = Simulator(machine, Friction(CoulombViscous(), np.array(theta)), dt=0.01)
+    theta, q = [[0.3, 0.01], [0.1, 0.004]], [1.2, -0.6]
+    u = 0.05 * np.sin(0.1 * np.arange(150))[:, None] * MACHINE.motors
+    simulator = Simulator(MACHINE, Friction(CoulombViscous(), np.array(theta)), dt=0.01)
     motion = simulator.run(simulator.reset(q), u)
     far, near = (
-        np.abs(by_mujoco(machine, theta, q, np.zeros(n), u, 0.01, step) - motion.q).max()
+        np.abs(by_mujoco(MACHINE, theta, q, 0.0, u, 0.01, step) - motion.q).max()
         for step in (1e-4, 5e-5)
     )
     assert (motion.w[100:] == 0.0).any()
