@@ -76,6 +76,11 @@ def one_step(data):
 
 
 @pytest.fixture(scope="module")
+def plain(data):
+    return fid.fit(data, "coulomb_viscous")
+
+
+@pytest.fixture(scope="module")
 def bench(data):
     return fid.compare(data, ["none", "stribeck", fid.SINDy()], folds=3, horizons=[0.5, 1.0])
 
@@ -109,21 +114,16 @@ def test_findings_are_a_frame(data):
     assert found.level[0] == "unusable" and "sign" in found.text[0]
 
 
-def test_the_command_scores_as_the_function(data, folder, tmp_path, run):
-    fit = fid.fit(data, "coulomb_viscous")
-    fit.save(tmp_path / "mine.json")
+def test_the_command_scores_as_the_function(plain, data, folder, tmp_path, run):
+    plain.save(tmp_path / "mine.json")
     table = tmp_path / "scores.csv"
     run(tmp_path, "evaluate", tmp_path / "mine.json", folder, "--out", table)
-    mine = fid.evaluate({"mine": fit.friction}, fid.load_dataset(folder))
+    mine = fid.evaluate({"mine": plain.friction}, fid.load_dataset(folder))
     written = pd.read_csv(table)
     np.testing.assert_allclose(written.value, mine.value, rtol=1e-8)
-    np.testing.assert_allclose(fit.score(folder).value, mine.value, rtol=1e-12)
-
-
-def test_scores_on_training_data_are_said_to_be_that(data):
-    fit = fid.fit(data, "coulomb_viscous")
+    np.testing.assert_allclose(plain.score(folder).value, mine.value, rtol=1e-12)
     with pytest.warns(UserWarning, match="fitted to 5 of the 5 files"):
-        fit.score(data)
+        plain.score(data)
 
 
 def test_a_fit_shows_its_parameters_with_intervals(shot):
@@ -295,12 +295,13 @@ def test_a_folder_holds_the_same_comparison(data, tmp_path, monkeypatch):
 
 
 def test_figures_are_figures(bench, shot, data):
-    made = [bench.plot(kind) for kind in ("rollout", "rollouts", "curves", "motion", "one_step")]
-    made += [shot.plot(kind) for kind in ("friction", "motion", "correlation")]
-    made += [fid.check(data).plot(kind) for kind in ("residual", "coverage", "motion")]
-    assert all(figure._repr_png_()[:4] == b"\x89PNG" for figure in made)
+    verdict = fid.check(data)
+    made = [bench.plot(kind) for kind in ("rollouts", "curves", "motion", "one_step", "rollout")]
+    made += [shot.plot(kind) for kind in ("motion", "correlation", "friction")]
+    made += [verdict.plot(kind) for kind in ("residual", "coverage", "motion")]
     for figure in made:
         assert isinstance(figure, Figure) and figure.axes
+    assert all(figure._repr_png_()[:4] == b"\x89PNG" for figure in made[4::3])
     import matplotlib._pylab_helpers as windows
 
     assert not windows.Gcf.figs  # no window, no list of pyplot

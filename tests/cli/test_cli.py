@@ -15,7 +15,7 @@ from fixtures.mistakes import changes, mistakes
 from fixtures.paths import ROOT
 from fixtures.refusals import assert_one_line
 from fixtures.result_folders import leave_blank
-from fixtures.tiny_pendulums import RATE, TRUTH, compare_into, write_dataset, write_suite
+from fixtures.tiny_pendulums import FEW, RATE, TRUTH, compare_into, write_dataset, write_suite
 
 from frictionid.comparison.result_folder import lock
 from frictionid.comparison.results import COLUMNS
@@ -35,7 +35,7 @@ COMMANDS = ("compare", "fit", "evaluate", "report", "simulate")
 def place(tmp_path_factory):
     """A folder with the data set `tiny` and two models of it."""
     folder = tmp_path_factory.mktemp("cli")
-    write_dataset(folder / "tiny")
+    write_dataset(folder / "tiny", changes=FEW)
     return folder
 
 
@@ -147,8 +147,8 @@ def test_settings_of_fit_reach_the_identifier_and_the_recipe(place, call):
 def test_a_model_with_a_law_of_ones_own_is_evaluated_with_its_class(place, call):
     text = (ROOT / "comparisons" / "own_friction.py").read_text(encoding="utf-8")
     (place / "my_friction.py").write_text(text, encoding="utf-8")
-    call("fit tiny --identifier my_friction:quadratic --out own.json")
-    call("fit tiny --identifier quadratic --out built_in.json")
+    call("fit tiny --identifier my_friction:quadratic --by one_step --out own.json")
+    call("fit tiny --identifier quadratic --by one_step --out built_in.json")
     assert read_json(place / "own.json")["law"] == {"kind": "Quadratic", "width": 0.02}
     evaluate = "evaluate own.json built_in.json tiny --horizons 0.3 --replace --out scores.csv"
     assert_one_line(call(evaluate), "law 'Quadratic' is unknown", "--law module:Class")
