@@ -61,16 +61,6 @@ def test_estimators_are_classes_of_installed_packages(complaint, name, words):
     assert words in complaint(kind="sklearn", estimator=name, settings=settings)
 
 
-def test_a_module_beside_the_suite_is_its_own(tmp_path):
-    text = "from frictionid.fitting.identifiers import Frictionless as beside\n"
-    (tmp_path / "beside_the_suite.py").write_text(text)
-    file = write_suite(tmp_path, 'identifiers = [{kind = "beside_the_suite:beside"}]')
-    assert {task.name for task in tasks_in(file)} == {
-        "beside",
-        "truth",
-    }
-
-
 OWN_ARM = """
 from frictionid.mechanics import pendulum
 

@@ -1,18 +1,13 @@
 """One model fitted to a whole data set: the same friction as in a comparison, with provenance."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from fixtures.refusals import assert_refused
-from fixtures.tiny_pendulums import TRUTH, dataset, recordings, write_dataset
-from numpy.testing import assert_allclose, assert_array_equal
+from fixtures.tiny_pendulums import TRUTH, dataset, recordings
+from numpy.testing import assert_allclose
 
 from frictionid.comparison.cross_validate import Benchmark, run
 from frictionid.comparison.fit_model import fit_model
-from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.recordings import Recording
-from frictionid.data.signals import Signal
 from frictionid.evaluation import Protocol, Split, make_folds, true_friction
 from frictionid.fitting.identifiers import BlackBox, LeastSquares, Published, SparseDynamics
 from frictionid.fitting.one_step.formulation import INTEGRAL, STUDY
@@ -66,25 +61,3 @@ def test_models_without_a_mechanism_cannot_be_refined():
     assert fit_model(DATA, box).mechanism == "unit"
     with assert_refused("shooting needs the physics"):
         fit_model(DATA, box, SHOOTING)
-
-
-@pytest.mark.parametrize("recipe", [INTEGRAL, SHOOTING], ids=lambda recipe: recipe.name)
-def test_signals_and_files_that_state_no_hold_give_the_same_fit(recipe, tmp_path):
-    """A torque is held between its samples, however the data come."""
-    read = load_dataset(write_dataset(tmp_path))
-    some = read.recordings[:4]
-    own = tuple(
-        Recording(
-            r.name,
-            Signal(r.angle.time, r.angle.value),
-            Signal(r.torque.time, r.torque.value),
-        )
-        for r in some
-    )
-    files, signals = (
-        fit_model(replace(read, recordings=each), FIT, recipe) for each in (some, own)
-    )
-    assert_array_equal(files.theta, signals.theta)
-    between = (replace(r, torque=r.torque._replace(hold="linear")) for r in own)
-    other = fit_model(replace(read, recordings=tuple(between)), FIT, recipe)
-    assert not np.allclose(files.theta, other.theta, rtol=1e-6)

@@ -18,7 +18,7 @@ from fixtures.tiny_pendulums import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictionid.comparison.suite import identifier_named, load_suite
+from frictionid.comparison.suite import load_suite
 from frictionid.data.state_estimators import SavitzkyGolay
 from frictionid.errors import InputError
 from frictionid.evaluation import Protocol, Split
@@ -165,13 +165,6 @@ def test_one_data_set_may_have_its_tables_elsewhere_and_several_may_not(place, t
         tasks(place, 'datasets = [{path = "tiny"}, {path = "apart"}]', tables)
 
 
-def test_missing_tables_are_an_error_that_names_both_remedies(place, monkeypatch):
-    monkeypatch.delenv("FRICTIONID_DATA", raising=False)
-    write_dataset(place / "gone", name="gone", changes='collection = "pendulums"')
-    with assert_refused("--data FOLDER, or set FRICTIONID_DATA"):
-        tasks(place, 'datasets.0.path = "gone"')
-
-
 # --- Mistakes ------------------------------------------------------------------------------------
 
 
@@ -261,20 +254,6 @@ def written(place):
     """All files but the suite, which the test itself writes, and what Python compiles."""
     found = place.rglob("*")
     return sorted(p for p in found if p.name != "suite.toml" and "__pycache__" not in str(p))
-
-
-def test_a_suite_that_cannot_be_read_is_refused_with_the_nearest(place):
-    write_suite(place)
-    with assert_refused(r"suit\.toml: no such suite; did you mean .*suite\.toml"):
-        load_suite(place / "suit.toml")
-    with assert_refused("tiny is a folder without suite.toml; name a suite"):
-        load_suite(place / "tiny")
-
-
-@pytest.mark.parametrize("key", ["kind", "name", "recipes"])
-def test_keys_of_a_suite_are_no_settings(key):
-    with assert_refused(f"--set {key}: is no setting"):
-        identifier_named("none", {key: "x"})
 
 
 # --- Whatever chance brings ----------------------------------------------------------------------

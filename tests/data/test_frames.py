@@ -156,8 +156,6 @@ TWICE = pd.concat([FRAME, FRAME[["q1"]]], axis=1)
             "row 0: column 'q1' holds 'fast', .* convert the column",
         ),
         (FRAME.iloc[::-1], {}, "row 1: time must increase: 't' is 11950 after 12000"),
-        (FRAME, {"units": "grad"}, "unknown unit 'grad'; known: 'rad'"),
-        (FRAME, {"units": ["deg"] * 3}, "angle has 3 units for 2 joints"),
         (
             FRAME,
             {"angle": ["q1", "q2", "w1"], "torque": None, "units": ["deg"] * 2},

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from fixtures import result_folders as made
+from fixtures.mistakes import changes, rows
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -27,62 +28,44 @@ def said(refined):
     return shooting_words(made.estimates(refined))[1]
 
 
-@pytest.mark.parametrize(
-    ("entry", "expected"),
-    [
-        (
-            made.parameter("delay", "torque delay", 0.018, 1e-4),
-            "Torque delay: 18.0 ms (17.8 to 18.2); the torque acts later",
-        ),
-        (
-            made.parameter("delay", "torque delay", -0.01, 1e-3),
-            "Torque delay: −10 ms (−12 to −8); the torque acts earlier",
-        ),
-        (
-            made.parameter("delay", "torque delay", 1e-4, 1e-3, identified=True),
-            "Torque delay: 0 ms (−2 to 2); no delay shows",
-        ),
-        (made.parameter("gain", "torque gain", 1.05, 0.01, joint=0), "logged torque is too small"),
-        (made.parameter("gain", "torque gain", 0.9, 0.01, joint=0), "logged torque is too large"),
-        (made.parameter("gain", "torque gain", 1.01, 0.01, joint=0), "has the right size"),
-        (
-            made.parameter("bias", "torque bias", -0.2, 0.01, joint=1),
-            "bias of joint 2: −0.20 N m",
-        ),
-        (
-            made.parameter("target_delay", "target delay", 0.01, 1e-4, unit="s"),
-            "Target delay: 10.0 ms (9.8 to 10.2); targets act later than logged",
-        ),
-        (
-            made.parameter("target_delay", "target delay", 1e-4, 1e-3, identified=True),
-            "Target delay: 0 ms (−2 to 2); no delay shows",
-        ),
-        (
-            made.parameter("backlash", "backlash", 0.009, 1e-4, unit="rad", joint=0),
-            "Backlash of joint 1: 0.0090 rad (0.0088 to 0.0092); the encoder that the controller",
-        ),
-        (
-            made.parameter("offset", "angle offset", 0.02, 1e-3, joint=0),
-            "angle lies above the true",
-        ),
-        (made.parameter("offset", "angle offset", -0.02, 1e-3, joint=0), "lies below the true one"),
-        (
-            made.parameter("inertia", "gravity", 1.2, 0.01, nominal=1.0),
-            "1 of 1 differ from the nominal ones: gravity by +20 % (+18 to +22)",
-        ),
-        (
-            made.parameter("inertia", "gravity", 1.2, 0.2, nominal=1.0),
-            "0 of 1 differ from the nominal ones (95 % intervals)",
-        ),
-        (
-            made.parameter("actuator", "kt", 0.5, 0.01, nominal=0.4),
-            "Kt: 0.50 N m (0.48 to 0.52); nominal 0.4, difference +25 % (+20 to +30)",
-        ),
-    ],
-)
-def test_a_finding_in_words(entry, expected):
-    (sentence,) = said(made.shot([entry])).strip().splitlines()
-    assert expected in sentence
+FINDINGS = """
+block = "delay"; name = "torque delay"; value = 0.018; error = 1e-4
+    => Torque delay: 18.0 ms (17.8 to 18.2); the torque acts later
+block = "delay"; name = "torque delay"; value = -0.01; error = 1e-3
+    => Torque delay: −10 ms (−12 to −8); the torque acts earlier
+block = "delay"; name = "torque delay"; value = 1e-4; error = 1e-3; identified = true
+    => Torque delay: 0 ms (−2 to 2); no delay shows
+block = "gain"; name = "torque gain"; value = 1.05; error = 0.01; joint = 0
+    => logged torque is too small
+block = "gain"; name = "torque gain"; value = 0.9; error = 0.01; joint = 0
+    => logged torque is too large
+block = "gain"; name = "torque gain"; value = 1.01; error = 0.01; joint = 0
+    => has the right size
+block = "bias"; name = "torque bias"; value = -0.2; error = 0.01; joint = 1
+    => bias of joint 2: −0.20 N m
+block = "target_delay"; name = "target delay"; value = 0.01; error = 1e-4; unit = "s"
+    => Target delay: 10.0 ms (9.8 to 10.2); targets act later than logged
+block = "target_delay"; name = "target delay"; value = 1e-4; error = 1e-3; identified = true
+    => Target delay: 0 ms (−2 to 2); no delay shows
+block = "backlash"; name = "backlash"; value = 0.009; error = 1e-4; unit = "rad"; joint = 0
+    => Backlash of joint 1: 0.0090 rad (0.0088 to 0.0092); the encoder that the controller
+block = "offset"; name = "angle offset"; value = 0.02; error = 1e-3; joint = 0
+    => angle lies above the true
+block = "offset"; name = "angle offset"; value = -0.02; error = 1e-3; joint = 0
+    => lies below the true one
+block = "inertia"; name = "gravity"; value = 1.2; error = 0.01; nominal = 1.0
+    => 1 of 1 differ from the nominal ones: gravity by +20 % (+18 to +22)
+block = "inertia"; name = "gravity"; value = 1.2; error = 0.2; nominal = 1.0
+    => 0 of 1 differ from the nominal ones (95 % intervals)
+block = "actuator"; name = "kt"; value = 0.5; error = 0.01; nominal = 0.4
+    => Kt: 0.50 N m (0.48 to 0.52); nominal 0.4, difference +25 % (+20 to +30)
+"""
+
+
+@pytest.mark.parametrize(("entry", "words"), rows(FINDINGS))
+def test_a_finding_in_words(entry, words):
+    (sentence,) = said(made.shot([made.parameter(**changes(entry))])).strip().splitlines()
+    assert words in sentence
 
 
 @pytest.mark.parametrize("block", ["delay", "gain", "bias", "offset", "inertia", "actuator"])

@@ -1,15 +1,12 @@
 """Friction as functions of CasADi: derivatives, and an optimal-control problem."""
 
-import casadi
 import numpy as np
 import pytest
 from targets import written
 from test_programs import LAWS, exported_by
 
-from frictionid.deploy.export.exported import exported
 from frictionid.deploy.export.formats.casadi import casadi_functions
-from frictionid.friction import Friction, at_rest
-from frictionid.friction.laws import CoulombViscous
+from frictionid.friction import at_rest
 
 
 @pytest.mark.parametrize("name", ["stribeck", "quadratic", "spline", "mlp"])
@@ -21,27 +18,6 @@ def test_derivatives_agree_with_differences(name):
         high, low = (law.torque(theta, at_rest(w + side * step), ()) for side in (1, -1))
         expected = np.diag((high - low) / (2 * step))
         np.testing.assert_allclose(slope(w, 0).full(), expected, rtol=1e-5, atol=1e-6)
-
-
-def test_braking_by_friction_alone_is_found_by_optimal_control():
-    """The least torque that brings a sliding mass to rest in a second is none: friction does it.
-
-    J dw/dt = u - Tf, and Tf is Coulomb's 0.1 N m: from 1 rad/s to rest takes 1 s with J = 0.1.
-    """
-    own = exported(Friction(CoulombViscous(), np.array([[0.1, 0.0]])))
-    torque = casadi_functions(own).torque
-    problem, steps = casadi.Opti(), 50
-    w, u = problem.variable(1, steps + 1), problem.variable(1, steps)
-    for k in range(steps):
-        problem.subject_to(w[k + 1] == w[k] + (u[k] - torque(w[k + 1])) / 0.1 / steps)
-    problem.subject_to(w[0] == 1.0)
-    problem.subject_to(w[steps] == 0.05)
-    problem.minimize(casadi.sumsqr(u))
-    problem.set_initial(w, np.linspace(1.0, 0.05, steps + 1))
-    problem.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
-    found = problem.solve()
-    assert float(found.value(casadi.sumsqr(u))) / steps < 0.01**2
-    np.testing.assert_allclose(found.value(w)[:40], 1.0 - np.arange(40) / steps, atol=0.05)
 
 
 def test_files_say_units_signs_and_range(tmp_path):

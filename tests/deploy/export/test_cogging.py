@@ -43,14 +43,6 @@ def test_the_table_is_the_torque_over_a_turn_of_the_motor(made):
     assert angle[-1] + step[-1] == pytest.approx(2 * np.pi / GEAR) and np.ptp(step) < 1e-8
 
 
-def test_straight_lines_between_the_angles_are_a_fifth_of_a_percent_off(made):
-    table = pd.read_csv(made.paths[0], comment="#").to_numpy()
-    angle = np.random.default_rng(0).uniform(-7.0, 7.0, 1000)
-    for j, truth in enumerate(wanted(angle).T):
-        between = np.interp(angle, table[:, 0], table[:, 1 + j], period=2 * np.pi / GEAR)
-        assert np.abs(between - truth).max() < 0.002 * np.abs(truth).max()
-
-
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_the_header_compiles_without_a_warning_and_interpolates(tmp_path, precision):

@@ -54,25 +54,6 @@ def test_samples_lie_within_the_ranges_and_scatter_as_the_specimens():
     assert (draws != made.sample(4000, 6).theta).any()
 
 
-def test_each_sample_is_a_machine_of_its_own_in_environments():
-    gymnasium = pytest.importorskip("gymnasium")
-    models = [one_step(rig.theta[:1], rig.provenance.half_widths[:1]) for rig in rigs(5)]
-    many = fid.pool(models).sample(16, 1)
-    machine = fid.mechanisms.pendulum(mass=0.5, length=0.3)
-    episode = fid.Episode(
-        lambda *motion: -motion[0][..., 0],
-        torque_limit=0.5,
-        steps=50,
-        start=lambda _: ([0.0], [2.0]),
-    )
-    env = fid.FrictionVectorEnv(fid.Simulator(machine, many, dt=0.01), episode, 16)
-    assert isinstance(env, gymnasium.vector.VectorEnv)
-    env.reset(seed=1)
-    speed = env.step(np.zeros((16, 1)))[0][:, 1]
-    brakes = many.theta[:, 0, 0] + 2.0 * many.theta[:, 0, 1]
-    assert np.corrcoef(brakes, speed)[0, 1] < -0.99
-
-
 def test_what_is_not_identified_or_at_a_bound_is_named_and_left_out():
     models = [
         one_step([[0.10, 0.001], [0.3, 0.0]], [[0.01, 0.002], [0.01, 0.001]]),
