@@ -41,21 +41,21 @@ def swing(samples, rng, rate=1000.0):
     return Signal(time, value)
 
 
-def nodes_of(sizes, seed=0):
+def nodes_of(sizes):
     """Nodes of recordings of some lengths, each with its own clock from zero."""
-    rng, count = np.random.default_rng(seed), sum(sizes)
+    rng, count = np.random.default_rng(0), sum(sizes)
     w = np.cumsum(rng.normal(0, 0.3, (count, 2)), axis=0)
     x = Inputs(0.01 * np.cumsum(w, axis=0), w, 0.0 * w, 0.0 * w)
     time = np.concatenate([0.01 * np.arange(size) for size in sizes])
     return Nodes(x, time, np.concatenate([[0], np.cumsum(sizes)]))
 
 
-def some_friction(law, batch=3, seed=0):
+def some_friction(law):
     if type(law) in THETA:
-        theta = np.tile(THETA[type(law)], (batch, 2, 1))
-        return Friction(law, theta * np.linspace(1.0, 1.3, batch)[:, None, None])
-    sizes = np.tile([0.1, 3.0], (batch, 2, 1))
-    return Friction(law, law.initial_parameters(sizes, np.random.default_rng(seed)))
+        theta = np.tile(THETA[type(law)], (3, 2, 1))
+        return Friction(law, theta * np.linspace(1.0, 1.3, 3)[:, None, None])
+    sizes = np.tile([0.1, 3.0], (3, 2, 1))
+    return Friction(law, law.initial_parameters(sizes, np.random.default_rng(0)))
 
 
 def peak(call):

@@ -69,11 +69,11 @@ def values(results):
     return [(r.sampler, r.fold, [(dict(t.settings), t.value) for t in r.trials]) for r in results]
 
 
-def suite(place, search=None, tuning=None, **entry):
-    identifier = {"kind": "own_scaled:Scaled", "name": "scaled", "search": search or FACTOR}
+def suite(place):
+    identifier = {"kind": "own_scaled:Scaled", "name": "scaled", "search": FACTOR}
     given = {
-        "identifiers": [{"kind": "none"}, {**identifier, **entry}],
-        "tune": tuning or {"trials": 2, "nested": False, "folds": 2},
+        "identifiers": [{"kind": "none"}, identifier],
+        "tune": {"trials": 2, "folds": 2},
     }
     file = write_suite(place, {**changes(QUICK), **given})
     return load_suite(file), file
@@ -327,7 +327,7 @@ def test_a_comparison_does_not_read_what_tuning_searches(place):
 
 
 def test_the_command_writes_a_page_and_a_suite_that_runs_with_the_chosen_settings(place, run):
-    table, file = suite(place, tuning={"trials": 2, "folds": 2})
+    table, file = suite(place)
     words = "tune suite.toml --jobs 1 --trust --out"
     code, out, _ = run(place, words, "t")
     assert code == 0 and str(place / "t" / "summary.md") in out

@@ -8,19 +8,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.data.marker_geometry import hold_pivot, link_angles, link_lengths, mirror, turn_up
 
 
-def seen(angles, lengths, pivot=(300.0, 200.0)):
+def seen(angles, lengths):
     """Markers (T, n + 1, 2) in pixels of a chain with joint angles (T, n)."""
     absolute = np.cumsum(angles, axis=1)
     link = np.stack([np.sin(absolute), np.cos(absolute)], axis=-1) * np.asarray(lengths)[:, None]
-    start = np.broadcast_to(np.asarray(pivot), (len(angles), 1, 2))
+    start = np.broadcast_to([300.0, 200.0], (len(angles), 1, 2))
     return np.concatenate([start, start + np.cumsum(link, axis=1)], axis=1)
 
 
-def swinging(rng, joints, turns=3.0):
+def swinging(rng, joints):
     """Smooth joint angles (300, n) that go round several times."""
     time = np.linspace(0.0, 1.0, 300)[:, None]
     start = rng.uniform(-3.0, 3.0, joints)
-    return start + rng.normal(size=joints) * turns * 2 * np.pi * time + 0.3 * np.sin(9 * time)
+    return start + rng.normal(size=joints) * 6 * np.pi * time + 0.3 * np.sin(9 * time)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))

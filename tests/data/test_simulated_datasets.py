@@ -133,16 +133,16 @@ def one_step(dataset):
     return r, G, past, numbers
 
 
-def hats(w, count=40):
-    """Hat functions of one joint's velocity, denser near zero, shape (K, count)."""
-    even = np.linspace(-1.0, 1.0, count)
+def hats(w):
+    """Hat functions of one joint's velocity, denser near zero, shape (K, 40)."""
+    even = np.linspace(-1.0, 1.0, 40)
     nodes = np.abs(w).max() * np.sinh(5.0 * even) / np.sinh(5.0)
-    return np.stack([np.interp(w, nodes, peak) for peak in np.eye(count)], axis=-1)
+    return np.stack([np.interp(w, nodes, peak) for peak in np.eye(40)], axis=-1)
 
 
 @cache
-def losses(name, folds=10):
-    """Mean one-step loss [rad/s] of no, a static and a nine-sample friction, shape (folds, 3)."""
+def losses(name):
+    """Mean one-step loss [rad/s] of no, a static and a nine-sample friction, shape (10, 3)."""
     dataset = load_dataset(DATA / name)
     r, G, past, numbers = one_step(dataset)
     joints = range(r.shape[1])
@@ -154,7 +154,7 @@ def losses(name, folds=10):
     ]
     order = np.random.default_rng(0).permutation(len(dataset.recordings))
     rows = []
-    for fold in np.array_split(order, folds):
+    for fold in np.array_split(order, 10):
         out = np.isin(numbers, fold)
         errors = [r[out]]
         for A in designs:

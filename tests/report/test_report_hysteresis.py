@@ -214,14 +214,14 @@ def test_without_memory_and_unasked_nothing_is_shown(tmp_path, monkeypatch):
     assert "Loops of friction" not in made.words(tmp_path / "out")
 
 
-def loops_document(lag, folds=made.FOLDS, scatter=0.0, joints=2):
+def loops_document(lag, scatter):
     """Loops of a delay in one joint, put into each fold with some scatter."""
     rng = np.random.default_rng(0)
     out = []
-    for joint in range(joints):
+    for joint in range(2):
         for kind in ("reversing", "offset"):
             for frequency in (0.5, 1.0, 2.0):
-                late = lag * (joint == 1) + scatter * rng.standard_normal(folds + 1)
+                late = lag * (joint == 1) + scatter * rng.standard_normal(made.FOLDS + 1)
                 turn = PHASE[None] - 2 * np.pi * frequency * late[:, None]
                 w = 3.0 + 2.0 * np.sin(PHASE)
                 torque = 0.1 + 0.05 * np.sin(turn)
@@ -243,7 +243,7 @@ def loops_document(lag, folds=made.FOLDS, scatter=0.0, joints=2):
 )
 def test_the_verdict_says_what_was_put_in(tmp_path, lag, scatter, verdict):
     task = made.task("late", 0.3, 0.1, curve=0.1)
-    task["loops"] = loops_document(lag, scatter=scatter)
+    task["loops"] = loops_document(lag, scatter)
     section = made.section(tmp_path, [task])
     (model,) = section.models
     first, second = (shown_loops(model, joint, "offset")[1] for joint in (0, 1))

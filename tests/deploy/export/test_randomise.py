@@ -17,13 +17,13 @@ COVARIANCE = 1e-6 * np.array(
 )
 
 
-def entry(name, value, error, joint=0, block="friction"):
+def entry(name, value, error):
     ends = [value - 2 * error, value + 2 * error]
     return {
-        "block": block,
-        "name": f"{name} of joint 1" if block == "friction" else name,
+        "block": "friction",
+        "name": f"{name} of joint 1",
         "unit": "N m",
-        "joint": joint,
+        "joint": 0,
         "value": value,
         "interval_95": ends,
         "at_bound": False,

@@ -69,8 +69,8 @@ def test_coulomb_and_viscous_friction_over_the_temperature_of_a_servo():
     np.testing.assert_allclose(over.at(35.0).theta, [[0.03 * 0.97, 0.02 * 0.94]], rtol=0.03)
 
 
-def models(levels, half=0.001):
-    source = {"half_widths": [[half, half]]}
+def models(levels):
+    source = {"half_widths": [[0.001, 0.001]]}
     return {
         f"{k}": Friction(CoulombViscous(), np.array([[level, 0.02 + 1e-6 * k]]), {}, source)
         for k, level in enumerate(levels)

@@ -39,17 +39,17 @@ COMBINED = {
 }
 
 
-def friction_of(name, batch=(3,)):
-    """A friction whose parameters differ between the machines of the batch."""
+def friction_of(name):
+    """A friction whose parameters differ between three machines."""
     law, theta = (LAWS | COMBINED)[name]
     rng = np.random.default_rng(3)
     start = np.array(law.initial[:1]) if theta is None else np.array(theta)
-    return Friction(law, start * rng.uniform(0.8, 1.2, (*batch, 2, len(law.names))))
+    return Friction(law, start * rng.uniform(0.8, 1.2, (3, 2, len(law.names))))
 
 
-def motion_of(rng, batch=(3,)):
-    q, w = rng.uniform(-2, 2, (*batch, 2)), rng.uniform(-3, 3, (*batch, 2))
-    return q, w, 0.2 * rng.normal(size=(T, *batch, 2))
+def motion_of(rng):
+    q, w = rng.uniform(-2, 2, (3, 2)), rng.uniform(-3, 3, (3, 2))
+    return q, w, 0.2 * rng.normal(size=(T, 3, 2))
 
 
 @pytest.mark.parametrize("name", LAWS)
