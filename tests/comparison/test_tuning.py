@@ -65,6 +65,11 @@ def tuning_task(place, own=None, search=None, **settings):
     return TuningTask(own or benchmark(), "scaled", entry, INTEGRAL, 0, place)
 
 
+def flat(trials, **settings):
+    """A search in two folds of all recordings."""
+    return Tuning(trials=trials, folds=2, nested=False, **settings)
+
+
 def values(results):
     return [(r.sampler, r.fold, [(dict(t.settings), t.value) for t in r.trials]) for r in results]
 
@@ -84,7 +89,7 @@ def suite(place):
 
 @pytest.mark.parametrize(("sampler", "trials"), [("tpe", 15), ("gp", 9)])
 def test_samplers_find_the_best_setting_and_stay_near_it(place, tmp_path, sampler, trials):
-    tuning = Tuning(trials=trials, samplers=[sampler, "random"], folds=2, nested=False)
+    tuning = flat(trials, samplers=[sampler, "random"])
     results = {f.sampler: f for f in tune([tuning_task(place)], tuning, tmp_path)}
     off = {n: [abs(t.settings["factor"] - 1.0) for t in f.trials] for n, f in results.items()}
     assert off[sampler][:5] == off["random"][:5]  # all begin at random
@@ -95,7 +100,7 @@ def test_samplers_find_the_best_setting_and_stay_near_it(place, tmp_path, sample
 
 
 def test_the_suites_own_settings_are_the_first_trial(place, tmp_path):
-    tuning = Tuning(trials=2, folds=2, nested=False)
+    tuning = flat(2)
     suites, other = tuning_task(place, factor=0.9), tuning_task(place, factor=3.0)
     (result,) = tune([suites], tuning, tmp_path / "a")
     assert (
@@ -134,7 +139,7 @@ def test_choices_whole_numbers_and_rollouts(place, tmp_path):
     )
     own = TuningTask(benchmark(), "spline", entry, INTEGRAL, 0, place)
     objective = Objective(score="rollout_angle", horizon=0.1)
-    (result,) = tune([own], Tuning(trials=3, folds=2, nested=False, objective=objective), tmp_path)
+    (result,) = tune([own], flat(3, objective=objective), tmp_path)
     for trial in result.trials:
         assert trial.settings["degree"] in (1, 2, 3) and 0 < trial.value < 0.1
         assert trial.settings["knots"] in ([1.0, 9.0], [0.5, 2.0, 8.0])
@@ -142,7 +147,7 @@ def test_choices_whole_numbers_and_rollouts(place, tmp_path):
 
 def test_settings_that_cannot_be_fitted_fail_alone(place, tmp_path):
     search = {**FACTOR, "mood": {"choices": ["good", "bad"]}}
-    tuning = Tuning(trials=6, folds=2, nested=False, samplers=["random"])
+    tuning = flat(6, samplers=["random"])
     (result,) = tune([tuning_task(place, search=search)], tuning, tmp_path / "a")
     failed = [t for t in result.trials if math.isnan(t.value)]
     assert {t.settings["mood"] for t in failed} == {"bad"}
@@ -218,14 +223,14 @@ def test_tuning_cannot_be_nested_in_shuffled_folds(place, tmp_path):
     shuffled = tuning_task(place, benchmark(Split(count=3, kind="shuffled")))
     with assert_refused("nested .* shuffled .*tune.nested = false"):
         tune([shuffled], Tuning(trials=1, folds=2), tmp_path)
-    (result,) = tune([shuffled], Tuning(trials=1, folds=2, nested=False), tmp_path / "new")
+    (result,) = tune([shuffled], flat(1), tmp_path / "new")
     assert result.fold is None
 
 
 # --- Interruptions -------------------------------------------------------------------------------
 
 
-SEVEN = Tuning(trials=7, folds=2, nested=False, samplers=["tpe"])
+SEVEN = flat(7, samplers=["tpe"])
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +258,7 @@ def test_an_interrupted_search_is_resumed_with_the_same_trials(place, tmp_path, 
 def test_a_trial_that_was_killed_is_made_again(place, tmp_path, monkeypatch):
     from frictionid.comparison import tuning as studies
 
-    tuning = Tuning(trials=3, folds=2, nested=False)
+    tuning = flat(3)
     whole = tune([tuning_task(place, factor=0.9)], tuning, tmp_path / "whole")
 
     def killed(*_):
@@ -268,7 +273,7 @@ def test_a_trial_that_was_killed_is_made_again(place, tmp_path, monkeypatch):
 
 
 def test_other_data_or_settings_begin_anew_and_more_trials_go_on(place, tmp_path):
-    few, more = (Tuning(trials=t, folds=2, nested=False) for t in (2, 3))
+    few, more = (flat(trials) for trials in (2, 3))
     first = tune([tuning_task(place)], few, tmp_path)[0].trials
     (longer,) = tune([tuning_task(place)], more, tmp_path, resume=True)
     assert longer.trials[:2] == first and len(longer.trials) == 3

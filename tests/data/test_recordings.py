@@ -256,8 +256,8 @@ def test_the_readmes_description_is_valid():
 # --- Objects made without files ------------------------------------------------------------------
 
 
-def still(samples=5, joints=2):
-    return Signal(np.arange(float(samples)), np.zeros((samples, joints)))
+def still(samples=5, joints=2, **parts):
+    return Signal(np.arange(float(samples)), np.zeros((samples, joints)))._replace(**parts)
 
 
 def late(signal):
@@ -268,24 +268,24 @@ def late(signal):
     ("changes", "words"),
     [
         (
-            {"angle": still()._replace(time=np.arange(4.0))},
+            {"angle": still(time=np.arange(4.0))},
             r"shape \(T,\).*\(4,\) and \(5, 2\)",
         ),
-        ({"torque": still()._replace(value=np.zeros(5))}, r"torque: time must have shape"),
+        ({"torque": still(value=np.zeros(5))}, r"torque: time must have shape"),
         ({"angle": still(0)}, "T, n > 0"),
-        ({"torque": still()._replace(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
-        ({"velocity": still()._replace(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
-        ({"torque": still()._replace(hold="next")}, "torque: hold must be"),
+        ({"torque": still(value=np.full((5, 2), np.nan))}, "torque, sample 0"),
+        ({"velocity": still(time=np.zeros(5))}, "velocity, sample 1.*must increase"),
+        ({"torque": still(hold="next")}, "torque: hold must be"),
         ({"torque": still(joints=1)}, "torque has 1 columns and angle has 2"),
         ({"truth": TrueMotion(still(), still(joints=3))}, "true velocity has 3 columns"),
-        ({"covariates": {"temp": still()._replace(hold="?")}}, "covariate 'temp': hold"),
-        ({"angle": still()._replace(sigma=np.zeros(2))}, "sigma must be positive"),
-        ({"angle": still()._replace(sigma=1.0 - np.eye(5, 2, k=-3))}, "sample 3 .*sigma must be"),
-        ({"angle": still()._replace(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
+        ({"covariates": {"temp": still(hold="?")}}, "covariate 'temp': hold"),
+        ({"angle": still(sigma=np.zeros(2))}, "sigma must be positive"),
+        ({"angle": still(sigma=1.0 - np.eye(5, 2, k=-3))}, "sample 3 .*sigma must be"),
+        ({"angle": still(sigma=np.ones(3))}, r"shape \(5, 2\), not \(3,\)"),
         ({"parameters": {"m4": np.inf}}, "parameter 'm4' must be finite, not inf"),
         ({"torque": late(still())}, "share no moment"),
         (
-            {"angle": late(still()), "torque": still()._replace(hold="linear")},
+            {"angle": late(still()), "torque": still(hold="linear")},
             "share no moment",
         ),
         ({"angle": still(1), "torque": still(1)}, "at least 2 samples"),
@@ -316,7 +316,7 @@ def test_a_data_set_needs_recordings_of_one_mechanism():
 
 def test_a_torque_is_held_where_nothing_is_stated():
     for stated, hold in ((None, "previous"), ("linear", "linear"), ("previous", "previous")):
-        recording = Recording("push", still(), still()._replace(hold=stated))
+        recording = Recording("push", still(), still(hold=stated))
         assert recording.torque.hold == hold
         assert not holds(recording.angle)
 

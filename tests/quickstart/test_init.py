@@ -279,11 +279,7 @@ def test_rows_without_an_angle_are_gaps(tmp_path):
     q = Q.copy()
     q[[7, 8, 90]] = np.nan
     assert guessed({"t": TIME, "q": q, "u": U}).missing == 3
-    lines = [
-        "t,q,u",
-        *(f"{t},{'' if np.isnan(a) else a},{u}" for t, a, u in zip(TIME, q, U, strict=True)),
-    ]
-    (tmp_path / "a.csv").write_text("\n".join(lines))
+    pd.DataFrame({"t": TIME, "q": q, "u": U}).to_csv(tmp_path / "a.csv", index=False)
     described = describe_tables(tables_at([tmp_path]), MACHINE, Known())
     assert 'missing = "drop"' in described.dataset_toml
     assert len(described.dataset.recordings[0].angle.time) == len(TIME) - 3
@@ -291,8 +287,8 @@ def test_rows_without_an_angle_are_gaps(tmp_path):
 
 def test_targets_in_place_of_a_torque_are_a_controllers(call, tmp_path):
     (tmp_path / "servo").mkdir()
-    rows = (f"{t},{q},{0.9 * q}" for t, q in zip(TIME, Q, strict=True))
-    (tmp_path / "servo" / "run.csv").write_text("\n".join(["t,goal,pos", *rows]))
+    frame = pd.DataFrame({"t": TIME, "goal": Q, "pos": 0.9 * Q})
+    frame.to_csv(tmp_path / "servo" / "run.csv", index=False)
     code, out, _ = call(f"init servo {INIT} --gains 4,0.05")
     document = tomllib.loads((tmp_path / "servo" / "dataset.toml").read_text())
     assert code == 0 and "torque" not in document["columns"] and "not used" not in out
@@ -318,8 +314,8 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
 
 def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
     (tmp_path / "drop").mkdir()
-    rows = (f"{t},{q},{w}" for t, q, w in zip(TIME, Q, W, strict=True))
-    (tmp_path / "drop" / "run.csv").write_text("\n".join(["t,q,w", *rows]))
+    frame = pd.DataFrame({"t": TIME, "q": Q, "w": W})
+    frame.to_csv(tmp_path / "drop" / "run.csv", index=False)
     code, out, _ = call(f"init drop {INIT}")
     assert code == 0 and "passive motion" in out
     data = load_dataset(tmp_path / "drop")

@@ -86,8 +86,7 @@ def test_an_implausible_model_without_a_rival_is_doubted(tmp_path):
     verdict = verdict_of(made.section(tmp_path, [task("odd", 0.2, turned=True)]))
     assert verdict.recommended == "odd"
     assert verdict.main_doubt.startswith("odd is not plausible: it drives the motion")
-    answers = {q.name: q.answer for q in verdict.questions}
-    assert answers["dissipative"] == "no"
+    assert made.answers(verdict)["dissipative"] == "no"
 
 
 @pytest.mark.parametrize(
@@ -134,7 +133,7 @@ def test_hysteresis_counts_against_the_control_without_memory(
     tasks = [task("keeps", 0.2, loops=[loop(width)], size=9), task("plain", control)]
     verdict = verdict_of(made.section(tmp_path, tasks))
     assert outcome(verdict, "keeps", "hysteresis") == expected
-    assert {q.name: q.answer for q in verdict.questions}["hysteresis"] == answer
+    assert made.answers(verdict)["hysteresis"] == answer
 
 
 def test_cycles_that_give_energy_fail(tmp_path):

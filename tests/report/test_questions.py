@@ -39,8 +39,7 @@ def compared(folder, hybrid, *, noise=NOISE):
 
 
 def answers(section):
-    """Answers of the verdict, by the questions' names."""
-    return {question.name: question.answer for question in verdict_of(section).questions}
+    return made.answers(verdict_of(section))
 
 
 @pytest.mark.parametrize(("hybrid", "beats"), [(0.01, "yes"), (0.1, "no"), (0.9, "no")])

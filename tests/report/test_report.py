@@ -76,6 +76,11 @@ def blank(monkeypatch):
     made.leave_blank(monkeypatch)
 
 
+def summary(folder):
+    """Cells of the table of a data set."""
+    return made.grid((folder / "tables" / "summary--made.md").read_text())
+
+
 # --- The same results, the same files ----------------------------------------------------------
 
 
@@ -131,7 +136,7 @@ def test_numbers_of_the_tables_are_those_of_the_scores(dataset, computed):
 
 
 def test_printed_numbers_are_those_of_the_table(typical):
-    head, *lines = made.grid((typical / "tables" / "summary--made.md").read_text())
+    head, *lines = summary(typical)
     assert [line[:2] for line in lines] == [
         ["none", "–"],
         ["stribeck", "study"],
@@ -169,9 +174,7 @@ def test_seeds_that_change_nothing_are_one_line_and_others_are_named(tmp_path):
     same = [made.task("a", 0.1, 0.1, seed=s, role="given") for s in (0, 1)]
     differ = [made.task("b", 0.1, 0.1, seed=s) for s in (0, 1)]
     made.built(tmp_path, same + differ)
-    names = [
-        line[0] for line in made.grid((tmp_path / "tables" / "summary--made.md").read_text())[1:]
-    ]
+    names = [line[0] for line in summary(tmp_path)[1:]]
     assert names == ["b, seed 0", "b, seed 1", "a"]
 
 
@@ -196,7 +199,7 @@ def test_infinite_scores_are_shown_and_never_best_or_averaged(tmp_path):
     tame = made.task("tame", curve=0.1)
     also = made.task("also", 0.4, 0.3, curve=0.2)
     made.built(tmp_path, [wild, tame, also])
-    _, *lines = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
+    _, *lines = summary(tmp_path)
     assert lines[0][0] == "wild"
     assert lines[0][2:8] == ["∞", "∞", *["∞ (∞, 100 %)"] * 3, "∞"]
     assert "<strong>" not in "".join(lines[0])
@@ -211,7 +214,7 @@ def test_missing_horizons_leave_a_gap(horizons, tmp_path, monkeypatch, capsys):
     short = made.task("short", horizons=horizons, curve=0.1)
     long = made.task("long", curve=0.1)
     made.built(tmp_path, [short, long])
-    head, first, second = made.grid((tmp_path / "tables" / "summary--made.md").read_text())
+    head, first, second = summary(tmp_path)
     last = head.index("rollout 1 s [rad]")
     assert (first[last], second[last] == "–") == ("–", False)
     show(load_results(tmp_path))
@@ -229,7 +232,7 @@ def test_without_rollouts_or_examples_the_rest_is_there(bare):
 def test_without_truth_no_curve_error_is_shown(tmp_path):
     task = made.task("a")
     made.built(tmp_path, [task], {"made": made.about(truth=False)})
-    assert "curve error" not in (tmp_path / "tables" / "summary--made.md").read_text()
+    assert "curve error" not in " ".join(summary(tmp_path)[0])
     assert not list((tmp_path / "figures").glob("tradeoff*"))
     assert "no truth is known" in made.words(tmp_path)
 

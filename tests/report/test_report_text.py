@@ -79,7 +79,7 @@ def test_friction_that_makes_things_worse_is_told(tmp_path):
     ]
     verdict = verdict_of(made.section(tmp_path, tasks))
     assert verdict.recommended == "none"
-    assert next(q.answer for q in verdict.questions if q.name == "friction") == "no"
+    assert made.answers(verdict)["friction"] == "no"
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,7 @@ def test_a_law_with_the_terms_of_a_sum_and_an_identified_parameter_is_taken(
 def test_the_truth_is_never_recommended(tmp_path):
     found = verdict(tmp_path, [model("ours", 0.2), model("truth", 0.1, size=0, role="truth")])
     assert found.recommended == "ours" and len(found.candidates) == 1
-    (answer,) = [q.answer for q in found.questions if q.name == "truth"]
-    assert answer == "no"
+    assert made.answers(found)["truth"] == "no"
 
 
 def test_published_numbers_that_were_fitted_to_these_recordings_are_never_recommended(tmp_path):
@@ -119,8 +118,7 @@ def test_without_predictions_there_is_no_verdict_but_a_reason(tmp_path):
 def test_motion_that_hardly_shows_friction_does_not_show_that_there_is_none(tmp_path):
     found = verdict(tmp_path, [model("none", 0.2, role="none"), model("plain", 0.203, size=9)])
     assert found.recommended == "plain"
-    (answer,) = [q.answer for q in found.questions if q.name == "friction"]
-    assert answer == "no"
+    assert made.answers(found)["friction"] == "no"
 
 
 def test_the_document_says_every_question_with_its_answer(typical):

@@ -32,8 +32,9 @@ CLIPPED = PositionControl(
 )
 
 
-def robot(path, meters=1.0, mass=1.0, rate=500):
+def robot(folder, meters=1.0, mass=1.0, rate=500, name="arm"):
     """A stage with a revolute, a prismatic and a fixed joint, with attributes of its own."""
+    path = folder / f"{name}.usda"
     stage = Usd.Stage.CreateNew(str(path))
     if meters:
         UsdGeom.SetStageMetersPerUnit(stage, meters)
@@ -82,7 +83,7 @@ def schemas(stage, joint):
 @pytest.mark.parametrize(("meters", "mass"), [(1.0, 1.0), (0.01, 1.0), (0.1, 0.001)])
 def test_newton_and_physx_read_the_friction_in_si(tmp_path, meters, mass):
     """The torque at a speed, as their docs say: degrees to radians, stage units to SI."""
-    path = robot(tmp_path / "arm.usda", meters, mass)
+    path = robot(tmp_path, meters, mass)
     own, made = written(path, Stribeck(), STICKING)
     stage, friction = composed(made, path), nearest(own)
     newtons = mass * meters  # of a stage's unit of force
@@ -101,7 +102,7 @@ def test_newton_and_physx_read_the_friction_in_si(tmp_path, meters, mass):
 
 
 def test_what_a_user_made_survives_and_the_file_stays(tmp_path):
-    path = robot(tmp_path / "arm.usda")
+    path = robot(tmp_path)
     before = path.read_bytes()
     _, made = written(path)
     stage = composed(made, path)
@@ -121,7 +122,7 @@ def test_what_a_user_made_survives_and_the_file_stays(tmp_path):
 
 def test_friction_is_as_hard_as_the_step_allows_where_the_user_says_nothing(tmp_path):
     """For the MuJoCo solver of Newton, whose friction takes 20 ms to turn round by default."""
-    path = robot(tmp_path / "arm.usda")
+    path = robot(tmp_path)
     own = Usd.Stage.Open(str(path))
     kind = Sdf.ValueTypeNames.DoubleArray
     rail = own.GetPrimAtPath("/arm/rail").CreateAttribute("mjc:solreffriction", kind)
@@ -133,7 +134,7 @@ def test_friction_is_as_hard_as_the_step_allows_where_the_user_says_nothing(tmp_
 
 
 def test_a_rotor_is_armature_in_the_stage_s_units(tmp_path):
-    path = robot(tmp_path / "arm.usda", meters=0.01)
+    path = robot(tmp_path, meters=0.01)
     model = Friction(CoulombViscous(), LEVELS[:1], {"rotor": 0.002})
     settings = ExportSettings(into=path, folder=tmp_path)
     stage = composed(writer_of("usd")(exported(model, ("hip",), (5.0,)), settings), path)
@@ -143,7 +144,7 @@ def test_a_rotor_is_armature_in_the_stage_s_units(tmp_path):
 
 @pytest.mark.parametrize("meters", [1.0, 0.01])
 def test_position_control_is_a_drive_with_the_torque_of_the_model(tmp_path, meters):
-    path = robot(tmp_path / "arm.usda", meters)
+    path = robot(tmp_path, meters)
     own, made = written(path, drive=PLAIN)
     stage = composed(made, path)
     for j, (joint, axis) in enumerate(zip(("hip", "rail"), AXES, strict=True)):
@@ -164,7 +165,7 @@ def test_position_control_is_a_drive_with_the_torque_of_the_model(tmp_path, mete
 
 @pytest.mark.parametrize(("rate", "steps"), [(500, 6), (None, 12)])
 def test_a_delay_is_in_an_actuator_in_place_of_the_drive(tmp_path, rate, steps):
-    path = robot(tmp_path / "arm.usda", meters=0.1, rate=rate)
+    path = robot(tmp_path, meters=0.1, rate=rate)
     _, made = written(path, drive=LATE)
     stage = composed(made, path)
     for j, joint in enumerate(("hip", "rail")):
@@ -183,7 +184,7 @@ def test_a_delay_is_in_an_actuator_in_place_of_the_drive(tmp_path, rate, steps):
 
 
 def test_an_envelope_is_that_of_a_dc_motor(tmp_path):
-    path = robot(tmp_path / "arm.usda", meters=0.1)
+    path = robot(tmp_path, meters=0.1)
     stage = composed(written(path, drive=CLIPPED)[1], path)
     w = np.linspace(-30.0, 30.0, 61)
     for j, joint in enumerate(("hip", "rail")):
@@ -197,7 +198,7 @@ def test_an_envelope_is_that_of_a_dc_motor(tmp_path):
 
 
 def test_what_no_drive_holds_is_said(tmp_path):
-    path = robot(tmp_path / "arm.usda")
+    path = robot(tmp_path)
     late = Calibration(None, ONE, np.array(0.004), NONE, NONE)
     assert any("delay of 4 ms" in line for line in written(path, calibration=late)[1].lost)
     biased = PLAIN._replace(bias=0.01 * ONE)
@@ -205,7 +206,7 @@ def test_what_no_drive_holds_is_said(tmp_path):
 
 
 def test_a_layer_of_ours_can_be_written_into_again(tmp_path):
-    path = robot(tmp_path / "arm.usda")
+    path = robot(tmp_path)
     composed(written(path, drive=LATE)[1], path)
     again = path.with_name("out.usda")
     made = written(again, theta=2 * LEVELS, drive=CLIPPED)[1]
@@ -222,7 +223,7 @@ def test_a_layer_of_ours_can_be_written_into_again(tmp_path):
 
 
 def test_a_file_in_another_folder_names_the_stage(tmp_path):
-    path, out = robot(tmp_path / "arm.usda"), tmp_path / "made" / "arm.usda"
+    path, out = robot(tmp_path), tmp_path / "made" / "arm.usda"
     out.parent.mkdir()
     model = Friction(CoulombViscous(), LEVELS, position_units=("rad", "m"))
     settings = ExportSettings(into=path, joints=("hip", "rail"))
@@ -232,7 +233,7 @@ def test_a_file_in_another_folder_names_the_stage(tmp_path):
 
 
 def test_stages_that_cannot_be_given_friction_are_refused(tmp_path):
-    path = robot(tmp_path / "arm.usda")
+    path = robot(tmp_path)
     with assert_refused(r"no joint 'knee', it has hip, rail, weld"):
         written(path, joints=("hip", "knee"))
     with assert_refused(r"'weld' is a PhysicsFixedJoint, .* in m: .*Prismatic"):
@@ -240,8 +241,8 @@ def test_stages_that_cannot_be_given_friction_are_refused(tmp_path):
     with assert_refused(r"'rail' is a PhysicsPrismaticJoint, .* in rad"):
         written(path, joints=("rail", "hip"))
     with assert_refused("metersPerUnit"):
-        written(robot(tmp_path / "unknown.usda", meters=None))
-    stage = Usd.Stage.Open(str(robot(tmp_path / "two.usda")))
+        written(robot(tmp_path, meters=None, name="unknown"))
+    stage = Usd.Stage.Open(str(robot(tmp_path, name="two")))
     UsdPhysics.RevoluteJoint.Define(stage, "/other/hip")
     stage.Save()
     with assert_refused("2 joints 'hip'"):
