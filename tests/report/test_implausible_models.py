@@ -59,11 +59,7 @@ def test_friction_that_drives_the_motion_is_named_everywhere(tmp_path):
     (data,) = json.loads(verdict_json([verdict]))["datasets"]
     wrong = {c["name"]: c["implausible"] for c in data["candidates"]}
     assert wrong["good"] == [] and "drives the motion" in wrong["odd"][0]
-
-
-def test_other_tables_mark_the_name(tmp_path):
-    own = made.section(tmp_path, [task("odd", 0.2, turned=True), task("good", 0.4)])
-    table = marked(parameter_table(own, parameter_numbers(own)), verdict_of(own))
+    table = marked(parameter_table(own, parameter_numbers(own)), verdict)
     assert {line.cells[0].text for line in table.lines} == {"odd †", "good"}
     assert "† Not plausible" in table.caption and r"$\dagger$" in latex(table)
 

@@ -53,17 +53,15 @@ def test_what_the_folds_cannot_tell_is_said(tmp_path):
     assert (apart["hybrids"], apart["physics"]) == ("undecided", "yes")
 
 
-def test_each_model_has_its_family(tmp_path):
-    assert {model.label: family(model) for model in compared(tmp_path, 0.01).models} == {
+def test_each_model_has_its_family_and_each_column_of_the_table_its_best(tmp_path):
+    section = compared(tmp_path, 0.01)
+    assert {model.label: family(model) for model in section.models} == {
         "textbook": "physics",
         "learned": "hybrid",
         "blind": "black box",
         "nothing": "physics",
     }
-
-
-def test_the_table_has_every_model_and_the_best_of_each_column(tmp_path):
-    table = family_table(compared(tmp_path, 0.01))
+    table = family_table(section)
     names = [line.cells[1].text for line in table.lines]
     assert names == ["nothing", "textbook", "learned", "blind"]
     best = [line.cells[1].text for line in table.lines if line.cells[2].best]

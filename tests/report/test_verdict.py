@@ -150,12 +150,6 @@ def test_scripts_require_a_verdict(tmp_path, monkeypatch, requirement, status, w
     assert code == status and words in err and err.count("\n") == bool(words)
 
 
-def test_the_verdict_of_a_loaded_comparison_is_that_of_its_folder(typical):
-    loaded = load_comparison(typical)
-    assert loaded.verdict.sentence == verdict_of(made.section(typical)).sentence
-    assert [v.dataset for v in loaded.verdicts] == ["made"]
-
-
 # --- In the terminal, and as JSON -----------------------------------------------------------------
 
 
@@ -168,8 +162,11 @@ def test_the_last_words_are_the_verdict_and_the_path(typical, capsys):
     assert lines[-5].startswith("- Use stribeck (integral), 0.050 rad off after 0.5 s")
 
 
-def test_the_verdict_is_that_of_the_page_and_of_the_summary(typical):
-    said = words_of(made.section(typical))
+def test_the_verdict_is_that_of_the_page_of_the_summary_and_of_the_loaded_folder(typical):
+    section, loaded = made.section(typical), load_comparison(typical)
+    assert loaded.verdict.sentence == verdict_of(section).sentence
+    assert [v.dataset for v in loaded.verdicts] == ["made"]
+    said = words_of(section)
     assert said
     for line in said.splitlines():
         assert line in (typical / "summary.md").read_text()
