@@ -12,6 +12,7 @@ from fixtures.tiny_pendulums import (
     disturbed,
     recordings,
     shortened,
+    still,
     tasks_in,
     write_suite,
 )
@@ -140,6 +141,13 @@ def test_the_true_law_is_far_ahead_of_none():
     assert best.curves.shape == (4, 401, 1)
     with assert_refused("no score 'rollout', 'median' at 0.3 s for joint all"):
         best.value("rollout", "median", 0.3)
+
+
+def test_a_fold_without_torque_has_no_share_of_it():
+    data = dataset(recordings=(*still()[:1], *recordings()[1:4]))
+    scores = run(benchmark(data, Split(count=4)), FIT, INTEGRAL).scores
+    shares = scores[(scores.score == "torque_left") & (scores.statistic == "share")]
+    assert sorted(shares[shares.joint == "all"].fold) == ["0", "2", "3", "all"]
 
 
 def test_a_test_set_is_scored_with_the_friction_of_all_data():
