@@ -226,12 +226,6 @@ def test_damaged_cells_are_refused_or_harmless(data):
     assert not (loaded and {"", "nan", "inf", "abc"} & set(used))
 
 
-@given(st.permutations(range(9)))
-def test_shuffled_rows_are_refused(order):
-    columns = {name: column[list(order)] for name, column in motion().items()}
-    assert try_to_load(a_csv=columns) == (list(order) == sorted(order))
-
-
 @given(st.sets(st.sampled_from(COLUMNS)))
 def test_a_table_is_refused_without_a_column_that_is_read(deleted):
     columns = {name: column for name, column in motion().items() if name not in deleted}
