@@ -2,7 +2,7 @@
 
 import importlib
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -163,6 +163,19 @@ def test_an_arm_is_fitted_to_its_torques(tmp_path):
     acrobot = fid.load_dataset("acrobot_clean")
     assert usual_method(acrobot, identifier_of("mlp")) == "shooting"
     assert usual_method(acrobot, identifier_of("lstm")) == "one_step"
+
+
+def test_a_late_torque_is_no_friction(data):
+    """The friction that the recordings were made with, 6 ms late: docs/quickstart.md."""
+    late = tuple(
+        replace(r, torque=r.torque._replace(time=r.torque.time + 0.006)) for r in data.recordings
+    )
+    late_data = replace(data, recordings=late)
+    by_default, fast = (fid.fit(late_data, "stribeck", method=m) for m in (None, "one_step"))
+    rows = by_default.frame.set_index("parameter")
+    for name, true in (("coulomb", 0.08), ("peak", 0.03), ("viscous", 0.010)):
+        assert rows.low_95[name] < true < rows.high_95[name]
+    assert abs(fast.frame.set_index("parameter").value["viscous"] - 0.010) > 0.001
 
 
 def test_intervals_of_one_step_fits_are_kept_in_files_and_in_comparisons(one_step, data, tmp_path):

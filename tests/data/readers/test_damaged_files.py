@@ -219,3 +219,21 @@ def test_junk_without_a_header_ends_in_one_line(content):
     with suppress(InputError):
         table = read_table(content, "a.csv", ["1"], header=False)
         assert len(table.rows) == len(table.columns["1"])
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4)
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
+def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
+    """It is read, or refused: nothing else happens."""
+    path = tmp_path / "a.json"
+    path.write_bytes(bam_bytes(samples=8, passive=2, **{key: value}))
+    with suppress(InputError):
+        assert np.isfinite(read_bam(path, MOTOR).angle.value).all()
