@@ -110,12 +110,16 @@ def test_a_servo_for_ros_has_its_gains_beside_the_urdf(servo, tmp_path):
 
 
 @pytest.mark.real
-def test_real_motion_with_a_delay_is_within_a_milliradian_of_ours(real_data, tmp_path):
+@pytest.mark.parametrize("law", ["coulomb_viscous", "lugre"])
+def test_real_motion_with_a_delay_is_within_a_milliradian_of_ours(law, real_data, tmp_path):
     data = load_dataset(DATA / "dfki_c1", real_data / "dfki_double_pendulum")
     data = replace(data, recordings=data.recordings[:2])
     base = 1.03 * data.mechanism.base(data.mechanism.nominal())
     calibration = calibrated(2, base=base, delay=0.0034, bias=[0.02, -0.01])
-    friction = fid.Friction(fid.LuGre(), LUGRE, calibration=calibration)
+    friction = fid.Friction(fid.CoulombViscous(), np.array([[0.2614, 0.01], [0.1475, 0.003119]]))
+    if law == "lugre":
+        friction = fid.Friction(fid.LuGre(), LUGRE)
+    friction = replace(friction, calibration=calibration)
     done = fid.export(friction, "mujoco", tmp_path / "c1.xml", data=data)
     assert done.round_trip.predictions >= 40
     assert done.round_trip.mean_apart < 1e-3
