@@ -12,13 +12,7 @@ from frictionid.friction.provenance import Estimate, Estimates
 # one row per joint; the joints differ, so that mixed-up joints show
 STATIC = {
     "none": (NoFriction(), np.zeros((2, 0))),
-    "coulomb_viscous": (CoulombViscous(), np.array([[0.1, 0.02], [0.05, 0.01]])),
-    "arctan": (CoulombViscous(0.01, "arctan"), np.array([[0.1, 0.02], [0.05, 0.01]])),
     "stribeck": (Stribeck(), np.array([[0.1, 0.03, 1.5, 0.02], [0.05, 0.04, 0.7, 0.01]])),
-    "asymmetric": (
-        Stribeck(symmetric=False),
-        np.array([[0.1, 0.08, 0.03, 0.05, 1.5, 0.02], [0.05, 0.06, 0.0, 0.04, 0.7, 0.01]]),
-    ),
 }
 FILM = Friction(FilmLag(), np.array([[0.1, 0.05, 1.5, 0.02, 0.03], [0.05, 0.03, 0.7, 0.01, 0.1]]))
 SAMPLED = Friction(Sampled(), np.array([[0.2], [0.1]]))
@@ -149,7 +143,7 @@ def test_memory_along_keeps_recordings_side_by_side():
 
 
 def test_joints_have_the_names_of_the_fit():
-    friction = Friction(*STATIC["coulomb_viscous"])
+    friction = Friction(*STATIC["stribeck"])
     found = Estimate("friction", "viscous of elbow", "N m s/rad", 1, 0.01)
     fitted = friction.noted({"refined": Estimates(parameters=(found,))})
     named = fitted.noted({"joints": ("hip", "knee")})

@@ -34,7 +34,7 @@ def test_it_is_passive_with_the_energy_of_its_spring():
     assert (w * torque - stored >= -1e-12).all()
 
 
-@pytest.mark.parametrize("presliding", [0.003, 0.01, 0.03, 0.1])
+@pytest.mark.parametrize("presliding", [0.003, 0.1])
 @pytest.mark.parametrize("size", [1.0, 100.0])
 def test_truth_in_truth_out_whatever_its_size(presliding, size):
     theta = np.array([[0.1 * size, 0.02 * size, presliding], [0.05, 0.02, presliding / 2]])

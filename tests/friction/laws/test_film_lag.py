@@ -95,8 +95,8 @@ def test_a_joint_that_has_just_moved_fast_slips_under_a_load_that_holds_it_later
         assert motion.w[-1, 0] == 0.0
 
 
-@pytest.mark.parametrize("lag", [0.01, 0.03, 0.1, 0.3])
-@pytest.mark.parametrize("velocity", [0.6, 1.5, 4.0])
+@pytest.mark.parametrize("lag", [0.01, 0.3])
+@pytest.mark.parametrize("velocity", [0.6, 4.0])
 def test_truth_in_truth_out(lag, velocity):
     theta = THETA * [1, 1, 0, 1, 0] + [0, 0, velocity, 0, lag]
     assert_recovered(FilmLag(), theta)

@@ -7,7 +7,7 @@ from fixtures.memory_laws import Sampled
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
-from frictionid.friction import Friction, at_rest
+from frictionid.friction import Friction, Inputs, at_rest
 from frictionid.friction.law import smooth_sign
 from frictionid.friction.laws import (
     Cogging,
@@ -40,6 +40,7 @@ LAWS = [
     LoadDependent(shape="arctan"),
     *(LoadDependent(stribeck=True), CoulombViscous(symmetric=False), Quadratic(), LoadDependent()),
     *(Spline(), Spline((1.0, 3.0), 1), Spline(degree=3), Spline(symmetric=False)),
+    Spline(loaded=True),
     *(Ripple(), Ripple("stribeck", (1, 3), 7.0), Ripple(Stribeck(symmetric=False), (2,))),
     *(Sum(), Sum((MotorLoad(squared=True), "quadratic"), shape="arctan")),
 ]
@@ -63,7 +64,9 @@ def draws(law, rng, *batch):
 
 
 def speeds(n=2):
-    return at_rest(np.repeat(W[:, None], n, axis=1))
+    """Inputs at the velocities W, at places and under torques and loads that differ."""
+    q, u, load = np.random.default_rng(7).uniform(-1.0, 1.0, (3, len(W), n))
+    return Inputs(q, np.repeat(W[:, None], n, axis=1), u, 1.0 + load)
 
 
 @pytest.mark.parametrize("law", [*LAWS, *REMEMBERING, *OTHERS, Sampled()], ids=str)
@@ -166,17 +169,28 @@ def test_the_smoothing_is_written_in_rad_per_second():
         assert torque[0] == pytest.approx(2.0 * value)
 
 
-def test_laws_are_nested_no_friction_in_coulomb_in_stribeck():
-    rng = np.random.default_rng(3)
-    x, (fc, fv, ws) = speeds(1), rng.uniform(0.1, 2.0, 3)
+# a law, which of its parameters or inputs are zero, and the law that is left of it
+SIMPLER = [
+    (CoulombViscous(), ("coulomb", "viscous"), NoFriction()),
+    (Stribeck(), ("peak",), CoulombViscous()),
+    (Quadratic(), ("drag",), CoulombViscous()),
+    *((MotorLoad(), (zero,), CoulombViscous()) for zero in ("loss", "u")),
+    (MotorLoad(squared=True), ("rise",), MotorLoad()),
+    *((LoadDependent(), (zero,), CoulombViscous()) for zero in ("load_coefficient", "load")),
+    (LoadDependent(stribeck=True), ("load",), Stribeck()),
+    (LoadDependent(stribeck=True), ("peak",), LoadDependent()),
+    (Ripple(Stribeck(symmetric=False), (2,)), ("cos_2", "sin_2"), Stribeck(symmetric=False)),
+    (Ripple(), ("cos_1", "sin_1"), CoulombViscous()),
+]
 
-    def torque(law, *theta):
-        return law.torque(np.array([theta]), x, ())
 
-    coulomb = torque(CoulombViscous(), fc, fv)
-    none, flat = torque(CoulombViscous(), 0.0, 0.0), torque(Stribeck(), fc, 0.0, ws, fv)
-    assert_allclose(none, torque(NoFriction()), atol=0.0)
-    assert_allclose(flat, coulomb, rtol=1e-15)
+@pytest.mark.parametrize(("law", "zeros", "simpler"), SIMPLER, ids=str)
+def test_laws_hold_the_simpler_ones(law, zeros, simpler):
+    x, theta = speeds(), draws(law, np.random.default_rng(3))
+    theta[:, [name in zeros for name in law.names]] = 0.0
+    x = x._replace(**{name: 0.0 * x.w for name in zeros if name in x._fields})
+    numbers = theta[:, [law.names.index(name) for name in simpler.names]]
+    assert_allclose(law.torque(theta, x, ()), simpler.torque(numbers, x, ()), rtol=1e-14)
 
 
 def after(law, theta, x):

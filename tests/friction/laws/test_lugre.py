@@ -90,7 +90,7 @@ def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping)
     friction = Friction(LuGre(), np.array([[0.04, 0.02, 1.5, 0.002, 0.02, damping, 0.5]]))
     state = State(np.array([[1.0], [-2.5]]), np.array([[0.0], [3.0]]), (np.zeros((2, 1)),))
     energies, h = [], np.full((2, 1), 1 / 60)
-    count = 2 * substeps(PLANT, friction, 1 / 60)
+    count = substeps(PLANT, friction, 1 / 60)
     for _ in range(180):
         bristles = 0.06 / 0.02 * state.memory[0][..., 0] ** 2 / 2
         energies.append(PLANT.terms(state.q, state.w).energy + bristles)
@@ -102,10 +102,10 @@ def test_without_input_machine_and_bristles_lose_energy_until_they_rest(damping)
 def test_under_a_load_below_its_level_a_joint_gives_but_does_not_creep():
     friction = Friction(LuGre(), THETA)
     start = State(np.zeros(1), np.zeros(1), (np.zeros(1),))
-    u = np.full((60, 1), 0.06)  # of 0.16
-    motion = rollout(PLANT, friction, start, u, np.full(60, 1 / 60))
+    u = np.full((30, 1), 0.06)  # of 0.16
+    motion = rollout(PLANT, friction, start, u, np.full(30, 1 / 60))
     assert 0.06 / (STIFFNESS + 0.2) < motion.q[-1, 0] < THETA[0, 4]
-    assert abs(motion.q[-1, 0] - motion.q[30, 0]) < 1e-6
+    assert abs(motion.q[-1, 0] - motion.q[15, 0]) < 1e-6
 
 
 def test_with_little_presliding_it_is_coulomb_friction_along_a_motion():
@@ -126,7 +126,7 @@ def test_friction_of_size_zero_is_none():
     assert_array_equal(along(Friction(LuGre(), theta), nodes), 0.0 * nodes.inputs.w)
 
 
-@pytest.mark.parametrize("presliding", [0.003, 0.03, 0.1])
+@pytest.mark.parametrize("presliding", [0.003, 0.1])
 @pytest.mark.parametrize("velocity", [1.5, 4.0])
 def test_truth_in_truth_out(presliding, velocity):
     theta = THETA * [1, 1, 0, 1, 0, 1, 1] + [0, 0, velocity, 0, presliding, 0, 0]

@@ -35,13 +35,6 @@ def drawn(seed=0):
 
 
 @EVERY
-def test_without_amplitudes_it_is_the_law_below(base):
-    law, x = Ripple(base, (1, 2)), drawn()
-    plain = base.torque(np.array(THETA[base]), x, ())
-    assert_allclose(law.torque(rippled(base, 0 * np.array(WAVES)), x, ()), plain)
-
-
-@EVERY
 def test_the_level_varies_and_viscous_friction_does_not(base):
     law, x, theta = Ripple(base, (1, 2), 1.0), drawn(), rippled(base)
     height = 1 + sum(

@@ -19,6 +19,10 @@ TRUTH = {"coulomb": 0.06, "viscous": 0.03, "coulomb_slope": SLOPE, "viscous_deca
 THETA = np.array([[0.1, 0.05, 0.3, 0.02, SLOPE, DECAY]])
 
 
+RIG = fid.mechanisms.pendulum(mass=0.5, length=0.15)
+COLUMNS = {"time": "t", "angle": "q", "torque": "u"}
+
+
 @cache
 def frames(seed, seconds=30.0):
     servo = ServoPendulum(
@@ -30,10 +34,8 @@ def frames(seed, seconds=30.0):
 
 
 def dataset(tables, covariates=("temperature",)):
-    rig = fid.mechanisms.pendulum(mass=0.5, length=0.15)
-    columns = {"time": "t", "angle": "q", "torque": "u"}
     named = dict.fromkeys(covariates, "T")
-    return fid.Dataset.from_frames(tables, rig, **columns, covariates=named)
+    return fid.Dataset.from_frames(tables, RIG, **COLUMNS, covariates=named)
 
 
 def median_error(fit, data):
@@ -88,9 +90,8 @@ def test_a_servo_without_a_torque_log_is_followed_too():
     servo = ServoPendulum(0.5, 0.15, 0.06, 0.03, warming=35.0, slope=SLOPE, decay=DECAY)
     log = {"run": pd.DataFrame(servo.log(4.0, 0.05, seed=5, seconds=6.0))}
     given = {"target": "target", "output": "torque", "P": 4.0, "D": 0.05, "delay": 0.01}
-    rig = fid.mechanisms.pendulum(mass=0.5, length=0.15)
     columns = {"time": "t", "angle": "q", "covariates": {"temperature": "T"}}
-    data = fid.Dataset.from_frames(log, rig, **columns, actuator=given)
+    data = fid.Dataset.from_frames(log, RIG, **columns, actuator=given)
     truth = Friction(Thermal(), np.array([list(TRUTH.values())]))
     tables = [
         fid.predict(friction, data, whole=True)
@@ -103,13 +104,10 @@ def test_a_servo_without_a_torque_log_is_followed_too():
 
 def test_a_temperature_of_a_joint_goes_before_that_of_the_machine():
     tables = {name: table.assign(cold=0.0 * table["T"]) for name, table in frames(1).items()}
-    rig = fid.mechanisms.pendulum(mass=0.5, length=0.15)
-    columns = {"time": "t", "angle": "q", "torque": "u"}
     whole = dataset(tables)
-    joint = rig.joints[0]
-    for name in (f"temperature_{joint}", "temperature_1"):
+    for name in (f"temperature_{RIG.joints[0]}", "temperature_1"):
         both = {"temperature": "cold", name: "T"}
-        data = fid.Dataset.from_frames(tables, rig, **columns, covariates=both)
+        data = fid.Dataset.from_frames(tables, RIG, **COLUMNS, covariates=both)
         theta = [fid.fit(d, "thermal", method="one_step").friction.theta for d in (data, whole)]
         assert_array_equal(*theta)
 
