@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import changed
 from fixtures.one_joint_sets import one_recording
 from fixtures.paths import DATA
 from fixtures.true_curves import plain_friction
@@ -96,11 +97,8 @@ def _of_recordings(verdict) -> list[str]:
     ("factor", "kind"), [(1e3, "mN m"), (100.0, "N cm"), (0.01, "not N cm"), (1e-3, "not mN m")]
 )
 def test_torques_in_another_unit_are_told(acrobot, factor, kind):
-    runs = tuple(
-        replace(r, torque=r.torque._replace(value=factor * r.torque.value))
-        for r in acrobot.recordings[::5]
-    )
-    verdict = check(replace(acrobot, recordings=runs))
+    some = replace(acrobot, recordings=acrobot.recordings[::5])
+    verdict = check(changed(some, "torque", lambda u: factor * u))
     assert verdict.level == "unusable"
     assert verdict.findings[0].kind == kind
     assert f"{max(factor, 1 / factor):g} times too" in verdict.findings[0].text
@@ -119,12 +117,9 @@ def pendulum() -> Dataset:
 @pytest.mark.parametrize("turns", [-50.0, 57.0], ids=str)
 def test_angles_of_geared_motors_are_told_from_those_of_joints(pendulum, turns):
     """A gear of 57 looks like degrees, which is said beside it."""
-    recordings = tuple(
-        Recording(r.name, r.angle._replace(value=turns * r.angle.value), r.torque)
-        for r in pendulum.recordings
-    )
+    turned = changed(pendulum, "angle", lambda q: turns * q)
     gears = Gears(np.array([[turns]]), np.zeros(1), angles=False, torques=True)
-    (said,) = check(replace(pendulum, recordings=recordings, truth=None, gears=gears)).findings
+    (said,) = check(replace(turned, gears=gears)).findings
     assert "motor.angle" in said.text and ("in degrees" in said.text) == (turns == 57.0)
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import changed
 from fixtures.one_joint_sets import Setup, sets
-from fixtures.planted_faults import changed
 
 from frictionid.check import check
 from frictionid.check.log_faults import (

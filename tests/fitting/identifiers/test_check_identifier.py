@@ -29,15 +29,13 @@ from frictionid.fitting.identifiers.check_identifier import (
 from frictionid.fitting.networks.compressed import CompressedNetwork
 from frictionid.fitting.networks.network import Network
 from frictionid.friction import along
-from frictionid.friction.laws import LSTM, MLP, CoulombViscous, Library, NoFriction, Stribeck, Table
+from frictionid.friction.laws import LSTM, MLP, CoulombViscous, Library, NoFriction
 from frictionid.friction.model_files import load_model, save_model
 
 PEAKS = Library(velocities=(0.5, 1.5, 5.0))
 FREE = LSTM(3, hidden=(4,), dissipative=False, monotone_tail=False, free=True)
 OURS = [
-    *(LeastSquares(law) for law in (NoFriction(), Sampled(), Stribeck(symmetric=False))),
-    LeastSquares(Stribeck(), robust=2.0),
-    LeastSquares(Table((0.5, 1.5, 3.0))),
+    *(LeastSquares(law) for law in (NoFriction(), Sampled())),
     *(SINDy(PEAKS, search_sets=False), SINDy(PEAKS, optimizer="sr3"), SINDy(PEAKS, ensemble=3)),
     Regressor(KNeighborsRegressor(5), ("w", "q", "u")),
     CompressedNetwork(MLP((6,)), nodes=15, prior_deviations=(1.0,), iterations=10),

@@ -17,7 +17,6 @@ from frictionid.friction import along
 from frictionid.friction.laws import MLP
 
 TINY = Network(MLP((2,)), epochs=2, batch=64)
-NO_CUDA = pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 
 
 @pytest.mark.skipif(not compiler(), reason="no C++ compiler, which PyTorch needs, is found")
@@ -43,29 +42,27 @@ def test_what_cannot_be_compiled_is_refused_in_one_line(monkeypatch):
         compiled(torch.sin)(torch.ones(1))
 
 
-@pytest.fixture
-def refused(tmp_path, run):
-    """What the command line says of a suite whose second identifier has these settings."""
-
-    def said(settings):
-        network = {"kind": "mlp", "solver": "adam", **settings}
-        changes = [("identifiers", [{"kind": "none"}, network])]
-        file = tiny.write_suite(tmp_path, changes)
-        code, out, err = run(tmp_path, "compare", file, "--out", "out")
-        assert code == 2 and not (tmp_path / "out").exists()  # nothing has been computed
-        assert err.startswith("frictionid: ") and err.count("\n") == 1 and not out
-        return err
-
-    return said
-
-
-def test_a_suite_without_a_compiler_computes_nothing(refused, monkeypatch):
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (
+            {"compile": True},
+            "identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp",
+        ),
+        pytest.param(
+            {"device": "cuda"},
+            "PyTorch sees no CUDA device here: leave the device out",
+            marks=pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device"),
+        ),
+    ],
+    ids=["compiler", "device"],
+)
+def test_a_suite_without_what_it_asks_for_computes_nothing(
+    settings, words, tmp_path, run, monkeypatch
+):
     monkeypatch.setenv("CXX", "no-such-compiler")
-    said = refused({"compile": True})
-    assert re.search("identifier 'mlp'.*needs a C.. compiler.*'no-such-compiler'.*leave comp", said)
-
-
-@NO_CUDA
-def test_a_suite_without_a_device_computes_nothing(refused):
-    said = refused({"device": "cuda"})
-    assert "PyTorch sees no CUDA device here: leave the device out" in said
+    network = {"kind": "mlp", "solver": "adam", **settings}
+    file = tiny.write_suite(tmp_path, [("identifiers", [{"kind": "none"}, network])])
+    code, out, err = run(tmp_path, "compare", file, "--out", "out")
+    assert (code, out, err.count("\n")) == (2, "", 1) and not (tmp_path / "out").exists()
+    assert re.search(f"^frictionid: .*{words}", err)

@@ -103,7 +103,7 @@ def test_a_joint_that_hardly_slides_is_refused():
     problem = synthetic_problem(2)
     G = problem.G.copy()
     G[3:, :, 1] = 0.0
-    with assert_refused("joint 2 slides in 3 rows of fold 0"):
+    with assert_refused("joint 2 slides in 3 rows of fold 0, too few for the 5"):
         LeastSquares(Spline(KNOTS)).fit(replace(problem, G=G), everything(problem), 0)
 
 

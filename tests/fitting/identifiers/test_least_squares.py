@@ -98,21 +98,8 @@ def test_laws_without_a_gradient_are_scipys_least_squares():
 # Data that decide nothing, or wrongly.
 
 
-def resting(problem, joint):
-    """The problem with one joint that never moves."""
-    x = problem.nodes.inputs
-    w = np.where(np.arange(x.w.shape[1]) == joint, 0.0, x.w)
-    return replace(problem, nodes=problem.nodes._replace(inputs=x._replace(w=w)))
-
-
-def test_a_joint_that_never_moves_is_named():
-    problem = resting(synthetic_problem(2), joint=1)
-    with assert_refused("joint 2 slides in 0 rows of fold 0, too few for the 2"):
-        fit(CoulombViscous(), problem, everything(problem))
-
-
 @pytest.mark.parametrize("n", [1, 2])
-def test_so_is_one_that_only_creeps_where_joints_at_rest_are_left_open(n):
+def test_a_joint_that_only_creeps_is_named_where_joints_at_rest_are_left_open(n):
     problem = synthetic_problem(n)
     x, last = problem.nodes.inputs, np.arange(n) == n - 1
     slow = problem.nodes._replace(inputs=x._replace(w=np.where(last, 1e-3 * x.w, x.w)))

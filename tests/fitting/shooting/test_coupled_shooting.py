@@ -28,21 +28,21 @@ DT, NOISE = 0.01, 1e-4
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """Three recordings of a second at 100 Hz, in which all three come to rest at times."""
+    """Two recordings of a second at 100 Hz, in which all three parts come to rest at times."""
     rng, t = np.random.default_rng(0), DT * np.arange(101)
     recordings = []
-    for k in range(3):
+    for k in range(2):
         u = np.stack(
             [2.5 * np.sin((1.9 + 0.5 * k) * t + k), 0.9 * np.sin((3.1 - 0.4 * k) * t)], axis=-1
         )
-        q, _ = motion(TRUE, [0.3 * k, -0.5], [0.0, 0.0], u[:-1], DT, step=2e-5)
+        q, _ = motion(TRUE, [0.3 * k, -0.5], [0.0, 0.0], u[:-1], DT, step=4e-5)
         angle = Signal(t, q + rng.normal(scale=NOISE, size=q.shape))
         recordings.append(Recording(f"{k}", angle, Signal(t, u)))
     return Dataset("wrist", wrist(tmp_path_factory.mktemp("wrist")), tuple(recordings))
 
 
 def test_truth_comes_out(dataset):
-    found = refine(BEGIN, dataset, (FrictionBlock(),), Settings(windows=(0.1, 0.3)))
+    found = refine(BEGIN, dataset, (FrictionBlock(),), Settings(windows=(0.3,)))
     assert_allclose(np.asarray(found.friction.theta), TRUE, rtol=0.003)
     off = (found.covariance.values - TRUE.ravel()) / found.covariance.error
     assert (np.abs(off) < 3.5).all()

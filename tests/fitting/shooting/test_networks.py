@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 import torch
+from fixtures.changed_data import changed
 from fixtures.learned_laws import Recurrent, Static
 from fixtures.memory_laws import Sampled
 from fixtures.true_curves import curve_errors
@@ -145,19 +146,11 @@ def test_bands_tell_how_sure_the_curve_is_and_no_weight_is_reported():
 
 
 def test_a_delay_beside_a_network_is_found_and_reported():
-    law = Static()
-    dataset = swings()
-    late = tuple(
-        replace(r, torque=r.torque._replace(time=r.torque.time - 0.01)) for r in dataset.recordings
-    )
-    found = refine(
-        Friction(law, law.drawn(1)),
-        replace(dataset, recordings=late),
-        (FrictionBlock(), DelayBlock()),
-        SHORT,
-    )
+    first = Friction(Static(), Static().drawn(1))
+    late = changed(swings(), "torque", np.array, -0.01)
+    found = refine(first, late, (FrictionBlock(), DelayBlock()), SHORT)
     assert abs(float(found.calibration.delay) - 0.01) < min(4 * found.covariance.error[-1], 3e-3)
-    (e,) = found.estimates(dataset, np.ones((3, 1))).parameters
+    (e,) = found.estimates(late, np.ones((3, 1))).parameters
     assert e.name == "torque delay"
 
 
@@ -204,7 +197,8 @@ def test_each_fold_of_a_network_is_that_of_its_own_recordings():
     intervals = intervals_of(dataset)
     training = np.stack([intervals.recording != 1, intervals.recording >= 0]) * 1.0
     theta = np.stack([law.drawn(1, 3), law.drawn(1, 4)])
-    alone = Shooting(blocks=(FrictionBlock(),), settings=SHORT)
+    few = Settings(windows=(0.33,), iterations=3)
+    alone = Shooting(blocks=(FrictionBlock(),), settings=few)
     whole = refine_folds(Friction(law, theta), intervals, alone, training)
     together = whole.folds
     assert together.theta.shape == theta.shape

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures.changed_data import changed, one_changed
 from fixtures.driven_pendulum import LEVEL, VISCOUS, driven_pendulum
 from fixtures.refusals import assert_refused
 from fixtures.slopes import assert_slopes
@@ -101,12 +102,9 @@ def test_a_tighter_tolerance_goes_on_and_moves_nothing_by_more_than_the_looser_o
 
 def test_a_stretch_that_nothing_explains_is_named_and_moves_nothing(healthy):
     whole = refine(BEGIN, healthy, (FrictionBlock(), InertiaBlock()), SHORT)
-    hit = healthy.recordings[2]
-    value = hit.angle.value.copy()
-    value[60:70] += 0.3 * np.random.default_rng(0).normal(size=(10, 1))
-    recordings = list(healthy.recordings)
-    recordings[2] = replace(hit, angle=hit.angle._replace(value=value))
-    data = replace(healthy, recordings=tuple(recordings))
+    value = healthy.recordings[2].angle.value[60:70, 0]
+    value = value + 0.3 * np.random.default_rng(0).normal(size=10)
+    data = one_changed(healthy, "angle", 2, 0, slice(60, 70), value)
     found = refine(BEGIN, data, (FrictionBlock(), InertiaBlock()), SHORT)
     off = np.abs(found.covariance.values - whole.covariance.values)
     assert (off < 2 * whole.covariance.error).all()
@@ -114,24 +112,8 @@ def test_a_stretch_that_nothing_explains_is_named_and_moves_nothing(healthy):
     assert places and all(p.recording == "2" and p.begin < 70 / 60 < p.end + 0.2 for p in places)
 
 
-def angles(data, change):
-    return replace(
-        data,
-        recordings=tuple(
-            replace(r, angle=r.angle._replace(value=change(r.angle.value))) for r in data.recordings
-        ),
-    )
-
-
-def torques(data, change):
-    return replace(
-        data, recordings=tuple(replace(r, torque=change(r.torque)) for r in data.recordings)
-    )
-
-
-def half_a_second_late(torque):
-    at = np.maximum(np.arange(len(torque.time)) - 30, 0)
-    return torque._replace(value=torque.value[at])
+def half_a_second_late(u):
+    return u[np.maximum(np.arange(len(u)) - 30, 0)]
 
 
 def short(data, count):
@@ -145,7 +127,7 @@ def short(data, count):
 
 def test_what_no_data_can_tell_apart_is_refused_with_a_way_out(healthy):
     both = (FrictionBlock(), InertiaBlock())
-    passive = torques(healthy, lambda u: u._replace(value=0.0 * u.value))
+    passive = changed(healthy, "torque", lambda u: 0.0 * u)
     cases = (
         (passive, both, "only the ratios of inertia, gravity"),
         (healthy, (*both, GainBlock()), "a larger gain with larger inertias"),
@@ -163,10 +145,13 @@ NOISE = np.random.default_rng(1).normal(size=(150, 1))
     ("fault", "words"),
     [
         (lambda data: short(data, 10), "10 samples make 1 windows of 0.33 s, too few for 2 free"),
-        (lambda data: angles(data, lambda q: 0.0 * q + 0.0016 * NOISE), "never moves by more than"),
-        (lambda data: angles(data, lambda q: 0.0 * q), "never moves by more than"),
         (
-            lambda data: angles(data, lambda q: q % (2 * np.pi) - np.pi),
+            lambda data: changed(data, "angle", lambda q: 0.0 * q + 0.0016 * NOISE),
+            "never moves by more than",
+        ),
+        (lambda data: changed(data, "angle", lambda q: 0.0 * q), "never moves by more than"),
+        (
+            lambda data: changed(data, "angle", lambda q: q % (2 * np.pi) - np.pi),
             "jumps by .* wrapped at half a turn; unwrap it",
         ),
     ],
@@ -180,9 +165,9 @@ def test_data_that_cannot_tell_friction_are_refused(fault, words, healthy):
 @pytest.mark.parametrize(
     "fault",
     [
-        lambda data: torques(data, half_a_second_late),
-        lambda data: torques(data, lambda u: u._replace(value=-u.value)),
-        lambda data: angles(data, lambda q: -q),
+        lambda data: changed(data, "torque", half_a_second_late),
+        lambda data: changed(data, "torque", np.negative),
+        lambda data: changed(data, "angle", np.negative),
     ],
     ids=["half a second late", "a flipped torque", "a flipped angle"],
 )

@@ -101,7 +101,7 @@ def test_a_fit_to_little_motion_is_consistent(arm):
 
 
 def test_a_fit_that_is_consistent_anyway_stays(arm):
-    data = wrist.dataset(arm, wrist.frame(arm, seconds=4.0))
+    data = wrist.dataset(arm, wrist.frame(arm, seconds=3.0))
     free, held = (fitted(data, consistent=flag) for flag in (False, True))
     assert_allclose(held.calibration.base, free.calibration.base, atol=1e-6)
     assert_allclose(held.theta, free.theta, rtol=1e-4)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import changed
 from fixtures.refusals import assert_refused
 from fixtures.sines import sines, torque_without_friction
 
@@ -23,10 +24,7 @@ FRICTION = np.stack([wrist.COULOMB, wrist.VISCOUS], axis=-1)[:3]
 
 def logged(data, gains=GAINS):
     """The data set as logged by motors whose constants are taken to be smaller by these gains."""
-    recordings = tuple(
-        replace(r, torque=r.torque._replace(value=r.torque.value / gains)) for r in data.recordings
-    )
-    return replace(data, recordings=recordings)
+    return changed(data, "torque", lambda u: u / gains)
 
 
 def fitted(data, *blocks):

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from fixtures import driven_wrist as wrist
+from fixtures.changed_data import changed, one_changed
 from fixtures.refusals import assert_refused
 from fixtures.sines import sines
 
@@ -108,14 +109,10 @@ def test_truth_in_truth_out(clean):
 
 def test_noise_and_ripple_leave_the_friction(clean):
     """Encoder noise of 0.1 mrad, and torque ripple faster than the windows."""
-    recordings, draw = [], np.random.default_rng(4)
-    for recording in clean.recordings:
-        angle, torque = recording.angle, recording.torque
-        noisy = angle.value + 1e-4 * draw.normal(size=angle.value.shape)
-        rippled = torque.value + 0.3 * np.sin(2 * np.pi * 61.0 * torque.time)[:, None]
-        signals = angle._replace(value=noisy), torque._replace(value=rippled)
-        recordings.append(replace(recording, angle=signals[0], torque=signals[1]))
-    rough = replace(clean, recordings=tuple(recordings))
+    draw = np.random.default_rng(4)
+    ripple = 0.3 * np.sin(2 * np.pi * 61.0 * clean.recordings[0].torque.time)[:, None]
+    rough = changed(clean, "angle", lambda q: q + 1e-4 * draw.normal(size=q.shape))
+    rough = changed(rough, "torque", lambda u: u + ripple)
     friction = fit_model(rough, LeastSquares(Stribeck()), InverseDynamics())
     assert (curve_error(friction) < 0.03).all()
     nominal = fit_model(rough, LeastSquares(Stribeck()))  # which holds the inertias
@@ -173,13 +170,9 @@ def test_slopes_are_those_of_the_residual(clean):
 
 def test_torque_scales_friction_and_inertia(clean):
     """Twice the torque is twice the machine: only the scale of the torque is left to see."""
-    twice = tuple(
-        replace(r, torque=r.torque._replace(value=2.0 * r.torque.value)) for r in clean.recordings
-    )
     method = InverseDynamics(blocks=(FrictionBlock(), InertiaBlock()))
-    one, two = (
-        fit_model(data, COULOMB, method) for data in (clean, replace(clean, recordings=twice))
-    )
+    twice = changed(clean, "torque", lambda u: 2.0 * u)
+    one, two = (fit_model(data, COULOMB, method) for data in (clean, twice))
     assert two.theta == pytest.approx(2.0 * one.theta, rel=1e-3)
     assert two.calibration.base == pytest.approx(2.0 * one.calibration.base, rel=1e-3)
 
@@ -194,13 +187,12 @@ def test_a_held_inertia_leaves_the_one_step_fit(clean):
 
 
 def test_folds_do_not_see_what_they_hold_out():
-    data = simulate(rig(1e-5, recordings=4, samples=400), 3)
-    held = data.recordings[0]
-    moved = replace(held, angle=held.angle._replace(value=0.5 * held.angle.value + 0.1))
-    other = replace(data, recordings=(moved, *data.recordings[1:]))
+    data = simulate(rig(1e-5, recordings=2, samples=400), 3)
+    moved = 0.5 * data.recordings[0].angle.value + 0.1
+    other = one_changed(data, "angle", 0, slice(None), slice(None), moved)
     theta = []
     for one in (data, other):
-        folds = make_folds(one.recordings, Split(count=4))
+        folds = make_folds(one.recordings, Split(count=2))
         benchmark = Benchmark(one, folds, Protocol(horizons=(0.25,)))
         method = InverseDynamics(blocks=(FrictionBlock(), InertiaBlock()))
         result = run(benchmark, COULOMB, method)
@@ -236,15 +228,10 @@ def test_networks_are_refused(clean):
 
 
 def test_a_joint_without_motor_shows_no_inertia(clean):
-    passive = tuple(
-        replace(r, torque=r.torque._replace(value=r.torque.value * [0.0, 1.0]))
-        for r in clean.recordings
-    )
     undriven = double_pendulum((False, True)).with_values(TRUE)
+    passive = changed(clean, "torque", lambda u: u * [0.0, 1.0])
     with assert_refused("joint 1 has no motor"):
-        fit_model(
-            replace(clean, mechanism=undriven, recordings=passive), COULOMB, InverseDynamics()
-        )
+        fit_model(replace(passive, mechanism=undriven), COULOMB, InverseDynamics())
 
 
 def test_a_given_friction_stays(clean):
@@ -270,7 +257,7 @@ def test_a_suite_names_it():
 
 
 def test_the_command_line_fits_by_it(tmp_path, run):
-    write_dataset(simulate(rig(1e-5, recordings=3, samples=400), 3), tmp_path / "data")
+    write_dataset(simulate(rig(1e-5, recordings=2, samples=400), 3), tmp_path / "data")
     given = ("fit", "data", "--identifier", "coulomb_viscous", "--out", "model.json")
     call = partial(run, tmp_path, *given)
     code, out, _ = call("--by", "inverse_dynamics")
