@@ -101,7 +101,7 @@ def test_a_side_holds_a_joint_that_is_pressed_to_it_and_no_other():
             assert energy == pytest.approx(0.0, abs=0.07 * 0.2 * gone)
 
 
-@pytest.mark.parametrize("gap", [0.0079, 0.0081, 0.03])
+@pytest.mark.parametrize("gap", [0.0079, 0.008, 0.0081, 0.0093, 0.012, 0.03])
 def test_truth_in_truth_out(gap):
     theta = np.array([[0.1, 0.02, gap], [0.05, 0.02, 2 * gap]])
     assert_recovered(Play(), theta, rtol=1e-3)
