@@ -146,7 +146,7 @@ def totals(changes: Changes, speeds: Array) -> Array:
 def prepared_data(dataset: Dataset) -> Prepared:
     """The data set prepared for one-step problems, of a fast log with the usual protocol's samples.
 
-    Between those there is noise alone.
+    Between those there is only noise.
     """
     protocol = protocol_for(Protocol(), [(dataset, None)])
     estimated, plant = EstimatedStates(dataset, protocol.sample_time), plant_of(dataset)

@@ -148,7 +148,7 @@ def torques_of(intervals: Intervals, calibration: Calibration, feedback: Array) 
             ends = np.array([group.begin[m], group.end[m]]) + group.later[m] + servo.delay
             first, last = np.searchsorted(torque.time, ends)
             inside = slice(first, last + 1)
-            # moments that rounding alone keeps apart may fall together
+            # moments that only rounding keeps apart may fall together
             time, kept = np.unique(torque.time[inside] - group.later[m], return_index=True)
             signals[m] = Signal(time, torque.value[inside][kept], "linear")
     return integrals_of(signals)
