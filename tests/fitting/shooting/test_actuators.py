@@ -131,7 +131,7 @@ def test_check_names_late_targets_backlash_and_what_one_payload_cannot_tell():
     assert "one_gain_set" not in found and verdict.level == "good"
 
 
-@pytest.mark.parametrize(("factor", "named"), [(0.8, 1), (1.0, 0), (4.0, 1)])
+@pytest.mark.parametrize(("factor", "named"), [(0.5, 1), (0.8, 1), (1.0, 0), (4.0, 1)])
 def test_check_names_a_wrong_position_gain_beside_other_causes(factor, named):
     """Of all recordings, and of one gain set alone."""
     rig, P = ServoPendulum(), 4.0 * factor
