@@ -133,7 +133,7 @@ def one_step(dataset):
     return r, G, past, numbers
 
 
-def hats(w):
+def hat_basis(w):
     """Hat functions of one joint's velocity, denser near zero, shape (K, 40)."""
     even = np.linspace(-1.0, 1.0, 40)
     nodes = np.abs(w).max() * np.sinh(5.0 * even) / np.sinh(5.0)
@@ -146,7 +146,7 @@ def losses(name):
     dataset = load_dataset(DATA / name)
     r, G, past, numbers = one_step(dataset)
     joints = range(r.shape[1])
-    static = [hats(past[:, 0, j]) for j in joints]
+    static = [hat_basis(past[:, 0, j]) for j in joints]
     nine = [np.hstack([static[j], past[:, :, j]]) for j in joints]
     designs = [
         np.concatenate([G[:, :, [j]] * basis[j][:, None, :] for j in joints], axis=2)
