@@ -1,6 +1,7 @@
 """Every mistake in the files of readers is one clear line, and so is whatever chance brings."""
 
 import json
+import math
 from contextlib import suppress
 
 import numpy as np
@@ -19,7 +20,7 @@ from fixtures.reader_files import (
 )
 from fixtures.refusals import assert_refused
 from fixtures.tiny_pendulums import changed
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from frictionid.data.readers.formats.bam import read as read_bam
@@ -230,10 +231,14 @@ JSON = st.recursive(
 )
 
 
-@given(st.sampled_from(["mass", "kp", "vin", "entries", "arm_mass"]), JSON)
+@given(st.sampled_from(["mass", "length", "kp", "vin", "entries", "arm_mass"]), JSON)
+@example("kp", math.inf)
+@example("arm_mass", math.nan)
+@example("length", 1e200)
+@example("vin", 1.7e308)
 def test_any_value_in_a_log_ends_in_one_line(tmp_path, key, value):
     """It is read, or refused: nothing else happens."""
     path = tmp_path / "a.json"
-    path.write_bytes(bam_bytes(samples=8, passive=2, **{key: value}))
+    path.write_bytes(bam_bytes(samples=8, passive=2, **{"arm_mass": 0.1, key: value}))
     with suppress(InputError):
         assert np.isfinite(read_bam(path, MOTOR).angle.value).all()

@@ -29,6 +29,7 @@ from ..unpacking import unzip
 # Firmware of the XL330: 4096 counts a turn, divided by 256 times a full duty of 885.
 XL330_GAIN = 4096 / (2 * math.pi) / (256 * 885)
 WORD = 65536
+LARGEST = 1e100  # the product of three such numbers is finite
 ENTRY = ("timestamp", "position", "goal_position", "load", "temp", "input_volts", "torque_enable")
 Positive = Annotated[float, Field(gt=0)]
 
@@ -134,7 +135,7 @@ def _log(content: bytes, file: str) -> dict[str, Any]:
     log["arm_mass"] = log.get("arm_mass", log.get("arm-mass", 0.0))
     for name in ("mass", "length", "kp", "vin", "arm_mass"):
         log[name] = _number(log.get(name), f"{file}: {name}")
-        if log[name] <= 0 and not (name == "arm_mass" and log[name] == 0):
+        if not log[name] > 0 and not (name == "arm_mass" and log[name] == 0):
             raise InputError(f"{file}: {name} must be positive, not {log[name]:g}")
     return log
 
@@ -157,10 +158,9 @@ def _number(value: Any, where: str) -> float:
     if not isinstance(value, int | float):
         fault = "is missing" if value is None else f"is {repr(value)[:40]}, which is no number"
         raise InputError(f"{where} {fault}; repair the log")
-    try:
-        return float(value)
-    except OverflowError:
-        raise InputError(f"{where} is too large; repair the log") from None
+    if abs(value) > LARGEST:
+        raise InputError(f"{where} is too large; repair the log")
+    return float(value)
 
 
 def _phase(driven: np.ndarray, phase: str, file: str) -> np.ndarray:
