@@ -192,7 +192,8 @@ def verdict(result: Quick) -> list[str]:
     unsure = [c for c in result.candidates if c.standing == "undecided"]
     if simpler := [c.name for c in unsure if 0 < c.parameters < chosen.parameters]:
         out.append(f"These data cannot tell whether {', '.join(simpler)} would do.")
-    worse = [c.name if c.parameters else "no friction" for c in result.candidates if _is_worse(c)]
+    farther = [c for c in result.candidates if _is_worse(c) and not c.lacks]
+    worse = [c.name if c.parameters else "no friction" for c in farther]
     out.append(
         f"Practically worse than {best.name}: {', '.join(worse)}."
         if worse

@@ -7,6 +7,7 @@ u = controller(q*(t - target_delay), q - z, w),   dz = dq while |z| < backlash/2
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -24,6 +25,7 @@ _LEAST = 0.05  # of where a motor's constant begins: it stays positive
 _FLANGE = 0.01  # of the largest inertia of any joint
 _HEAVIEST = 30.0  # of the largest inertia of a joint: a rotor, seen at the joint
 _KEPT = 0.05  # of the nominal mass matrix that is left in any direction
+_ROTORS = 0.01  # of the rotors, in that
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ class InertiaBlock(ParameterBlock):
         return np.asarray(estimate.calibration.base, dtype=float)
 
     def with_numbers(self, estimate: Estimate, numbers: Array) -> Estimate:
-        base = inside(estimate.mechanism, estimate.mechanism.nominal_base, numbers)
+        base = inside(estimate.mechanism, numbers)
         return estimate._replace(calibration=replace(estimate.calibration, base=base))
 
 
@@ -144,29 +146,39 @@ def heaviest_rotors(mechanism: Mechanism) -> Array:
     return out
 
 
-def inside(mechanism: Mechanism, base: Array, wanted: Array) -> Array:
-    """Base parameters on the way from `base` to the `wanted` ones, with M positive definite.
+def inside(mechanism: Mechanism, wanted: Array) -> Array:
+    """Base parameters on the way from the nominal to the `wanted` ones, with M positive definite.
 
-    Where M of the wanted ones, relative to that of `base`, the nominal machine, has no eigenvalue
-    below 0.05 at any q, they are reached; otherwise the way p + s (wanted - p) ends before it:
-    s = 0.95 / (1 - smallest eigenvalue). So steps may go on along the border.
+    Where M of the wanted ones less the least one is positive definite at all q, they are reached;
+    otherwise the way p + s (wanted - p) ends where it no longer is, so that steps may go on along
+    the border.
 
     >>> from frictionid.mechanics import pendulum
-    >>> m = pendulum()
-    >>> inside(m, np.array([1.0, 2.0]), np.array([1.5, 3.0])).round(9)
-    array([1.5, 3. ])
-    >>> inside(m, np.array([1.0, 2.0]), np.array([-4.0, 2.0])).round(9)
-    array([0.05, 2.  ])
+    >>> m = pendulum(mass=1.0, length=1.0)
+    >>> [inside(m, share * m.nominal_base) / m.nominal_base for share in (2.0, -3.0)]
+    [array([2., 2.]), array([0.05, 0.05])]
     """
-    q = configurations(mechanism.n, 13)
-    now, then = (mechanism.inertia(p, q) for p in (base, wanted))
+    q, least, root = _least_inertia(mechanism)
+    over = mechanism.inertia(wanted, q) - least
     with suppress(np.linalg.LinAlgError):  # far cheaper than eigenvalues, and nearly always enough
-        np.linalg.cholesky(then - _KEPT * now)
+        np.linalg.cholesky(over)
         return wanted
-    root = np.linalg.inv(np.linalg.cholesky(now))
-    least = float(np.linalg.eigvalsh(root @ then @ np.swapaxes(root, -1, -2)).min())
-    share = 1.0 if least >= _KEPT else (1.0 - _KEPT) / (1.0 - least)
-    return base + share * (wanted - base)
+    lowest = float(np.linalg.eigvalsh(root @ over @ np.swapaxes(root, -1, -2)).min())
+    nominal = mechanism.nominal_base
+    return nominal + (wanted - nominal) / max(1.0 - lowest, 1.0)
+
+
+@lru_cache(maxsize=8)
+def _least_inertia(mechanism: Mechanism) -> tuple[Array, Array, Array]:
+    """Positions q (C, n), the least M (C, n, n) there, and R: R (M - least) R' is 1 of nominal M.
+
+    A twentieth of the nominal M, in which rotors count little: a file may make them up.
+    """
+    q, light = configurations(mechanism.n, 13), mechanism.nominal()
+    light |= {p.name: _ROTORS * light[p.name] for p in mechanism.parameters if p.rotor}
+    least = _KEPT * mechanism.inertia(mechanism.base(light), q)
+    nominal = mechanism.inertia(mechanism.nominal_base, q)
+    return q, least, np.linalg.inv(np.linalg.cholesky(nominal - least))
 
 
 # --- Sensors, clocks and servos ---------------------------------------------------------------

@@ -287,3 +287,11 @@ def test_the_rotor_of_a_bare_flange_is_found(tmp_path):
     data = wrist.dataset(arm, wrist.frame(arm.with_values({"rotor_two": 0.3})))
     base = fid.fit(data, "coulomb_viscous").calibration.base
     assert base[arm.base_names.index("rotor_two")] == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_rotor_that_only_the_file_has_is_found_to_be_none(tmp_path):
+    """It outweighs the wrist forty times: M is far below a twentieth of that of the file."""
+    truth = wrist.mechanism(tmp_path).with_values({"rotor_three": 0.0})
+    data = wrist.dataset(truth.with_values({"rotor_three": 3.0}), wrist.frame(truth))
+    fit = fid.fit(data, "coulomb_viscous")
+    assert fit.calibration.base == pytest.approx(truth.nominal_base, abs=0.004)

@@ -80,12 +80,13 @@ def test_friction_by_the_pose_is_no_load_of_a_joint_that_carries_nothing(tmp_pat
 
 
 def test_steps_to_impossible_inertias_stay_on_the_border(arm):
-    """However often they are wanted: M keeps a twentieth of the nominal one."""
+    """However often they are wanted: M keeps a twentieth of that of the bodies."""
     none = Friction(NoFriction(), np.zeros((2, 0)))
     nominal = arm.base({})
     estimate = Estimate(none, Calibration.ideal(2, nominal), arm)
     block, q = InertiaBlock(), configurations(2, 13)
-    usual = np.linalg.inv(np.linalg.cholesky(arm.inertia(nominal, q)))
+    bodies = arm.inertia(arm.base({"rotor_one": 2e-3, "rotor_two": 1e-3}), q)
+    usual = np.linalg.inv(np.linalg.cholesky(bodies))
     rng = np.random.default_rng(0)
     for _ in range(30):
         own = block.parameters(estimate)
