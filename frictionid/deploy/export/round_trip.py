@@ -1,15 +1,18 @@
 """Written files run by their engine, beside our own predictions of the recorded motion."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.calibration import calibrated_dataset
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.evaluation.initial_states import InitialStates
 from frictionid.evaluation.predicted_motion import memory_at
+from frictionid.mechanics.rigid_body.robot_files import without_shapes
 from frictionid.progress import report_step
 
 from .exported import ExportedFriction
@@ -38,7 +41,8 @@ def in_mujoco(
     initial = _alike(model, reaching(data.initial_states), most)
     if not len(initial.q):
         return None
-    held = run_by_engine(mujoco.MjModel.from_xml_string(xml), model, initial, passive)
+    engine = without_shapes(mujoco.MjSpec.from_string(xml)).compile()
+    held = run_by_engine(engine, model, initial, passive)
     return replayed(model, initial, held)._replace(engine=f"MuJoCo {mujoco.__version__}")
 
 
@@ -93,6 +97,12 @@ def run_by_engine(
     pairs = [
         (int(a), place[j]) for a in commanded if (j := int(engine.actuator_trnid[a, 0])) in place
     ]
+    if model.drive is None:  # servos of the file do not take the logged torques
+        servos = [a for a, _ in pairs if engine.actuator_biasprm[a, 1:3].any()]
+        engine.actuator_gainprm[servos] = engine.actuator_biasprm[servos] = 0.0
+        pairs = [pair for pair in pairs if pair[0] not in servos]
+    bare = {j: dofs[j] for j in model.driven.values()} if model.drive is None else {}
+    bare = {j: dof for j, dof in bare.items() if j not in dict(pairs).values()}
     memory = memory_at(model.friction[None][np.zeros(len(initial.q), dtype=int)], initial)
     # actuators that are nothing but bristles
     bristles = np.flatnonzero((engine.actuator_ctrlnum == 0) & (engine.actuator_actadr >= 0))
@@ -110,7 +120,8 @@ def run_by_engine(
             state.act[engine.actuator_actadr[a]] = memory[0][s, j]
         mujoco.set_mjcb_passive(None if passive is None else passive(engine))
         try:
-            _run(engine, state, pairs, logged(model, recording), clock[0], count)
+            controls = logged(model, recording), _true(model, recording)
+            _run(engine, state, pairs, bare, controls, clock[0], count)
         finally:
             mujoco.set_mjcb_passive(None)
         out[s] = state.qpos[places]
@@ -121,14 +132,18 @@ def _run(
     engine: Any,
     state: Any,
     pairs: Sequence[tuple[int, int]],
-    control: Signal,
+    bare: Mapping[int, int],
+    controls: tuple[Signal, Signal],
     begin: float,
     count: int,
 ) -> None:
-    """So many steps under a logged control; its history is what was logged before."""
+    """So many steps under a logged control; its history is what was logged before.
+
+    Joints without an actuator get the true torque, the second of the controls.
+    """
     import mujoco
 
-    dt = engine.opt.timestep
+    (control, torque), dt = controls, engine.opt.timestep
     for actuator, j in pairs:
         length = int(engine.actuator_history[actuator, 0])
         if length:
@@ -138,10 +153,22 @@ def _run(
     late = any(engine.actuator_history[actuator, 0] for actuator, _ in pairs)
     middle = 0.0 if late or holds(control) else 0.5
     values = sample(control, begin + dt * (np.arange(count) + middle))
-    for row in values:
+    applied = sample(torque, begin + dt * (np.arange(count) + 0.5))
+    for row, true in zip(values, applied, strict=True):
         for actuator, j in pairs:
             state.ctrl[engine.actuator_ctrladr[actuator]] = row[j]
+        for j, dof in bare.items():
+            state.qfrc_applied[dof] = true[j]
         mujoco.mj_step(engine, state)
+
+
+def _true(model: ExportedFriction, recording: Recording) -> Signal:
+    """The torque that acted, as the calibration corrects it."""
+    calibration = model.friction.calibration
+    if calibration is None or model.data is None:
+        return recording.torque
+    alone = replace(model.data, recordings=(recording,))
+    return calibrated_dataset(alone, calibration).recordings[0].torque
 
 
 def logged(model: ExportedFriction, recording: Recording) -> Signal:

@@ -224,7 +224,7 @@ def read_mjcf(path: Path) -> Robot:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
-        model = _without_shapes(mujoco.MjSpec.from_file(str(path))).compile()
+        model = without_shapes(mujoco.MjSpec.from_file(str(path))).compile()
     except (ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: MuJoCo cannot read it: {reason}") from None
@@ -241,7 +241,7 @@ def read_mjcf(path: Path) -> Robot:
     return Robot(path.stem, str(path), links, tuple(joints), tuple(model.opt.gravity.tolist()))
 
 
-def _without_shapes(spec: Any) -> Any:
+def without_shapes(spec: Any) -> Any:
     """The model without what only pictures and contacts need, and with it the files of that."""
     for element in (*spec.textures, *spec.skins, *spec.pairs, *spec.sensors):
         spec.delete(element)

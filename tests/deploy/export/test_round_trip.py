@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 from drive_logs import ServoPendulum
+from fixtures import tiny_pendulums
 from fixtures.paths import DATA
 
 import frictionid as fid
@@ -70,6 +71,37 @@ def test_a_servo_is_written_into_a_file_in_place_of_its_motor(servo, tmp_path):
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     assert model.nu == 1
     np.testing.assert_allclose(model.actuator_biasprm[0, :3], [0.0, -4.0, -0.05])
+
+
+OF_A_MAKER = """<mujoco><option timestep="0.0002"/><default><default class="arm">
+<general biastype="affine" ctrlrange="-1 1"/></default></default>
+<asset><mesh name="shell" file="shell.stl"/></asset><worldbody><body>
+<joint name="hip" axis="0 -1 0"/><inertial pos="0 0 -0.2" mass="0.2" diaginertia="1e-9 1e-9 1e-9"/>
+<geom type="mesh" mesh="shell"/></body></worldbody><actuator>{}</actuator></mujoco>"""
+SERVO = '<general class="arm" joint="hip" gainprm="90" biasprm="0 -90 -9"/>'
+
+
+@pytest.mark.parametrize("actuator", [SERVO, "", '<motor joint="hip"/>'])
+def test_logged_torques_move_a_file_of_a_maker_whatever_its_actuators(actuator, tmp_path):
+    """Its meshes are elsewhere; a servo of its own does not take torques, and stays."""
+    path = tmp_path / "arm.xml"
+    path.write_text(OF_A_MAKER.format(actuator))
+    friction = replace(FRICTION, calibration=calibrated(1, gain=[1.1], bias=[0.01]))
+    settings = ExportSettings(into=path, joints=("hip",))
+    done = fid.export(
+        friction, "mujoco", tmp_path / "out.xml", data=tiny_pendulums.dataset(), settings=settings
+    )
+    assert done.round_trip.predictions > 5 and done.round_trip.mean_apart < 1e-3
+    assert (actuator == SERVO) == (SERVO in (tmp_path / "out.xml").read_text())
+
+
+def test_a_range_of_torques_is_none_of_the_targets_of_a_servo(servo, tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(OF_A_MAKER.format('<motor joint="hip" gear="4" ctrlrange="-0.1 0.1"/>'))
+    settings = ExportSettings(into=path, joints=("hip",))
+    fid.export(FRICTION, "mujoco", tmp_path / "out.xml", data=servo, settings=settings)
+    text = (tmp_path / "out.xml").read_text()
+    assert "-0.1 0.1" not in text and 'ctrllimited="false"' in text
 
 
 def test_a_card_has_the_friction_of_its_recordings_where_there_are_no_data(tmp_path):

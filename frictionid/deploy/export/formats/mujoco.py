@@ -124,6 +124,7 @@ def _size(base: Array) -> Array:
 # tendons stand for parts that turn with several joints, such as motors on moving links
 _PLACES = {"joint": ("body", "frame", "replicate", "worldbody"), "fixed": ("tendon",)}
 _DEFAULT = {"joint": "joint", "fixed": "tendon"}  # their elements in default classes
+_SERVOS = ("position", "velocity", "intvelocity")
 _KINDS = {"rad": "hinge", "m": "slide"}  # of joints, by the unit of their position
 _STATED = ("frictionloss", "damping", "armature")
 _HARD = "0.0001 1"  # MuJoCo takes two time steps where that is less, unless refsafe is disabled
@@ -216,7 +217,7 @@ def _drives(
     late = delay_values(delay, float(steps[0]) if steps else _STEP)
     changes: list[Change] = []
     added: list[bytes] = []
-    left: list[str] = []
+    left, servos = list[str](), list[str]()
     for name, j in model.driven.items():
         (kind, values), e = actuator_of(model, j), there.get(name)
         if e is None:
@@ -225,13 +226,24 @@ def _drives(
             new = {"name": name, "joint": name, **values, **late}
             added += [element(kind, new)] if model.drive is not None else []
             continue
+        is_servo = e.tag in _SERVOS or _inherited(e, "biastype", listed) == "affine"
+        if is_servo and model.drive is None:
+            servos.append(name)
+            continue
         tag = text[e.start : e.end]
         if values:
             kept = {k: v for k, v in e.attributes.items() if k in _KEPT}
+            if not is_servo:  # a range of torques is none of targets
+                kept.pop("ctrlrange", None)
+                kept["ctrllimited"] = "false"
             tag = element(kind, {**kept, **values, **late})
             changes.append((e.start, e.end if e.is_empty else text.index(b">", e.close) + 1, tag))
         elif late:
             changes.append((e.start, e.end, with_attributes(tag, late)))
+    if servos:
+        left.append(f"actuators that are servos of the file stay as they are: {', '.join(servos)}")
+    if len(servos) == len(model.driven):
+        return changes, added, left
     return changes, added, left + _said(model, delay, bool(late and (changes or added)))
 
 
@@ -320,7 +332,7 @@ def _joints(listed: list[Element], model: ExportedFriction, where: str) -> list[
 
 
 def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
-    """Value of a joint's attribute, by itself or by its default class; None where there is none."""
+    """Value of an element's attribute, by itself or its default class; None where there is none."""
     if name in joint.attributes:
         return joint.attributes[name]
     chosen, body = joint.attributes.get("class"), joint.parent
@@ -332,7 +344,7 @@ def _inherited(joint: Element, name: str, listed: list[Element]) -> str | None:
     default = next(iter(classes or top), None)
     while default is not None and default.tag == "default":
         for child in default.children:
-            if child.tag == _DEFAULT[joint.tag] and name in child.attributes:
+            if child.tag == _DEFAULT.get(joint.tag, joint.tag) and name in child.attributes:
                 return child.attributes[name]
         default = default.parent
     return None
