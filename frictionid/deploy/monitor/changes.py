@@ -11,13 +11,13 @@ recordings that tell less count less. Stretches that no constant change explains
 are left out and named.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from frictionid.arrays import Array, times
+from frictionid.arrays import Array, times, usual_step
 from frictionid.data.calibration import Calibration
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
@@ -37,10 +37,13 @@ from frictionid.fitting.one_step.residual import Problem
 from frictionid.friction import Friction, along
 from frictionid.friction.provenance import Segment
 
-from .effects import PARTS, Effect, payloads
+from .effects import DELAY, PARTS, Effect, parts_at, payloads, total_weights
 from .motion import motion_of
 
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
+_SHIFT = 5e-3  # [s] of the torque, to either side, or a sample
+_TURNS, _FITS = 8, 0.98  # about another delay, which leaves less of the residual than this
+_SLOPES = -1.0, -0.1  # of what is left of a delay over what is taken for it
 _TUNING = 1.345  # Huber's, in standard deviations
 _ROUNDS = 5
 _PIECES, _PIECE = 40, 0.5  # of a recording at most, and [s] of each at least, whose scatter counts
@@ -114,23 +117,12 @@ def with_others_held(changes: Changes, middle: Array, free: Array) -> Changes:
     return changes._replace(value=changes.value - (slopes @ off[..., None])[..., 0])
 
 
-def total_weights(speeds: Array) -> Array:
-    """Weights (n, 4) of the parts of each joint's friction at its usual speed: all but asymmetry.
-
-    >>> total_weights(np.array([[0.1, 1.0, 2.0]])).round(3)
-    array([[1., 1., 0., 0.]])
-    """
-    slow, usual, _ = speeds.T
-    ones = np.ones_like(usual)
-    return np.stack([ones, ones, np.exp(-((usual / slow) ** 2)), 0.0 * ones], axis=-1)
-
-
 def in_proportion(reference: Reference) -> Array:
     """Effects (n, D) that change the friction of each joint in proportion to itself."""
     n, places = len(reference.level), np.arange(len(reference.level))
     w = np.linspace(-1.0, 1.0, _SPEEDS)[:, None] * reference.speeds[:, 2]
     curves = np.stack([reference.friction.curve(w[:, j])[:, j] for j in places])
-    shapes = _basis(w, reference.speeds).reshape(n, len(PARTS), _SPEEDS, n)[places, :, :, places]
+    shapes = parts_at(w, reference.speeds).reshape(n, len(PARTS), _SPEEDS, n)[places, :, :, places]
     out = np.zeros((n, n, len(PARTS)))
     out[places, places] = (np.linalg.pinv(shapes.swapaxes(1, 2)) @ curves[..., None])[..., 0]
     return np.pad(out.reshape(n, -1), ((0, 0), (0, len(reference.effects) - out[0].size)))
@@ -163,21 +155,65 @@ def recording_changes(
 
     most : (n,) residual over a tenth of a second that no change of friction leaves, as in `peak`
     """
-    dataset = prepared.dataset
-    linear = _linearised(prepared, reference)
-    prior = np.array([e.size for e in reference.effects])
-    fits, left_out = [], []
-    for r, recording in enumerate(dataset.recordings):
-        row = np.flatnonzero(linear.recording == r)
-        rows = _Rows(*(field[row] for field in linear))
+    fits = enumerate(_each(prepared, reference, most, 0.0))
+    settled = [_at_its_delay(prepared, r, fit, reference, most) for r, fit in fits]
+    changes = joined(changes for changes, *_ in settled)
+    left_out = tuple(segment for _, segments, _ in settled for segment in segments)
+    return changes._replace(covariates=covariate_means(prepared.dataset, covariates)), left_out
+
+
+# changes of one recording, stretches that were left out, and the mean size of what is left
+_Fit = tuple[Changes, list[Segment], float]
+
+
+def _each(prepared: Prepared, reference: Reference, most: Array | float, late: float) -> list[_Fit]:
+    """The fit of each recording, by derivatives at torques that are late by some [s]."""
+    linear, delay = _linearised(prepared, reference, late), _place_of_delay(reference)
+    prior, fits = np.array([e.size for e in reference.effects]), []
+    for r, recording in enumerate(prepared.dataset.recordings):
+        rows = linear.of_recording(r)
         widest = np.broadcast_to(most, rows.residual.shape[1])
-        *fit, peak, used = _undisturbed(rows, prior, widest)
-        left_out += _segments(rows, used, recording.name)
+        value, inverse, excess, peak, used = _undisturbed(rows, prior, widest)
+        misfit = float(np.abs(rows.left(value)).mean())
+        value[delay] += late
         motion = motion_of(rows.time, rows.velocity, reference.speeds[:, 0])
-        fits.append((*fit, motion, peak))
-    value, inverse, excess, motion, peak = (np.stack(x) for x in zip(*fits, strict=True))
-    beside = covariate_means(dataset, covariates)
-    return Changes(value, inverse, excess, motion, peak, beside), tuple(left_out)
+        parts = (value, inverse, excess, motion, peak, value[:0])
+        changes = Changes(*(x[None] for x in parts))
+        fits.append((changes, _segments(rows, used, recording.name), misfit))
+    return fits
+
+
+def _place_of_delay(reference: Reference) -> int:
+    return [e.name for e in reference.effects].index("delay")
+
+
+def _at_its_delay(
+    prepared: Prepared, r: int, fit: _Fit, reference: Reference, most: Array | float
+) -> _Fit:
+    """The fit of a recording by derivatives at the delay that it has, by the secant method.
+
+    A torque that jumps is linear in its delay within a sample only.
+    """
+    first, delay, late, slope = fit, _place_of_delay(reference), 0.0, -1.0
+    gap = float(fit[0].value[0, delay])
+    for _ in range(_TURNS):
+        step = -gap / slope
+        if gap**2 < fit[0].inverse[0, delay, delay] or abs(late + step) > DELAY:
+            break
+        late += step
+        (fit,) = _each(_alone(prepared, r), reference, most, late)
+        before, gap = gap, float(fit[0].value[0, delay]) - late
+        slope = float(np.clip((gap - before) / step, *_SLOPES))
+    return fit if fit[-1] < _FITS * first[-1] else first
+
+
+def _alone(prepared: Prepared, r: int) -> Prepared:
+    """One of the recordings; its states are known."""
+    dataset = replace(prepared.dataset, recordings=(prepared.dataset.recordings[r],))
+    computed = prepared.estimated.computed.items()
+    states: dict[Any, tuple[Any, ...]] = {by: (several[r],) for by, several in computed}
+    estimated = replace(prepared.estimated, dataset=dataset, computed=states)
+    return replace(prepared, dataset=dataset, estimated=estimated, plant=plant_of(dataset))
 
 
 class _Rows(NamedTuple):
@@ -190,11 +226,20 @@ class _Rows(NamedTuple):
     velocity: Array
     recording: Array
 
+    def of_recording(self, recording: int) -> "_Rows":
+        """Those of a recording."""
+        return _Rows(*(field[self.recording == recording] for field in self))
 
-def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
-    """The residual of all recordings and its derivatives by all effects."""
+    def left(self, change: Array) -> Array:
+        """The residual (K, n) beside a change (D,)."""
+        return self.residual - self.columns @ change
+
+
+def _linearised(prepared: Prepared, reference: Reference, late: float) -> _Rows:
+    """The residual of all recordings and its derivatives by all effects, at a late torque."""
     mechanism = prepared.dataset.mechanism
     calibration = reference.friction.calibration or Calibration.ideal(mechanism.n)
+    calibration = replace(calibration, delay=calibration.delay + late)
 
     def residual(calibration: Calibration) -> tuple[Problem, Array]:
         problem = training_of(with_calibration(prepared, calibration), INTEGRAL)
@@ -202,27 +247,38 @@ def _linearised(prepared: Prepared, reference: Reference) -> _Rows:
 
     problem, e = residual(calibration)
     w = problem.nodes.inputs.w
-    parts = -times(problem.G, problem.mean(_basis(w, reference.speeds)))
-    others = _stepped(prepared, calibration)
-    sensors = np.stack([_matched(problem, e, *residual(c)) / _STEP for c in others])
+    parts = -times(problem.G, problem.mean(parts_at(w, reference.speeds)))
+
+    def slope(step: float, *others: Calibration) -> Array:
+        changed = [_matched(problem, e, *residual(c)) for c in others]
+        return (changed[0] - sum(changed[1:], np.zeros_like(e))) / step
+
+    sensors = np.stack([slope(*stepped) for stepped in _stepped(prepared, calibration)])
     columns = np.moveaxis(np.concatenate([parts, sensors]), 0, -1)
-    size = reference.noise[:, None]
-    residuals, slopes = e / reference.noise, -columns / size
-    return _Rows(residuals, slopes, problem.time, problem.dt, problem.mean(w), problem.recording)
+    scaled = e / reference.noise, -columns / reference.noise[:, None]
+    return _Rows(*scaled, problem.time, problem.dt, problem.mean(w), problem.recording)
 
 
-def _stepped(prepared: Prepared, calibration: Calibration) -> list[Calibration]:
-    """Calibrations that differ by a step of each effect beside friction, in their order."""
+def _stepped(
+    prepared: Prepared, calibration: Calibration
+) -> Iterator[tuple[float, *tuple[Calibration, ...]]]:
+    """A step of each effect beside friction, in their order, and the calibration after it.
+
+    Of the delay also that before it: a torque that jumps changes otherwise to either side.
+    """
     mechanism = prepared.dataset.mechanism
     nominal = np.asarray(mechanism.base(mechanism.nominal()), dtype=float)
     base = nominal if calibration.base is None else calibration.base
     unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
-    return [
-        *(replace(calibration, base=base + _STEP * d) for d in payloads(mechanism)[1]),
-        replace(calibration, delay=calibration.delay + _STEP),
-        *(replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j])) for j in driven),
-        *(replace(calibration, offset=calibration.offset + _STEP * row) for row in unit),
-    ]
+    for direction in payloads(mechanism)[1]:
+        yield _STEP, replace(calibration, base=base + _STEP * direction)
+    shift = max(_SHIFT, usual_step(prepared.dataset.recordings[0].torque.time))
+    shifted = (replace(calibration, delay=calibration.delay + x) for x in (shift, -shift))
+    yield 2.0 * shift, *shifted
+    for j in driven:
+        yield _STEP, replace(calibration, gain=calibration.gain * (1.0 + _STEP * unit[j]))
+    for row in unit:
+        yield _STEP, replace(calibration, offset=calibration.offset + _STEP * row)
 
 
 def _matched(problem: Problem, e: Array, other: Problem, changed: Array) -> Array:
@@ -232,18 +288,6 @@ def _matched(problem: Problem, e: Array, other: Problem, changed: Array) -> Arra
     out = np.zeros_like(e)
     out[mine] = changed[yours] - e[mine]
     return out
-
-
-def _basis(w: Array, speeds: Array) -> Array:
-    """Torques (4 n, S, n) of the four parts of each joint at velocities w (S, n), 1 N m each."""
-    slow, usual = speeds[:, 0], speeds[:, 1]
-    side = np.sign(w)
-    shapes = (side, w / usual, np.exp(-((w / slow) ** 2)) * side, np.ones_like(w))
-    out = np.zeros((w.shape[1], len(PARTS), *w.shape))
-    for j in range(w.shape[1]):
-        for k, shape in enumerate(shapes):
-            out[j, k, :, j] = shape[:, j]
-    return out.reshape(-1, *w.shape)
 
 
 def _undisturbed(
@@ -278,7 +322,7 @@ def _fitted(rows: _Rows, used: Array, prior: Array) -> tuple[Array, Array, Array
         weight = shows * np.minimum(1.0, _TUNING * scale / np.maximum(left, 1e-12)) / scale**2
     scores = (A * (weight * (y - A @ x))[..., None]).sum(axis=1)
     excess = _excess(scores, rows.time[used], (A**2 * weight[..., None]).sum(axis=(0, 1)))
-    return x, inverse, excess, rows.residual - rows.columns @ x
+    return x, inverse, excess, rows.left(x)
 
 
 def _scale(left: Array, fitted: float, count: int) -> float:

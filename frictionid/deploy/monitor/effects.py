@@ -19,6 +19,7 @@ PARTS = ("coulomb", "viscous", "stribeck", "asymmetry")
 # delay [s], gain [1], offset [rad], mass [1], and friction in usual levels.
 DELAY, GAIN, OFFSET, MASS, LEVELS = 0.1, 0.5, 0.25, 1.5, 3.0
 MOMENTS = ("mx", "my", "mz")
+PAYLOAD = "the payload's inertia"
 _NEW = 0.1  # of what the last other direction leaves: a mass that acts like others has no direction
 
 
@@ -48,7 +49,7 @@ def effects_of(mechanism: Mechanism, level: Array) -> tuple[Effect, ...]:
         for part in PARTS:
             effects.append(Effect(f"friction of {name}", part, unit, LEVELS * float(size)))
     for name in payloads(mechanism)[0]:
-        effects.append(Effect("the payload's inertia", name, "1", MASS))
+        effects.append(Effect(PAYLOAD, name, "1", MASS))
     effects.append(Effect("the torque's delay", "delay", "s", DELAY))
     for name, driven in zip(mechanism.joints, mechanism.driven, strict=True):
         if driven:
@@ -65,6 +66,29 @@ def causes_of(effects: Sequence[Effect]) -> dict[str, Array]:
         cause: np.array([i for i, _ in group])
         for cause, group in groupby(places, lambda place: place[1].cause)
     }
+
+
+def parts_at(w: Array, speeds: Array) -> Array:
+    """Torques (4 n, S, n) of the four parts of each joint at velocities w (S, n), 1 N m each."""
+    slow, usual = speeds[:, 0], speeds[:, 1]
+    side = np.sign(w)
+    shapes = (side, w / usual, np.exp(-((w / slow) ** 2)) * side, np.ones_like(w))
+    out = np.zeros((w.shape[1], len(PARTS), *w.shape))
+    for j in range(w.shape[1]):
+        for k, shape in enumerate(shapes):
+            out[j, k, :, j] = shape[:, j]
+    return out.reshape(-1, *w.shape)
+
+
+def total_weights(speeds: Array) -> Array:
+    """Weights (n, 4) of the parts of each joint's friction at its usual speed: all but asymmetry.
+
+    >>> total_weights(np.array([[0.1, 1.0, 2.0]])).round(3)
+    array([[1., 1., 0., 0.]])
+    """
+    slow, usual, _ = speeds.T
+    ones = np.ones_like(usual)
+    return np.stack([ones, ones, np.exp(-((usual / slow) ** 2)), 0.0 * ones], axis=-1)
 
 
 def payloads(mechanism: Mechanism) -> tuple[tuple[str, ...], Array]:

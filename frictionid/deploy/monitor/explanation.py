@@ -29,6 +29,7 @@ from .motion import apart
 _SHRINKAGES = 10.0 ** np.arange(-1.0, 4.0)  # of the motion's slopes, in recordings
 _LEAST = 0.02  # of the variance of independent rows
 _MOST = 4  # causes that are named
+_DECISIVE = 10.0  # of -2 log likelihood: another cause leaves far less
 _FEW = 8  # recordings that say nothing of the motion's effect
 
 
@@ -222,9 +223,27 @@ class CauseTests(NamedTuple):
             least = min(least, float(fdtrc(k, free, ratio)))
         return min(1.0, len(tests) * least)
 
+    def left(self, cause: str, beside: Sequence[str]) -> float:
+        """What a cause leaves beside others: -2 log likelihood of d, and 2 for each of its numbers.
+
+        By the t distribution of as much freedom as the scatter has.
+        """
+        columns = [*(column for c in beside for column in self.causes[c])]
+        before = np.eye(len(self.pull))[columns]
+        total = float(self.pull @ np.linalg.solve(self.inverse, self.pull))
+        both = [np.concatenate([before, rows]) for rows in self.tests(cause)]
+        return min(
+            self.freedom * np.log1p(max(total - self.explained(rows), 0.0) / self.freedom)
+            + 2.0 * len(rows)
+            for rows in both
+        )
+
 
 def explained(test: CauseTests, rate: float) -> Explanation:
-    """Causes of a difference, each found with a rate of false alarms over all of them."""
+    """Causes of a difference, each found with a rate of false alarms over all of them.
+
+    Of several the surest is taken first, unless another one leaves far less.
+    """
     causes = test.causes
     count = len(causes)
     chosen: list[str] = []
@@ -238,9 +257,11 @@ def explained(test: CauseTests, rate: float) -> Explanation:
 
     first = min(p(cause) for cause in causes)
     for _ in range(2 * _MOST):
-        best = min((c for c in causes if c not in chosen), key=p, default=None)
-        if best is None or p(best) > rate or len(chosen) == _MOST:
+        left = {c: test.left(c, chosen) for c in causes if c not in chosen and p(c) <= rate}
+        if not left or len(chosen) == _MOST:
             break
+        best, least = min(left, key=p), min(left, key=lambda c: left[c])
+        best = least if left[least] < left[best] - _DECISIVE else best
         chosen.append(best)  # and what only stood for it is no cause any more
         chosen = [c for c in chosen if c == best or p(c) <= rate]
     groups = []

@@ -16,8 +16,8 @@ from frictionid.arrays import Array
 from frictionid.friction.provenance import Segment
 
 from .baseline import Baseline
-from .changes import Changes, in_proportion, total_weights
-from .effects import MOMENTS, PARTS, causes_of
+from .changes import Changes, in_proportion
+from .effects import MOMENTS, PARTS, PAYLOAD, causes_of, total_weights
 from .explanation import CauseTests, Explanation, cause_tests, difference_of, explained
 from .motion import beyond, sentence
 
@@ -90,11 +90,8 @@ def judge(
             "record more of its motion"
         )
     answer = _answer(explanation, joints, every_blind=len(blind) == n)
-    for cause in (c for c in single if "gain" in c):
-        ((value, *_),) = _intervals(tests, [cause, *single], np.eye(1)).tolist()
-        if abs(value) > _NO_GAIN:
-            answer = "cannot_tell"
-            notes.append(f"{cause} is {100 * value:+.3g} %: check the torque's unit")
+    if impossible := list(_impossible(baseline, tests, single)):
+        answer, notes = "cannot_tell", [*notes, *impossible]
     return Judgement(
         answer,
         rate,
@@ -106,6 +103,18 @@ def judge(
         parts,
         tuple(notes),
     )
+
+
+def _impossible(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[str]:
+    """Sentences on changes by which nothing changes: something else is behind the difference."""
+    for cause in single:
+        effects = [baseline.reference.effects[i] for i in tests.causes[cause]]
+        intervals = _intervals(tests, [cause, *single], np.eye(len(effects))).tolist()
+        for effect, (value, _, high) in zip(effects, intervals, strict=True):
+            if effect.name == "gain" and abs(value) > _NO_GAIN:
+                yield f"{cause} is {100 * value:+.3g} %: check the torque's unit"
+            elif cause == PAYLOAD and effect.name not in MOMENTS and high < -1.0:
+                yield f"{effect.name} would change by {100 * value:.3g} %: no mass is negative"
 
 
 def _answer(explanation: Explanation, joints: Sequence[int], *, every_blind: bool) -> Answer:

@@ -17,14 +17,8 @@ from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
 from frictionid.errors import InputError
 
-from ..monitor.changes import (
-    Changes,
-    Reference,
-    prepared_data,
-    recording_changes,
-    total_weights,
-)
-from ..monitor.effects import PARTS, Effect
+from ..monitor.changes import Changes, Reference, prepared_data, recording_changes
+from ..monitor.effects import PARTS, Effect, total_weights
 from .stream import Chunk
 
 # What the model knows of sensors and masses, as a share of the priors of a monitor, which asks for

@@ -8,6 +8,7 @@ import pytest
 from fixtures.sines import sines, torque_without_friction
 
 import frictionid as fid
+from frictionid.deploy.monitor.judgement import judge
 from frictionid.mechanics import urdf
 
 ARM = """<robot name="arm"><link name="base"/>
@@ -84,6 +85,27 @@ def test_wear_of_one_joint_is_named_alone(known, folder):
     frame = found.frame.set_index(["joint", "part"])
     assert frame.change["elbow", "total"] == pytest.approx(0.25 * COULOMB[1], rel=0.1)
     assert frame.p["shoulder", "total"] > 0.01
+
+
+@pytest.mark.parametrize("late", [-0.01, 0.002, 0.005, 0.02])
+def test_a_late_torque_is_no_friction(known, folder, late):
+    """Up to four samples: a torque jumps where friction turns, a sample further on."""
+    data = recorded(folder, 2, 3)
+    runs = [
+        replace(r, torque=r.torque._replace(time=r.torque.time + late)) for r in data.recordings
+    ]
+    found = fid.monitor(known, replace(data, recordings=tuple(runs))).judgement
+    assert found.answer == "other" and found.changed == ("the torque's delay",)
+    said = float(found.causes[0].split(": ")[1].split(" ms")[0])
+    assert said == pytest.approx(-1e3 * late, rel=0.1)
+
+
+def test_a_negative_mass_is_no_payload(known):
+    lighter = known.changes.rows([0, 1, 2])
+    lighter.value[:, [e.name for e in known.reference.effects].index("mass")] -= 3.0
+    found = judge(known, lighter)
+    assert found.answer == "cannot_tell" and found.changed == ("the payload's inertia",)
+    assert "no mass is negative" in found.notes[-1]
 
 
 def test_torques_in_another_unit_are_no_judgement(known, folder):

@@ -77,8 +77,19 @@ def test_causes_that_do_the_same_cannot_be_told_apart():
     assert set(group) == {"b", "c"}
 
 
+def test_a_cause_that_leaves_little_is_taken_before_several_that_stand_for_it():
+    """Each of four numbers of a is nearly done by another cause, whose single p is smaller."""
+    causes = {"a": np.arange(4)} | {name: np.array([4 + k]) for k, name in enumerate("bcde")}
+    inverse = 100.0 * np.eye(8)
+    inverse[:4, 4:] = inverse[4:, :4] = 97.0 * np.eye(4)
+    pull = inverse @ np.repeat([10.0, 0.0], 4)
+    tests = CauseTests(inverse, pull, causes, {}, dict.fromkeys(causes, [1.0]), 10.0)
+    assert tests.p("b") < tests.p("a")
+    assert explained(tests, 0.01).groups == (("a",),)
+
+
 def test_what_only_stood_for_a_cause_is_no_cause():
-    """One number of b does nearly what three of a did: it is chosen first, and dropped beside a."""
+    """One number of b does nearly what three of a did."""
     along = np.array([0.8, 0.5, 0.332])
     inverse = 100.0 * np.eye(D)
     inverse[3, :3] = inverse[:3, 3] = 97.0 * along
