@@ -42,7 +42,7 @@ from .motion import motion_of
 
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
 _SHIFT = 5e-3  # [s] of the torque, to either side, or a sample
-_TURNS, _FITS = 8, 0.98  # about another delay, which leaves less of the residual than this
+_TURNS, _FITS = 8, 0.99  # about another delay, which leaves less of the residual than this
 _SLOPES = -1.0, -0.1  # of what is left of a delay over what is taken for it
 _TUNING = 1.345  # Huber's, in standard deviations
 _ROUNDS = 5
