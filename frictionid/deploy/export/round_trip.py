@@ -167,8 +167,8 @@ def _true(model: ExportedFriction, recording: Recording) -> Signal:
     calibration = model.friction.calibration
     if calibration is None or model.data is None:
         return recording.torque
-    alone = replace(model.data, recordings=(recording,))
-    return calibrated_dataset(alone, calibration).recordings[0].torque
+    single = replace(model.data, recordings=(recording,))
+    return calibrated_dataset(single, calibration).recordings[0].torque
 
 
 def logged(model: ExportedFriction, recording: Recording) -> Signal:

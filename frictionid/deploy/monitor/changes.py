@@ -22,6 +22,7 @@ from frictionid.data.calibration import Calibration
 from frictionid.data.clock_facts import run_edges
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
+from frictionid.data.signals import holds
 from frictionid.evaluation import (
     EstimatedStates,
     Prepared,
@@ -41,8 +42,8 @@ from .effects import DELAY, PARTS, Effect, parts_at, payloads, total_weights
 from .motion import motion_of
 
 _STEP = 1e-3  # of the sensors' numbers and of masses, for derivatives
-_SHIFT = 5e-3  # [s] of the torque, to either side, or a sample
-_TURNS, _FITS = 8, 0.99  # about another delay, which leaves less of the residual than this
+_SHIFT = 5e-3  # [s] of a held torque, to either side, or a sample
+_TURNS, _FITS = 8, 0.95  # about another delay, which leaves less of the residual than this
 _SLOPES = -1.0, -0.1  # of what is left of a delay over what is taken for it
 _TUNING = 1.345  # Huber's, in standard deviations
 _ROUNDS = 5
@@ -192,8 +193,10 @@ def _at_its_delay(
 ) -> _Fit:
     """The fit of a recording by derivatives at the delay that it has, by the secant method.
 
-    A torque that jumps is linear in its delay within a sample only.
+    A torque that is held, and jumps, is linear in its delay within a sample only.
     """
+    if not holds(prepared.dataset.recordings[r].torque):
+        return fit
     first, delay, late, slope = fit, _place_of_delay(reference), 0.0, -1.0
     gap = float(fit[0].value[0, delay])
     for _ in range(_TURNS):
@@ -201,13 +204,13 @@ def _at_its_delay(
         if gap**2 < fit[0].inverse[0, delay, delay] or abs(late + step) > DELAY:
             break
         late += step
-        (fit,) = _each(_alone(prepared, r), reference, most, late)
+        (fit,) = _each(_single(prepared, r), reference, most, late)
         before, gap = gap, float(fit[0].value[0, delay]) - late
         slope = float(np.clip((gap - before) / step, *_SLOPES))
     return fit if fit[-1] < _FITS * first[-1] else first
 
 
-def _alone(prepared: Prepared, r: int) -> Prepared:
+def _single(prepared: Prepared, r: int) -> Prepared:
     """One of the recordings; its states are known."""
     dataset = replace(prepared.dataset, recordings=(prepared.dataset.recordings[r],))
     computed = prepared.estimated.computed.items()
@@ -272,7 +275,8 @@ def _stepped(
     unit, driven = np.eye(mechanism.n), np.flatnonzero(mechanism.motors)
     for direction in payloads(mechanism)[1]:
         yield _STEP, replace(calibration, base=base + _STEP * direction)
-    shift = max(_SHIFT, usual_step(prepared.dataset.recordings[0].torque.time))
+    torque = prepared.dataset.recordings[0].torque
+    shift = max(_SHIFT, usual_step(torque.time)) if holds(torque) else _STEP
     shifted = (replace(calibration, delay=calibration.delay + x) for x in (shift, -shift))
     yield 2.0 * shift, *shifted
     for j in driven:
