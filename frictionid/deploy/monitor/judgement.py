@@ -106,7 +106,7 @@ def judge(
 
 
 def _impossible(baseline: Baseline, tests: CauseTests, single: Sequence[str]) -> Iterator[str]:
-    """Sentences on changes by which nothing changes: something else is behind the difference."""
+    """Sentences on changes that there cannot be: something else is behind the difference."""
     for cause in single:
         effects = [baseline.reference.effects[i] for i in tests.causes[cause]]
         intervals = _intervals(tests, [cause, *single], np.eye(len(effects))).tolist()

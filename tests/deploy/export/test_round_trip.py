@@ -79,9 +79,10 @@ OF_A_MAKER = """<mujoco><option timestep="0.0002"/><default><default class="arm"
 <joint name="hip" axis="0 -1 0"/><inertial pos="0 0 -0.2" mass="0.2" diaginertia="1e-9 1e-9 1e-9"/>
 <geom type="mesh" mesh="shell"/></body></worldbody><actuator>{}</actuator></mujoco>"""
 SERVO = '<general class="arm" joint="hip" gainprm="90" biasprm="0 -90 -9"/>'
+TORQUE = '<general class="arm" joint="hip" gainprm="2" biasprm="0.1 0 0" ctrllimited="false"/>'
 
 
-@pytest.mark.parametrize("actuator", [SERVO, "", '<motor joint="hip"/>'])
+@pytest.mark.parametrize("actuator", [SERVO, TORQUE, "", '<motor joint="hip"/>'])
 def test_logged_torques_move_a_file_of_a_maker_whatever_its_actuators(actuator, tmp_path):
     """Its meshes are elsewhere; a servo of its own does not take torques, and stays."""
     path = tmp_path / "arm.xml"

@@ -226,7 +226,8 @@ def _drives(
             new = {"name": name, "joint": name, **values, **late}
             added += [element(kind, new)] if model.drive is not None else []
             continue
-        is_servo = e.tag in _SERVOS or _inherited(e, "biastype", listed) == "affine"
+        feedback = (_inherited(e, "biasprm", listed) or "").split()[1:3]
+        is_servo = e.tag in _SERVOS or any(map(float, feedback))
         if is_servo and model.drive is None:
             servos.append(name)
             continue
