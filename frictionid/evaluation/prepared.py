@@ -319,7 +319,7 @@ def speeds(dataset: Dataset, smoothed: Iterable[States]) -> Array:
 
 # --- Horizons and sample time that follow the data, where nobody has said which -------------------
 
-_OF_ARMS = (0.05, 0.1, 0.2)  # [s]: without its controller an arm drifts off
+HORIZONS_OF_ARMS = (0.05, 0.1, 0.2)  # [s]: without its controller an arm drifts off
 _FAST, _APART = 0.95e-3, 0.002  # [s] between samples that are more than scores need, and then
 _SWINGING = 2  # joints of what no controller must hold
 
@@ -341,7 +341,7 @@ def protocol_for(protocol: Protocol, held: Sequence[tuple[Dataset, Folds | None]
         protocol = replace(protocol, sample_time=_APART)
     if protocol.horizons != Protocol().horizons:
         return protocol
-    usual = _OF_ARMS if all(is_arm(data) for data, _ in held) else protocol.horizons
+    usual = HORIZONS_OF_ARMS if all(is_arm(data) for data, _ in held) else protocol.horizons
     room = min(_longest(data, folds) for data, folds in held) - protocol.history
     kept = tuple(h for h in usual if h + protocol.every <= room)
     return replace(protocol, horizons=kept or usual[:1])

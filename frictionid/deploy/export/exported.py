@@ -18,7 +18,7 @@ from frictionid.data.recordings import Dataset
 from frictionid.data.servo import PositionControl, position_control
 from frictionid.errors import InputError, printable
 from frictionid.evaluation import Protocol, prepare, prepared_for
-from frictionid.evaluation.prepared import Prepared, is_arm, with_calibration
+from frictionid.evaluation.prepared import HORIZONS_OF_ARMS, Prepared, is_arm, with_calibration
 from frictionid.friction import Friction, Inputs, Law
 from frictionid.friction.law import refuse_temperature
 from frictionid.mechanics import Mechanism
@@ -28,7 +28,7 @@ from frictionid.programs.trace import traced
 from ..compensation import CompensationLaw, bare, continued, listed
 
 INPUTS = ("q", "w", "u", "load")  # as in `Inputs`
-_HORIZON, _OF_ARMS = 1.0, 0.2  # [s], over which it is replayed what a target loses
+_HORIZON = 1.0  # [s], over which it is replayed what a target loses
 
 
 class Programs(NamedTuple):
@@ -142,7 +142,9 @@ class ExportedFriction:
         if self.data is None:
             return _HORIZON
         longest = max(r.angle.duration for r in self.data.recordings)
-        return min(_OF_ARMS if is_arm(self.data) else _HORIZON, float(f"{longest / 2:.1g}"))
+        return min(
+            HORIZONS_OF_ARMS[-1] if is_arm(self.data) else _HORIZON, float(f"{longest / 2:.1g}")
+        )
 
     @cached_property
     def prepared(self) -> Prepared | None:

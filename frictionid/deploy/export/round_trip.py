@@ -1,13 +1,11 @@
 """Written files run by their engine, beside our own predictions of the recorded motion."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from frictionid.arrays import Array
-from frictionid.data.calibration import calibrated_dataset
 from frictionid.data.recordings import Recording
 from frictionid.data.signals import Signal, holds, sample
 from frictionid.evaluation.initial_states import InitialStates
@@ -89,7 +87,8 @@ def run_by_engine(
     """Angles (S, n) at the horizon, by the engine's steps, shortened to end there."""
     import mujoco
 
-    assert model.data is not None
+    assert model.data is not None and model.prepared is not None
+    true = model.prepared.dataset.recordings  # as the calibration corrects them
     joints = [engine.joint(name) for name in model.joints[: initial.q.shape[1]]]
     places, dofs = ([int(getattr(j, x)[0]) for j in joints] for x in ("qposadr", "dofadr"))
     place = {joint.id: k for k, joint in enumerate(joints)}
@@ -120,7 +119,7 @@ def run_by_engine(
             state.act[engine.actuator_actadr[a]] = memory[0][s, j]
         mujoco.set_mjcb_passive(None if passive is None else passive(engine))
         try:
-            controls = logged(model, recording), _true(model, recording)
+            controls = logged(model, recording), true[initial.recording[s]].torque
             _run(engine, state, pairs, bare, controls, clock[0], count)
         finally:
             mujoco.set_mjcb_passive(None)
@@ -154,21 +153,12 @@ def _run(
     middle = 0.0 if late or holds(control) else 0.5
     values = sample(control, begin + dt * (np.arange(count) + middle))
     applied = sample(torque, begin + dt * (np.arange(count) + 0.5))
-    for row, true in zip(values, applied, strict=True):
+    for row, push in zip(values, applied, strict=True):
         for actuator, j in pairs:
             state.ctrl[engine.actuator_ctrladr[actuator]] = row[j]
         for j, dof in bare.items():
-            state.qfrc_applied[dof] = true[j]
+            state.qfrc_applied[dof] = push[j]
         mujoco.mj_step(engine, state)
-
-
-def _true(model: ExportedFriction, recording: Recording) -> Signal:
-    """The torque that acted, as the calibration corrects it."""
-    calibration = model.friction.calibration
-    if calibration is None or model.data is None:
-        return recording.torque
-    single = replace(model.data, recordings=(recording,))
-    return calibrated_dataset(single, calibration).recordings[0].torque
 
 
 def logged(model: ExportedFriction, recording: Recording) -> Signal:
