@@ -6,7 +6,8 @@ over its standard deviation, is the deletion residual, which shows a single outl
 
 - usual in its series: the median, which outliers do not enlarge, and
 - around it: stick-slip, impacts and reversals are rough for several samples, whereas beside an
-  outlier that is left out all samples fit.
+  outlier that is left out all samples fit. Where several are left out together, as of a drive that
+  chatters, the few that stay fit any motion: then it is more times as large, by their number.
 
 At a kink, an end stop or a rattling gear, the past or the future predicts the sample: it stays.
 
@@ -241,8 +242,10 @@ def _outliers(series: Series, judged: _Judged, rho: Array, least: Array) -> Arra
         denied &= robust > _DECEIVED * before
         rho[denied] = robust[denied]
         _judge_again(judged, series, new, rho, denied)
-    beside = _GATE * _roughness(np.where(candidates, np.nan, judged.size))
-    return candidates & (judged.size > beside) & ~judged.kink
+    beside = np.nansum(_around(candidates.astype(float)), axis=0)
+    gate = _GATE * np.maximum(beside - 1.0, 1.0)
+    usual = _roughness(np.where(candidates, np.nan, judged.size))
+    return candidates & (judged.size > gate * usual) & ~judged.kink
 
 
 def _judge_again(

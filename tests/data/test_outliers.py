@@ -163,7 +163,16 @@ def switched(time, rng):
     return np.cumsum(w) / RATE + 1e-3 * rng.normal(size=len(time))
 
 
-@pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched])
+def chattering(time, rng):
+    """A slow motion whose drive switches every two or three samples for a third of the time."""
+    held = rng.integers(2, 4, len(time))
+    a = np.repeat(np.where(np.arange(len(time)) % 2, 11.0, -11.0), held)[: len(time)]
+    w = np.cumsum(a * (np.abs(time - 3.0) < 1.2)) / RATE
+    w -= np.convolve(w, np.ones(21) / 21, mode="same")
+    return 0.3 * time + np.cumsum(w) / RATE + 1.5e-4 * rng.normal(size=len(time))
+
+
+@pytest.mark.parametrize("motion", [bouncing, stick_slip, quantised, resting, switched, chattering])
 def test_rough_but_real_motion_stays(motion):
     rng = np.random.default_rng(6)
     time = clock(400)
