@@ -33,7 +33,7 @@ _STORED = {
     12: "i8",
     13: "u8",
 }
-_STRUCTURE = 2
+_STRUCTURE, _OBJECT = 2, 17  # the object of a class, such as a time series: its content is MATLAB's
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x800
 _NAME = re.compile(r"([A-Za-z]\w*(?:\.[A-Za-z]\w*)*)(?:\(:,\s*([1-9]\d*)\))?")
@@ -59,7 +59,7 @@ def read_mat(content: bytes, file: str) -> dict[str, Any]:
                 kind, data = next(_elements(_unpacked(data), order))
             if kind == _MATRIX and len(data):
                 name, value = _variable(data, order)
-                variables[name] = value
+                variables |= {name: value} if name else {}  # what classes keep has no name
     # the errors of damaged files
     except (ValueError, LookupError, StopIteration, struct.error, zlib.error, RecursionError):
         raise InputError(f"{file} is no whole MAT file; copy or export it again") from None
@@ -161,6 +161,8 @@ def _variable(data: memoryview, order: str) -> tuple[str, Any]:
     """Name and value of a matrix element: array (as MATLAB shapes it), dict, or None."""
     parts = list(_elements(data, order))
     flags = int(np.frombuffer(parts[0][1], f"{order}u4")[0])
+    if flags & 0xFF == _OBJECT:
+        return bytes(parts[1][1]).decode("ascii"), None
     shape = tuple(int(size) for size in np.frombuffer(parts[1][1], f"{order}i4"))
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError("a variable has no shape")

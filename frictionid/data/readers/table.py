@@ -294,6 +294,9 @@ def _mat(content: bytes, file: str, columns: Sequence[str] | None) -> Table:
     """Table of some columns, or of all that hold numbers."""
     variables = read_mat(content, file)
     names = mat_names(variables) if columns is None else columns
+    if variables and not names:
+        held = ", ".join(variables)
+        raise InputError(f"{file}: {held} holds no numbers; save arrays in place of cells, objects")
     return _of_arrays({name: mat_column(variables, name, file) for name in names}, file)
 
 

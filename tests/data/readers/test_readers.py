@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from frictionid.data.readers.formats.bam import read as read_bam
 from frictionid.data.readers.formats.markers import read as read_markers
 from frictionid.data.readers.mat import read_mat
+from frictionid.data.readers.table import numeric_table
+from frictionid.errors import InputError
 
 
 def put(folder, name, content):
@@ -59,6 +62,18 @@ def test_mat_variables_are_those_that_scipy_reads(tmp_path, compressed):
     assert (found["text"], found["cell"], found["z"]) == (None, None, None)
     assert_array_equal(found["log"]["deep"]["t"].ravel(), np.arange(4.0))
     assert_array_equal(found["log"]["q"], variables["log"]["q"])
+
+
+def test_cells_and_objects_are_named_where_a_mat_file_has_no_numbers(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"runs": np.array([np.arange(3.0), np.arange(4.0)], dtype=object)})
+    cells = path.read_bytes()
+    parts = (6, 8, struct.pack("<II", 17, 0)), (1, 4, b"data"), (1, 4, b"MCOS")
+    element = b"".join(struct.pack("<II", *tag) + text.ljust(8, b"\0") for *tag, text in parts)
+    object_ = cells[:128] + struct.pack("<II", 14, len(element)) + element
+    for content, name in ((cells, "runs"), (object_, "data")):
+        with pytest.raises(InputError, match=f"a.mat: {name} holds no numbers; save arrays"):
+            numeric_table(content, "a.mat")
 
 
 # --- bam -----------------------------------------------------------------------------------------
