@@ -191,7 +191,7 @@ def angle_noise(intervals: Intervals) -> Array:
     runs = intervals.dataset.recordings
     rough = np.concatenate([np.diff(r.angle.value, 3, axis=0) for r in runs])
     most = _MAD * np.median(np.abs(rough), axis=0) / np.sqrt(20.0)  # 1 + 9 + 9 + 1
-    return np.where(taken < _FOLLOWED * most, most, taken)
+    return np.maximum(np.where(taken < _FOLLOWED * most, most, taken), intervals.rounding)
 
 
 def warnings_of(solution: Solution) -> Iterator[str]:

@@ -151,7 +151,7 @@ def _initial_noise(problem: ShootingProblem, use: Array) -> Array:
     """First estimate of the angle noise (n,) [rad]: what the smoother took off."""
     intervals = problem.intervals
     off = np.abs(intervals.before - intervals.q)[use]
-    floor = 1e-9 + 1e-6 * np.abs(intervals.before).max(axis=0)
+    floor = np.maximum(1e-9 + 1e-6 * np.abs(intervals.before).max(axis=0), intervals.rounding)
     return np.maximum(MAD * np.median(off, axis=0), floor)
 
 
@@ -271,7 +271,8 @@ def _next_step(
         start = normal.start - normal.to_start @ move
         moves = np.concatenate([start, np.broadcast_to(move, (len(start), len(move)))], axis=1)
         residual = prediction.error - (prediction.slope @ moves[:, None, :, None])[..., 0]
-        sigma = _noise(residual, prediction.share, normal.leverage, sigma)
+        least = np.maximum(1e-3 * sigma, problem.intervals.rounding)
+        sigma = np.maximum(_noise(residual, prediction.share, normal.leverage), least)
         weight = np.minimum(1.0, huber / np.maximum(np.abs(residual) / sigma, 1e-12))
     low, high, _, precision = problem.limits
     # by rounding a step to a bound may end beyond it: levels of -1e-17 push
@@ -327,11 +328,11 @@ def _missing_information(H: Array, parameters: Sequence[Parameter]) -> Array:
     return np.diag(np.maximum([_TRACE * most[kind] for kind in kinds] - information, 0.0))
 
 
-def _noise(residual: Array, share: Array, leverage: Array, sigma: Array) -> Array:
+def _noise(residual: Array, share: Array, leverage: Array) -> Array:
     """Angle noise (n,) [rad] from the residuals, each corrected for its leverage."""
     counts = share > 0
     clean = residual / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    return np.maximum(MAD * np.median(np.abs(clean[counts]), axis=0), 1e-3 * sigma)
+    return np.asarray(MAD * np.median(np.abs(clean[counts]), axis=0))
 
 
 def _errors(solution: Solution, H: Array, precision: Array) -> Array:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from fixtures.tiny_pendulums import dataset
+from fixtures.tiny_pendulums import PENDULUM, dataset
+from fixtures.true_curves import plain_friction
 from numpy.testing import assert_array_equal
 
 from frictionid.errors import NoFitError
@@ -11,6 +12,7 @@ from frictionid.fitting.shooting import Settings, gauss_newton, refine
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
 from frictionid.progress import listening
+from frictionid.simulate import Camera, Rig, Run, simulate
 
 START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 
@@ -56,3 +58,14 @@ def test_a_start_too_steep_and_steps_that_no_damping_helps_are_refused(monkeypat
         with monkeypatch.context() as patch, pytest.raises(NoFitError, match="steep"):
             steep_at(calls, patch)
             refine(START, dataset(), (FrictionBlock(),), Settings())
+
+
+def test_an_encoder_that_rests_most_of_the_time_does_not_make_its_steps_the_noise():
+    """At rest nothing is left over, and the usual residual is none: rounding stays."""
+    machine = {"kind": "pendulum", "driven": False, "parameters": PENDULUM["parameters"]}
+    runs = tuple(Run(f"{k}", (0.4 + 0.1 * k,)) for k in range(3))
+    camera = Camera(1000, 100.0, 0.0, resolution=2e-3)  # at rest after 0.9 s
+    rig = Rig("p", machine, plain_friction(0.05, 0.004), camera, runs, substeps=8)
+    fit = refine(START, simulate(rig), (FrictionBlock(),))
+    assert (fit.covariance.error < [0.001, 0.0005]).all()
+    assert (np.abs(fit.friction.theta[0] - [0.05, 0.004]) < [0.0005, 0.0002]).all()

@@ -203,7 +203,9 @@ def test_of_exact_angles_the_noise_starts_above_zero_and_below_any_other():
     q = np.array([[1.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
     use = np.ones(3, dtype=bool)
     exact, rough = (
-        _initial_noise(SimpleNamespace(intervals=SimpleNamespace(before=q + off, q=q)), use)
+        _initial_noise(
+            SimpleNamespace(intervals=SimpleNamespace(before=q + off, q=q, rounding=0.0)), use
+        )
         for off in (0.0, 1e-4)
     )
     assert (exact > 0).all() and (exact < 1e-5).all()
