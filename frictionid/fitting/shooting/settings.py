@@ -19,6 +19,7 @@ from ..parameters.blocks import (
     DelayBlock,
     FrictionBlock,
     InertiaBlock,
+    OffsetBlock,
     TargetDelayBlock,
 )
 from ..parameters.parameter_block import ParameterBlock
@@ -78,6 +79,7 @@ DEFAULT_BLOCKS: tuple[ParameterBlock, ...] = (
     TargetDelayBlock(offered=True),
     BacklashBlock(offered=True),
     BiasBlock(offered=True),
+    OffsetBlock(offered=True),
 )
 
 
@@ -98,13 +100,17 @@ def applicable(
     """The blocks without those that are offered and mean nothing here.
 
     A delay is that of sampled torques, or of held targets; backlash is between a joint and the
-    encoder of its servo; there is a bias where a motor drives, not beside levels of each
-    direction. Beside a network, which would take up what these show, only delays are offered.
+    encoder of its servo; there is a bias where a motor drives, an offset of angles where none
+    does, neither beside levels of each direction. Beside a network, which would take up what
+    these show, only delays are offered.
     """
     sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
     means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
+    pairs = [(r.servo, r.angle.time) for r in dataset.recordings]
+    acts = any(servo and np.any(servo.connected(time)) for servo, time in pairs)
+    means["offset"] = not acts and not dataset.actuated.any()
     if law is not None and any(name.endswith("_negative") for name in law.names):
-        means["bias"] = False  # levels of each direction are the same
+        means |= {"bias": False, "offset": False}  # levels of each direction are the same
     if law is not None and law.is_network:
-        means |= {"inertia": False, "backlash": False, "bias": False}
+        means |= dict.fromkeys(("inertia", "backlash", "bias", "offset"), False)
     return tuple(b for b in blocks if not b.offered or means.get(b.name, True))

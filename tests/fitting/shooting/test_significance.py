@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fixtures import tiny_pendulums as tiny
+from fixtures.changed_data import changed
+from fixtures.true_curves import plain_friction
 
 from frictionid.comparison.suite_recipes import RecipeEntry, recipe_of
 from frictionid.data.servo import Servo
@@ -17,6 +19,7 @@ from frictionid.fitting.shooting import Settings, Shooting, refine
 from frictionid.fitting.shooting.settings import DEFAULT_BLOCKS, applicable
 from frictionid.friction import Friction
 from frictionid.friction.laws import CoulombViscous
+from frictionid.simulate import Camera, Rig, Run, simulate
 
 START = Friction(CoulombViscous(), np.array([[0.02, 0.002]]))
 SHORT = Settings(windows=(0.1, 0.3))
@@ -90,12 +93,30 @@ def test_by_default_nothing_is_offered_that_no_recording_shows():
     goal, on = (Signal(r.angle.time, np.ones((len(r.angle.time), 1))) for r in still[:2])
     servo = Servo(goal, on, gain=4.0, limit=1.0, supply=7.0, kt=0.4, R=4.0)
     driven = tuple(replace(r, servo=servo) for r in tiny.recordings())
-    for recordings in (still, driven):
-        data = tiny.dataset(recordings=recordings)
-        assert [b.name for b in applicable(DEFAULT_BLOCKS, data)] == ["friction", "inertia"]
-    passive = refine(START, tiny.dataset(recordings=still), settings=SHORT)
-    names = [p.name for p in passive.covariance.parameters if p.block != "friction"]
+    off = replace(servo, enabled=on._replace(value=0.0 * on.value))
+    loose = tuple(replace(r, servo=off) for r in still)
+    for recordings, beside in ((still, ["offset"]), (driven, []), (loose, ["offset"])):
+        offered = applicable(DEFAULT_BLOCKS, tiny.dataset(recordings=recordings))
+        assert [b.name for b in offered] == ["friction", "inertia", *beside]
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.01], ids=str)
+def test_where_no_motor_drives_a_zero_that_is_off_is_found_by_default(zero):
+    """It would be a torque of gravity that changes sides with no velocity, as levels by side do."""
+    machine = {"kind": "pendulum", "driven": False, "parameters": tiny.PENDULUM["parameters"]}
+    runs = tuple(Run(f"{k}", (0.5 + 0.3 * k,)) for k in range(4))
+    friction, camera = plain_friction(0.03, 0.004), Camera(300, 60.0, 1e-3)
+    data = simulate(Rig("p", machine, friction, camera, runs, substeps=8))
+    data = changed(data, "angle", lambda q: q + zero)
+    fit = refine(START, data, settings=SHORT)
+    blocks = [p.block for p in fit.covariance.parameters]
+    assert ("offset" in blocks) == (zero > 0.0)
+    names = [p.name for p in fit.covariance.parameters if p.block == "inertia"]
     assert names == ["inertia"]  # only its ratio to gravity shows
+    off = np.abs(float(fit.calibration.offset[0]) - zero)
+    assert off == 0.0 or off < 3.0 * fit.covariance.error[blocks.index("offset")]
+    alone = fit.covariance.error[[block == "friction" for block in blocks]]
+    assert (np.abs(fit.friction.theta[0] - [0.03, 0.004]) < 4.0 * alone).all()
 
 
 def test_no_bias_is_offered_beside_levels_of_each_direction():
