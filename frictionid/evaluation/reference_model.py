@@ -24,6 +24,7 @@ WITHIN = float(np.log(1.0 + REGION))  # of the logarithm of a loss: no practical
 CERTAIN = 0.9  # probability from which on a statement counts as shown
 _CONTRADICTED = 0.05  # chance of a gap between both losses, below which it is none
 _LEAST = 1e-12  # error: smaller ones are rounding
+_REST = 0.01  # of the mean of all groups: where a joint rests all models are right, none more so
 
 
 class StartErrors(NamedTuple):
@@ -147,9 +148,10 @@ def _log_ratio(first: Array, second: Array, group: Array) -> CorrelatedTest:
 
 
 def _means(x: Array, group: Array) -> Array:
-    """Mean (G,) of each group."""
+    """Mean (G,) of each group, not far below that of the others."""
     _, place = np.unique(group, return_inverse=True)
-    return np.bincount(place, x) / np.bincount(place) + _LEAST
+    mean = np.bincount(place, x) / np.bincount(place)
+    return np.maximum(mean, _REST * mean.mean()) + _LEAST
 
 
 def _signed(test: CorrelatedTest) -> Factor:

@@ -82,6 +82,19 @@ def test_the_unit_of_errors_does_not_matter(unit, seed):
     )
 
 
+@pytest.mark.parametrize("share", [1e-3, 1.0, 1e3])
+def test_recordings_at_rest_that_all_models_predict_decide_nothing(share):
+    """There errors are of rounding, and the ratio of two of them is of nothing."""
+    rest = GROUP < 5
+    model, reference = apart(0.05, 1).error, BEST.error
+    still = StartErrors(np.where(rest[:, None], 1e-8 * share * model, model), GROUP)
+    best = StartErrors(np.where(rest[:, None], 1e-8 * reference, reference), GROUP)
+    moving = StartErrors(model[~rest], GROUP[~rest]), StartErrors(reference[~rest], GROUP[~rest])
+    for name in ("implied", "measured"):
+        factors = [getattr(loss(*pair), name).value for pair in ((still, best), moving)]
+        assert factors[0] == pytest.approx(factors[1], rel=0.02)
+
+
 def test_one_far_recording_is_bounded():
     """What is farther than 1 is as far as 1, and counts once."""
     far = NOISE.copy()
