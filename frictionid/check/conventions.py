@@ -17,7 +17,6 @@ from scipy.optimize import nnls
 from frictionid.arrays import Array
 from frictionid.data.readers.column_toml import Gears
 from frictionid.fitting.one_step.balances import Rows, balances_of
-from frictionid.mechanics.rigid_body.rigid_body_tree import RigidBodyTree
 
 from .findings import Finding, finding
 from .motion import WIDTH, Measured, characteristic_speeds
@@ -25,12 +24,13 @@ from .motion import WIDTH, Measured, characteristic_speeds
 _FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
 TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so many times too large
 _NOT = [f"not {name}" for name in TORQUE_UNITS]  # or too small
+ABSOLUTE = "absolute_angle"
 _NONE = "no_torque"  # what those are judged against
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
 MARGIN, EXPLAINS = 1.0, np.log(0.25)
-# Two maps whose scores are closer than this cannot be distinguished (mirror images).
-ALIKE = 0.02
+# Two maps whose scores are closer than this cannot be distinguished, as mirror images.
+ALIKE = 0.05
 # Below this share of its terms a balance is good; smaller differences mean nothing.
 FLOOR = 0.02
 # A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
@@ -119,7 +119,7 @@ def hypotheses(
     if n > 1 and not slides.any():
         relative = eye - np.diag(np.ones(n - 1), -1)
         words = "angles are absolute (against the vertical), not relative"
-        yield Convention("absolute_angle", words, relative, eye)
+        yield Convention(ABSOLUTE, words, relative, eye)
     for kind, words, unit, joints in (
         ("millimetres", "positions are in mm, not m", 1e-3, slides),
         ("metres", "positions are in m, not mm", 1e3, slides),
@@ -205,16 +205,15 @@ def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterato
 
 
 def shifted(measured: Measured, first: Scored, others: Sequence[Scored]) -> Iterator[Scored]:
-    """Wrong zeros of the angles, by quarter turns, as given and beside the best other sign.
+    """Wrong zeros of the angles, by quarter turns, as given and beside other signs or frames.
 
-    For robots that a file describes, whose zeros are those of the file: an encoder has another one.
-    One joint is shifted after the other, as long as that leaves less.
+    An encoder has its own zero, and a pendulum that is balanced the upright one. One joint is
+    shifted after the other, as long as that leaves less.
     """
-    if not isinstance(measured.mechanism, RigidBodyTree):
-        return
     signs = [s for s in others if s.of_gears]
     best = [min(signs, key=lambda s: s.score)] if signs else []
-    for start in (first, *best):
+    frames = [s for s in others if s.convention.kind == ABSOLUTE]
+    for start in (first, *best, *frames):
         end = _quarter_turns(measured, start)
         if end is not start:
             yield end
@@ -243,7 +242,7 @@ def _shifted(convention: Convention, shift: Array) -> Convention:
     degrees = np.where(degrees == -180, 180, degrees).astype(int)
     off = [f"{d:+d} degrees to angle {j + 1}" for j, d in enumerate(degrees.tolist()) if d]
     also = "" if convention.kind == "as_given" else f"{convention.words}, and "
-    words = f"{also}the angles have another zero than the file: add {', '.join(off)}"
+    words = f"{also}the angles have another zero than the mechanism: add {', '.join(off)}"
     return convention._replace(kind="shifted_angle", words=words, shift=np.radians(degrees))
 
 
@@ -309,7 +308,7 @@ def _shares(rows: Rows, torque: Array) -> tuple[Array, Array]:
         matters[j] = varying[:2].sum() >= MATTERS**2 * varying[2]
         target = terms[2] - terms[0] - terms[1]
         left = _residual_squares(rows.shapes(j)[use], target)
-        out[j] = np.log(left / max((terms**2).sum(), 1e-300) + FLOOR**2)
+        out[j] = np.log(left / max(use.sum() * varying.sum(), 1e-300) + FLOOR**2)
     return out, matters
 
 
@@ -346,13 +345,16 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     also = f" (or, equivalently: {'; '.join(names)})" if names else ""
     # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
     weak = first.score - best.score < MARGIN and best.of_gears
-    shift = np.asarray(best.convention.shift)
+    shift, turns = np.asarray(best.convention.shift), np.linalg.inv(best.convention.angle)
     zeros = ", ".join(f"{radians:.4f}" for radians in np.atleast_1d(shift))
     also += ", or its ratio or coupling is wrong" if weak else ""
+    straight = np.array_equal(turns, np.eye(len(turns)))
+    gear = "gear = 1" if straight else f"coupling = {turns.astype(int).tolist()}"
+    frame = "absolute" if best.convention.kind == ABSOLUTE else "convention"
     yield finding(
-        "zero" if shift.any() else "convention",
+        "zero" if shift.any() else frame,
         {"score": best.score, "given": first.score},
-        {"convention": best.convention.words, "also": also, "zeros": zeros},
+        {"convention": best.convention.words, "also": also, "zeros": zeros, "gear": gear},
         level="doubtful" if weak else "",
         kind=best.convention.kind,
     )

@@ -333,7 +333,7 @@ def _exchanged_findings(measured: Measured, score: float) -> list[Finding]:
     logged = measured.dataset.recordings
     if score < UNEXPLAINED or min(len(r.torque.time) for r in logged) < MIN_WINDOWS:
         return []
-    recordings = [Recording(r.name, r.torque, r.angle) for r in logged]
+    recordings = [Recording(r.name, r.torque, r.angle, base_motion=r.base_motion) for r in logged]
     exchanged = replace(measured.dataset, recordings=tuple(recordings))
     best = min(s.score for s in scores(Measured.of_dataset(exchanged, motions_of(recordings))))
     numbers = {"score": best, "given": score}

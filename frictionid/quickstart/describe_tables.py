@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import check
-from frictionid.check.conventions import TORQUE_UNITS, Convention
+from frictionid.check.conventions import ABSOLUTE, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import TABLES, is_table
 from frictionid.data.readers.table import Table, numeric_table
@@ -128,13 +128,16 @@ def guess_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> 
 def _is_passive(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> bool:
     """Whether no column is left for the torque of a kind of mechanism that may have no motor."""
     machine, build = mechanism_of(mechanism), mechanism_kinds()[mechanism["kind"]]
+    columns = tables.first.columns
     options = mechanism_options(build)
     if "driven" not in options or "torque" in facts.columns or not any(machine.driven):
         return False
     idle, units = [False] * machine.n, machine.position_units
     unused = guess_columns(tables.first, idle, units, facts.columns).unused
     damaged = any(quantity_of(name) in ("torque", "current") for name in tables.first.faults)
-    return all(quantity_of(name) == "velocity" for name in unused) and not damaged
+    constant = [name for name in unused if not quantity_of(name) and not np.ptp(columns[name])]
+    moving = {quantity_of(name) for name in unused if name not in constant}
+    return moving <= {"time", "velocity"} and not damaged
 
 
 def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
@@ -172,7 +175,8 @@ def describe_tables(tables: Tables, mechanism: Mapping[str, Any], facts: Known) 
     """
     comments = {}
     if _is_passive(tables, mechanism, facts):
-        mechanism = {**mechanism, "driven": False}
+        joints = mechanism_of(mechanism).n
+        mechanism = {**mechanism, "driven": [False] * joints if joints > 1 else False}
         comments["driven"] = "no column is left for a torque: passive motion"
     guesses = guess_tables(tables, mechanism, facts)
     if guesses.is_current and facts.kt is None:
@@ -264,11 +268,15 @@ def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
     flips = np.diag(best.angle)
     if best.kind == "flipped_gear" and np.array_equal(best.angle, np.diag(flips)):
         return {**motor, "gear": (gear * flips).tolist()}
-    if best.kind != "shifted_angle" or not np.array_equal(best.angle, np.eye(n)):
+    if best.kind not in ("shifted_angle", ABSOLUTE):
         return None
     zero = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n) + best.shift
-    offset = [round(float(radians), 6) for radians in zero]
-    return {"gear": gear.tolist(), **motor, "angle": "motor", "offset": offset}
+    there = {"angle": "motor", "offset": [round(float(radians), 6) for radians in zero]}
+    if np.array_equal(best.angle, np.eye(n)):
+        return {"gear": gear.tolist(), **motor, **there}
+    if motor or not np.array_equal(best.torque, np.eye(n)):
+        return None
+    return {"coupling": np.linalg.inv(best.angle).tolist(), **there}
 
 
 def _with_convention(guesses: ColumnGuesses, best: Convention) -> ColumnGuesses | None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from fixtures import driven_wrist as wrist
 from fixtures.changed_data import changed
@@ -121,6 +122,48 @@ def test_angles_of_geared_motors_are_told_from_those_of_joints(pendulum, turns):
     gears = Gears(np.array([[turns]]), np.zeros(1), angles=False, torques=True)
     (said,) = check(replace(turned, gears=gears)).findings
     assert "motor.angle" in said.text and ("in degrees" in said.text) == (turns == 57.0)
+
+
+LINKS = {"m1": 0.1, "m2": 0.14, "l1": 0.17, "r1": 0.11, "r2": 0.12, "I1": 2e-3, "I2": 3e-3}
+FREE = {
+    "pendulum": {"driven": False, "parameters": {"mass": 0.15, "length": 0.15}},
+    "double_pendulum": {"driven": [False, False], "parameters": LINKS},
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "frame"),
+    [("pendulum", "relative"), ("double_pendulum", "relative"), ("double_pendulum", "absolute")],
+)
+def test_angles_from_upright_and_against_the_vertical_are_named_with_what_mends_them(kind, frame):
+    """As pendulums on carts have them; in degrees nothing but a small swing would look alike."""
+    n, machine = np.size(FREE[kind]["driven"]), {"kind": kind, **FREE[kind]}
+    runs = (Run("long", (1.2, -0.4)[:n]), Run("short", (-0.7, 0.5)[:n]))
+    friction = plain_friction([1e-3] * n, [1e-4] * n)
+    true = simulate(Rig("p", machine, friction, Camera(600, 60.0, 1e-4), runs, substeps=8))
+    angles = {r.name: np.pi * (np.arange(n) == 0) + r.angle.value for r in true.recordings}
+    if frame == "absolute":
+        angles = {name: np.cumsum(q, axis=1) for name, q in angles.items()}
+    names = [f"q{j}" for j in range(n)]
+    frames = {
+        r.name: pd.DataFrame(angles[r.name], index=r.angle.time, columns=names)
+        for r in true.recordings
+    }
+    verdict = check(Dataset.from_frames(frames, true.mechanism, angle=names))
+    (first,) = verdict.findings
+    assert first.kind == "shifted_angle" and verdict.level == "unusable"
+    assert "add +180 degrees to angle 1" in first.text
+    gear = [[1, 0], [1, 1]] if n == 2 and frame == "absolute" else 1
+    zeros = f"[{', '.join(['3.1416', '0.0000'][:n])}]"
+    assert (
+        zeros in first.remedy and f"{'coupling' if gear != 1 else 'gear'} = {gear}" in first.remedy
+    )
+    motor = {"angle": "motor", "coupling" if gear != 1 else "gear": gear, "offset": [np.pi, 0][:n]}
+    mended = Dataset.from_frames(frames, true.mechanism, angle=names, motor=motor)
+    assert not check(mended).findings
+    for r, expected in zip(mended.recordings, true.recordings, strict=True):
+        turns = (r.angle.value - expected.angle.value) / (2 * np.pi)
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1.0, np.degrees(1.0)], ids=["rad", "deg"])
