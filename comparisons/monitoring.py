@@ -5,7 +5,7 @@ for the numbers. Its motion is integrated by the simulator's own steps, judged b
 smoothing: no code is shared. Half of the healthy sets, and all changed ones, move otherwise than
 the baseline. Then the real C.1 arm, each controller's recordings against those of the others.
 Run from the clone: python comparisons/monitoring.py [--sets N] [--only simulated|real]
-[--healthy 8 --new 3]
+[--healthy 8 --new 3] [--off 0.05]
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from frictionid.data.signals import taken
 from frictionid.deploy.monitor.baseline import Baseline
 from frictionid.deploy.monitor.changes import Changes, joined, prepared_data, recording_changes
 from frictionid.deploy.monitor.judgement import Judgement, judge
+from frictionid.mechanics import Mechanism
 from frictionid.simulate import Camera, Curve, Multisine, Rig, Run, Stribeck, Variation, simulate
 
 CURVE = Curve(
@@ -79,7 +80,19 @@ def recorded(
         seed=seed,
         substeps=4,
     )
-    return simulate(rig)
+    data = simulate(rig)
+    return replace(data, mechanism=off_by(data.mechanism, settings["off"]))
+
+
+def off_by(mechanism: Mechanism, share: float) -> Mechanism:
+    """The mechanism with all masses and inertias more or less by a share, always the same."""
+    draw = np.random.default_rng(5)
+    values = {
+        name: value * (1.0 + share * draw.choice([-1.0, 1.0]))
+        for name, value in mechanism.nominal().items()
+        if name[0] in "mJ"
+    }
+    return mechanism.with_values(values) if share else mechanism
 
 
 def with_torque(data: Dataset, change: Callable[[Recording], Recording]) -> Dataset:
@@ -251,6 +264,7 @@ def main(
     only: Literal["simulated", "real"] | None = None,
     healthy: int | None = None,
     new: int | None = None,
+    off: float = 0.0,
 ) -> None:
     """Print all rates.
 
@@ -260,12 +274,14 @@ def main(
     only : One of both parts.
     healthy : Recordings of a simulated baseline [as there].
     new : Recordings of a simulated set [as there].
+    off : Share by which masses and inertias of the model are off the simulated ones.
     """
     settings = tomllib.loads((Path(__file__).parent / "monitoring.toml").read_text("utf-8"))
     settings["baseline"], settings["group"] = (
         healthy or settings["baseline"],
         new or settings["group"],
     )
+    settings["off"] = off
     if only != "real":
         simulated(settings, sets or settings["sets"])
     if only != "simulated":

@@ -13,7 +13,6 @@ from fixtures.lab_tables import GEAR, INIT, KT, MACHINE, MOTOR, recordings, writ
 from fixtures.mistakes import mistakes
 from fixtures.reader_files import mat_bytes
 from fixtures.refusals import assert_one_line, assert_refused
-from fixtures.true_curves import plain_friction
 
 from frictionid.comparison.suite import load_suite
 from frictionid.comparison.suite_tasks import tasks_of
@@ -22,7 +21,6 @@ from frictionid.data.readers.table import Table
 from frictionid.quickstart.column_guesses import guess_columns
 from frictionid.quickstart.describe_tables import Known, describe_tables, tables_at
 from frictionid.quickstart.quick import BY_ANGLES
-from frictionid.simulate import Camera, Rig, Run, simulate
 
 TIME = np.arange(200) / 100.0
 Q, W, U = np.sin(5 * TIME), 5 * np.cos(5 * TIME), 0.3 * np.cos(2 * TIME)
@@ -312,36 +310,6 @@ def test_elements_of_vectors_are_columns_as_those_of_lerobot(call, tmp_path):
     assert document["actuator"]["target"] == "action[0]"
     angle = load_dataset(tmp_path / "servo").recordings[0].angle.value[:, 0]
     np.testing.assert_array_equal(np.abs(angle), np.abs(Q))  # signs are guessed
-
-
-def test_a_table_without_torque_is_of_a_passive_pendulum(call, tmp_path):
-    (tmp_path / "drop").mkdir()
-    frame = pd.DataFrame({"t": TIME, "q": Q, "w": W})
-    frame.to_csv(tmp_path / "drop" / "run.csv", index=False)
-    code, out, _ = call(f"init drop {INIT}")
-    assert code == 0 and "passive motion" in out
-    data = load_dataset(tmp_path / "drop")
-    assert data.mechanism.driven == (False,) and not data.recordings[0].torque.value.any()
-
-
-def test_angles_of_a_passive_chain_from_upright_become_those_of_its_joints(call, tmp_path):
-    """Against the vertical, beside a column that never changes, of a cart that stands still."""
-    links = {"m1": 0.1, "m2": 0.14, "l1": 0.17, "r1": 0.11, "r2": 0.12, "I1": 2e-3, "I2": 3e-3}
-    machine = {"kind": "double_pendulum", "driven": [False, False], "parameters": links}
-    friction, camera = plain_friction([1e-3, 1e-3], [1e-4, 1e-4]), Camera(600, 60.0, 1e-4)
-    runs = (Run("long", (1.2, -0.4)),)
-    (true,) = simulate(Rig("p", machine, friction, camera, runs, substeps=8)).recordings
-    theta = np.pi + np.cumsum(true.angle.value, axis=1)
-    columns = {"t": true.angle.time, "theta1": theta[:, 0], "theta2": theta[:, 1], "cart": 0.0}
-    (tmp_path / "chain").mkdir()
-    pd.DataFrame(columns).to_csv(tmp_path / "chain" / "run.csv", index=False)
-    values = " ".join(f"--set {name}={value}" for name, value in links.items())
-    code, out, _ = call(f"init chain --mechanism double_pendulum {values}")
-    assert code == 0 and "passive motion" in out and "add +180 degrees to angle 1" in out
-    found = load_dataset(tmp_path / "chain")
-    assert found.mechanism.driven == (False, False)
-    turns = (found.recordings[0].angle.value - true.angle.value) / (2 * np.pi)
-    np.testing.assert_allclose(turns, np.round(turns), atol=1e-6)
 
 
 def test_a_sliding_joint_is_in_metres():
