@@ -116,17 +116,20 @@ BY_TORQUES = Plan(
 def plan_for(dataset: Dataset) -> Plan:
     """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled.
 
+    Where none acts, drag of the air is, `quadratic`.
     Of many joints angles are compared in fewer folds, without friction by direction.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
     driven = torque_is_sampled(dataset) or dataset.servos
     many = dataset.mechanism.n > _FAST
-    left_out = {"motor_load": not driven, _BY_DIRECTION["name"]: many}
-    laws = tuple(law for law in BY_ANGLES.laws if not left_out.get(law.label))
+    laws = tuple(law for law in BY_ANGLES.laws if not (many and law.label == _BY_DIRECTION["name"]))
+    if not driven:
+        laws = tuple(_DRAG if law.label == "motor_load" else law for law in laws)
     return BY_ANGLES._replace(laws=laws, folds=BY_TORQUES.folds if many else BY_ANGLES.folds)
 
 
+(_DRAG,) = _laws("quadratic")
 _FAST = 2  # joints, above which a fit by angles takes many seconds
 _FEWEST = 3  # recordings, below which stretches of time are held out
 _ABOVE = 3.0  # times the angle noise: errors of folds that hold out motion

@@ -238,6 +238,7 @@ def test_the_share_of_a_motor_is_a_candidate_where_a_motor_drives():
     driven = replace(passive, servo=open_loop(logged.torque))
     offered = [plan_for(replace(data, recordings=(r,))) for r in (logged, driven, passive)]
     assert ["motor_load" in plan.steps for plan in offered] == [True, True, False]
+    assert ["quadratic" in plan.steps for plan in offered] == [False, False, True]
 
 
 # --- As much as takes a minute --------------------------------------------------------------------
