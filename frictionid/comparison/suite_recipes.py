@@ -40,7 +40,7 @@ _REFINING: Mapping[str, tuple[Shooting | InverseDynamics, Kind]] = {
 # the calibration is not what is asked for: a fifth of its standard errors is near enough
 _CALIBRATING = Shooting(settings=Settings(tolerance=0.2))
 CALIBRATED = CalibratedRecipe(
-    "calibrated", INTEGRAL, _CALIBRATING, Flexible(), ("inertia", "delay", "bias")
+    "calibrated", INTEGRAL, _CALIBRATING, Flexible(), ("inertia", "delay", "bias", "offset")
 )
 METHODS: Mapping[str, Method] = {
     **RECIPES,
