@@ -207,7 +207,7 @@ def _all_scored(measured: Measured, candidates: Sequence[Convention]) -> Iterato
 def shifted(measured: Measured, first: Scored, others: Sequence[Scored]) -> Iterator[Scored]:
     """Wrong zeros of the angles, by quarter turns, as given and beside other signs or frames.
 
-    An encoder has its own zero, and a pendulum that is balanced the upright one. One joint is
+    An encoder's is anywhere, that of a pendulum that is balanced upright. One joint is
     shifted after the other, as long as that leaves less.
     """
     signs = [s for s in others if s.of_gears]

@@ -34,7 +34,7 @@ def test_angles_of_a_passive_chain_from_upright_become_those_of_its_joints(run, 
     values = [word for name, value in links.items() for word in ("--set", f"{name}={value}")]
     code, out, _ = run(tmp_path, "init", "chain", "--mechanism", "double_pendulum", *values)
     assert code == 0 and "passive motion" in out and "add +180 degrees to angle 1" in out
-    found = load_dataset(tmp_path / "chain")
-    assert found.mechanism.driven == (False, False)
-    turns = (found.recordings[0].angle.value - true.angle.value) / (2 * np.pi)
+    read = load_dataset(tmp_path / "chain")
+    assert read.mechanism.driven == (False, False)
+    turns = (read.recordings[0].angle.value - true.angle.value) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-6)

@@ -115,8 +115,8 @@ def test_where_no_motor_drives_a_zero_that_is_off_is_found_by_default(zero):
     assert names == ["inertia"]  # only its ratio to gravity shows
     off = np.abs(float(fit.calibration.offset[0]) - zero)
     assert off == 0.0 or off < 3.0 * fit.covariance.error[blocks.index("offset")]
-    alone = fit.covariance.error[[block == "friction" for block in blocks]]
-    assert (np.abs(fit.friction.theta[0] - [0.03, 0.004]) < 4.0 * alone).all()
+    errors = fit.covariance.error[[block == "friction" for block in blocks]]
+    assert (np.abs(fit.friction.theta[0] - [0.03, 0.004]) < 4.0 * errors).all()
 
 
 def test_no_bias_is_offered_beside_levels_of_each_direction():
