@@ -24,7 +24,7 @@ from .motion import WIDTH, Measured, characteristic_speeds
 _FEW = ("flipped", "shifted")  # kinds that change some joints of an arm only
 TORQUE_UNITS = {"mN m": 1000, "N cm": 100}  # kinds of which the torques are so many times too large
 _NOT = [f"not {name}" for name in TORQUE_UNITS]  # or too small
-ABSOLUTE = "absolute_angle"
+SHIFTED, ABSOLUTE = "shifted_angle", "absolute_angle"  # what [motor] of a dataset.toml mends
 _NONE = "no_torque"  # what those are judged against
 # A convention is rejected where another one leaves less than e^-MARGIN of the squared residual, and
 # explains the data at all. Healthy simulations keep a distance of 2.4 and more.
@@ -243,7 +243,7 @@ def _shifted(convention: Convention, shift: Array) -> Convention:
     off = [f"{d:+d} degrees to angle {j + 1}" for j, d in enumerate(degrees.tolist()) if d]
     also = "" if convention.kind == "as_given" else f"{convention.words}, and "
     words = f"{also}the angles have another zero than the mechanism: add {', '.join(off)}"
-    return convention._replace(kind="shifted_angle", words=words, shift=np.radians(degrees))
+    return convention._replace(kind=SHIFTED, words=words, shift=np.radians(degrees))
 
 
 def scored(convention: Convention, rows: Rows, torque: Array) -> Scored:
@@ -345,14 +345,14 @@ def convention_findings(fitting: Sequence[Scored], first: Scored) -> Iterator[Fi
     also = f" (or, equivalently: {'; '.join(names)})" if names else ""
     # beside friction the mechanism's terms are small: a wrong ratio may look like a wrong sign
     weak = first.score - best.score < MARGIN and best.of_gears
-    shift, turns = np.asarray(best.convention.shift), np.linalg.inv(best.convention.angle)
-    zeros = ", ".join(f"{radians:.4f}" for radians in np.atleast_1d(shift))
+    turns = np.linalg.inv(best.convention.angle)
+    shift = np.broadcast_to(best.convention.shift, len(turns))
+    zeros = ", ".join(f"{radians:.4f}" for radians in shift)
     also += ", or its ratio or coupling is wrong" if weak else ""
     straight = np.array_equal(turns, np.eye(len(turns)))
     gear = "gear = 1" if straight else f"coupling = {turns.astype(int).tolist()}"
-    frame = "absolute" if best.convention.kind == ABSOLUTE else "convention"
     yield finding(
-        "zero" if shift.any() else frame,
+        "frame" if best.convention.kind in (SHIFTED, ABSOLUTE) else "convention",
         {"score": best.score, "given": first.score},
         {"convention": best.convention.words, "also": also, "zeros": zeros, "gear": gear},
         level="doubtful" if weak else "",

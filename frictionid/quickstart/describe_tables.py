@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from frictionid.check import check
-from frictionid.check.conventions import ABSOLUTE, TORQUE_UNITS, Convention
+from frictionid.check.conventions import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import TABLES, is_table
 from frictionid.data.readers.table import Table, numeric_table
@@ -135,9 +135,9 @@ def _is_passive(tables: Tables, mechanism: Mapping[str, Any], facts: Known) -> b
     idle, units = [False] * machine.n, machine.position_units
     unused = guess_columns(tables.first, idle, units, facts.columns).unused
     damaged = any(quantity_of(name) in ("torque", "current") for name in tables.first.faults)
-    constant = [name for name in unused if not quantity_of(name) and not np.ptp(columns[name])]
-    moving = {quantity_of(name) for name in unused if name not in constant}
-    return moving <= {"time", "velocity"} and not damaged
+    # what has no name and never changes is no torque
+    kinds = {quantity_of(name) for name in unused if quantity_of(name) or np.ptp(columns[name])}
+    return kinds <= {"time", "velocity"} and not damaged
 
 
 def targets_in(table: Table, facts: Known, joints: int) -> tuple[str, ...]:
@@ -268,7 +268,7 @@ def _with_gears(draft: Draft, best: Convention) -> dict[str, Any] | None:
     flips = np.diag(best.angle)
     if best.kind == "flipped_gear" and np.array_equal(best.angle, np.diag(flips)):
         return {**motor, "gear": (gear * flips).tolist()}
-    if best.kind not in ("shifted_angle", ABSOLUTE):
+    if best.kind not in (SHIFTED, ABSOLUTE):
         return None
     zero = np.broadcast_to(np.asarray(motor.get("offset", 0.0), dtype=float), n) + best.shift
     there = {"angle": "motor", "offset": [round(float(radians), 6) for radians in zero]}

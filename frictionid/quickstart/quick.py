@@ -43,7 +43,7 @@ from frictionid.evaluation.reference_model import (
 from frictionid.evaluation.score_frame import score_tables
 from frictionid.evaluation.torque_left import torque_frame
 from frictionid.fitting.identifiers import Frictionless
-from frictionid.fitting.shooting.settings import torque_is_sampled
+from frictionid.fitting.shooting.settings import is_driven
 from frictionid.friction.provenance import Estimates
 from frictionid.report.candidates import Measure
 
@@ -114,17 +114,16 @@ BY_TORQUES = Plan(
 
 
 def plan_for(dataset: Dataset) -> Plan:
-    """The plan of a data set: `motor_load` is a candidate where a motor's torque is sampled.
+    """The plan of a data set: `motor_load` is a candidate where a motor drives.
 
-    Where none acts, drag of the air is, `quadratic`.
+    Where none does, drag of the air is, `quadratic`.
     Of many joints angles are compared in fewer folds, without friction by direction.
     """
     if usual_method(dataset, Frictionless()) == BY_TORQUES.recipe.name:
         return BY_TORQUES
-    driven = torque_is_sampled(dataset) or dataset.servos
     many = dataset.mechanism.n > _FAST
     laws = tuple(law for law in BY_ANGLES.laws if not (many and law.label == _BY_DIRECTION["name"]))
-    if not driven:
+    if not is_driven(dataset):
         laws = tuple(_DRAG if law.label == "motor_load" else law for law in laws)
     return BY_ANGLES._replace(laws=laws, folds=BY_TORQUES.folds if many else BY_ANGLES.folds)
 

@@ -88,6 +88,13 @@ def torque_is_sampled(dataset: Dataset) -> bool:
     return any(r.servo is None and np.any(r.torque.value) for r in dataset.recordings)
 
 
+def is_driven(dataset: Dataset) -> bool:
+    """Whether a motor acts in a recording: a torque, or a servo that is connected."""
+    pairs = [(r.servo, r.angle.time) for r in dataset.recordings]
+    connected = any(servo and np.any(servo.connected(time)) for servo, time in pairs)
+    return connected or bool(dataset.actuated.any())
+
+
 def targets_are_held(dataset: Dataset) -> bool:
     """Whether servos alone drive, by targets that are held from one sample to the next."""
     servos = dataset.servos
@@ -106,9 +113,7 @@ def applicable(
     """
     sampled, held = torque_is_sampled(dataset), targets_are_held(dataset)
     means = {"delay": sampled, "target_delay": held, "backlash": held, "bias": sampled or held}
-    pairs = [(r.servo, r.angle.time) for r in dataset.recordings]
-    acts = any(servo and np.any(servo.connected(time)) for servo, time in pairs)
-    means["offset"] = not acts and not dataset.actuated.any()
+    means["offset"] = not is_driven(dataset)
     if law is not None and any(name.endswith("_negative") for name in law.names):
         means |= {"bias": False, "offset": False}  # levels of each direction are the same
     if law is not None and law.is_network:
