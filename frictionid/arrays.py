@@ -63,6 +63,19 @@ def rows_by(label: Array) -> list[Array]:
     return np.split(order, first)[1:]
 
 
+def stretches(label: Array, order: Array, count: int) -> Array:
+    """Number (K,) of the stretch of each row: `count` equal ones of each label (K,), in an order.
+
+    >>> stretches(np.array([0, 0, 0, 0, 4, 4]), np.array([3.0, 1.0, 2.0, 0.0, 5.0, 6.0]), 2)
+    array([1, 0, 1, 0, 2, 3])
+    """
+    out = np.empty(len(label), dtype=int)
+    for i, rows in enumerate(rows_by(label)):
+        rows = rows[np.argsort(order[rows], kind="stable")]
+        out[rows] = i * count + np.arange(len(rows)) * count // len(rows)
+    return out
+
+
 def like(values: Any, array: Array) -> Array:
     """Values as an array of the kind and type of another one, on its device.
 

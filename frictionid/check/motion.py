@@ -103,7 +103,8 @@ class Speeds(NamedTuple):
     """Characteristic speeds (..., n) [rad/s] of each joint.
 
     threshold : below it a joint may be at rest (noise, or 2 % of fast motion), infinite for a joint
-    that never rises from the noise ; fast : exceeded in 5 % of the time
+    that never rises from the noise ; fast : exceeded in 5 % of the time, or half the mean speed
+    along the way, in which rest does not count, as where each recording moves another joint
     """
 
     threshold: Array
@@ -120,8 +121,9 @@ def speeds_of(motions: Sequence[Motion]) -> Speeds:
 
 def characteristic_speeds(w: Array, noise: Array) -> Speeds:
     """Characteristic speeds (..., n) of velocities w (..., T, n) with the noise (..., R, n)."""
-    noise = np.median(noise, axis=-2)
-    fast = np.quantile(np.abs(w), 0.95, axis=-2)
+    noise, speed = np.median(noise, axis=-2), np.abs(w)
+    along = (speed**2).sum(axis=-2) / np.maximum(speed.sum(axis=-2), 1e-300)
+    fast = np.maximum(np.quantile(speed, 0.95, axis=-2), along / 2)
     threshold = np.where(fast < ABOVE * noise, np.inf, np.maximum(3.0 * noise, 0.02 * fast))
     return Speeds(threshold, np.maximum(fast, 1e-12))
 

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from frictionid.arrays import Array
+from frictionid.data.clock_facts import usual_intervals
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
 from frictionid.fitting.one_step.balances import Rows
@@ -26,8 +27,9 @@ from .motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
 
 READINGS = 5  # fewest equal readings
 # Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding,
-# and by this many times the second difference that 99 % of the other samples stay below.
-ANGLE, LEAP, JERK = 0.08, 6.0, 1.3
+# and by this many times the second difference that 99 % of the other samples stay below, of a short
+# motion all but a few.
+ANGLE, LEAP, JERK, FEW = 0.08, 6.0, 1.3, 5
 # Shortest frozen torque [s]; windows over which balances are taken [s].
 TORQUE, WIDTH = 0.2, 0.07
 # The residual within the interval is this many times that elsewhere, and this share of the torque's
@@ -85,7 +87,7 @@ def frozen_angles(measured: Measured) -> list[Frozen]:
     bends = [np.diff(r.angle.value, n=2, axis=0) for r in measured.dataset.recordings]
     if not sum(map(len, bends)):
         return []
-    usual = np.quantile(np.abs(np.concatenate(bends)), 0.99, axis=0)
+    usual = np.array([_usual(column) for column in np.abs(np.concatenate(bends)).T])
     return [
         interval
         for i, motion in enumerate(measured.motions)
@@ -93,12 +95,25 @@ def frozen_angles(measured: Measured) -> list[Frozen]:
     ]
 
 
+def _usual(bends: Array) -> float:
+    """Size that 99 % of second differences (T,) in motion stay below, all but FEW of them at most.
+
+    >>> round(_usual(np.append(np.zeros(9000), np.arange(1000.0))), 3)
+    989.02
+    """
+    moving = bends[bends > 0]
+    share = min(max(0.01, FEW / max(len(moving), 1)), 0.5)
+    return float(np.quantile(moving, 1 - share)) if len(moving) else 0.0
+
+
 def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> list[Frozen]:
     """Frozen angles of one recording; usual (n,) : largest usual second difference [rad]."""
     out = []
     for still in _equal_readings(number, angle, ANGLE):
         column = np.asarray(angle.value)[:, still.joint]
-        step = np.diff(column)
+        # what goes by in a gap of the stamps is no leap
+        interval = np.diff(angle.time)
+        step = np.diff(column) / np.maximum(interval / usual_intervals(interval), 1.0)
         if not step.any():
             continue
         quantum = float(np.abs(step[step != 0]).min())

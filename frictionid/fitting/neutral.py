@@ -33,6 +33,7 @@ from .sandwich import Groups, solve_scaled
 
 F = TypeVar("F")
 S = TypeVar("S", "tuple[Unknown, ...]", Array)
+_LISTED = 3  # base parameters
 _BASE = 0.2  # of the nominal value: usual deviation of a base parameter
 _FAR = 10.0  # sizes from neutral, which is hardly plausible
 _BLIND = 1e-13  # of the largest information
@@ -68,6 +69,16 @@ class Unknown(NamedTuple):
         The farther from neutral it is, in units of its size, the more it takes to believe it.
         """
         return rise > (CLEAR + self.off**2) * self.excess
+
+
+def sentences_of(held: Sequence[Unknown]) -> tuple[str, ...]:
+    """What was done with parameters that the data do not tell: of many base parameters in one."""
+    base = [u.parameter.name for u in held if u.parameter.block == "inertia"]
+    if len(base) <= _LISTED:
+        return tuple(u.sentence for u in held)
+    names, more = ", ".join(base[:_LISTED]), len(base) - _LISTED
+    together = f"{names} and {more} more are not identified by these data, and stay as they were."
+    return (*(u.sentence for u in held if u.parameter.block != "inertia"), together)
 
 
 def least_known(

@@ -6,12 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes half a second to import
 
-from frictionid.arrays import Array, rows_by
+from frictionid.arrays import Array, rows_by, stretches
 
 from .gauss_newton import scaled_inverse
 from .parameters.parameter_block import Parameter, limits_of
 
 FEW = 4  # recordings: of fewer, stretches of time are the clusters
+STRETCHES = 24  # of recordings, together or of three of them
+_NEARLY_ALL = 0.99  # of what is known of a parameter: none is left to scatter between recordings
 _SOME = 3  # recordings whose own scatter counts as well, where it is larger
 _AT_ONCE = 4_000_000  # pairs of recordings: there may be thousands
 SINGULAR = 1e-9  # of the largest singular value of the scaled normal equations
@@ -55,14 +57,33 @@ def sandwich(H: Array, groups: Groups) -> Array:
         inner = inner * np.outer(wider, wider)
     if _SOME <= len(np.unique(groups.recording)) < FEW:
         # what a single recording shows cannot scatter between them
-        shown = ~shown_once(H, groups._replace(cluster=groups.recording))
         between = np.zeros(len(H))
-        several = groups._replace(free=groups.free & shown)
+        several = groups._replace(free=groups.free & ~in_one(groups.H, groups.recording))
         between[several.free] = np.diag(scatter(H, several, groups.recording))
         wider = between[groups.free] / np.maximum(np.diag(inner), 1e-300)
         wider = np.sqrt(np.maximum(1.0, wider))
         inner = inner * np.outer(wider, wider)
     return inner
+
+
+def clusters_of(H: Array, recording: Array, time: Array) -> Array:
+    """Clusters (W,) of groups: recordings, or stretches of these.
+
+    Stretches where recordings are few, or one of them shows nearly all of some parameter, as where
+    each recording moves another joint.
+
+    H (W, D, D) : normal equations of each group; time (W,) : in whose order they follow each other
+    """
+    count = len(np.unique(recording))
+    if count >= FEW and not in_one(H, recording).any():
+        return recording
+    return stretches(recording, time, -(-STRETCHES // min(count, FEW - 1)))
+
+
+def in_one(H: Array, label: Array) -> Array:
+    """Parameters (D,) of which groups H (W, D, D) with one of the labels (W,) show nearly all."""
+    each = np.stack([np.einsum("wdd->d", H[rows]) for rows in rows_by(label)])
+    return each.max(axis=0) > _NEARLY_ALL * each.sum(axis=0)
 
 
 def excess_of(groups: Groups, parameters: Sequence[Parameter]) -> Array:

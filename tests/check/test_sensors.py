@@ -15,6 +15,7 @@ from frictionid.check.sensors import (
     LARGE,
     WIDTH,
     WORSE,
+    frozen_angles,
     frozen_torques,
     without_outliers,
 )
@@ -123,3 +124,21 @@ def test_other_checks_see_torques_without_their_outliers(clean):
         "torque_outliers"
     }
     np.testing.assert_allclose(found.estimate.value, given.estimate.value, rtol=0.02, atol=2e-4)
+
+
+def test_a_joint_that_sticks_and_slips_is_not_frozen():
+    """It rests for 99 % of the time; one slip falls into a gap; a slip that is lost is found."""
+    time = np.arange(6000) * 0.025
+    slips = np.clip((time[:, None] - 12.0 - 24.0 * np.arange(5)) / 0.15, 0.0, 1.0)
+    angle = np.round(0.03 * (1 - np.cos(np.pi * slips)).sum(axis=1) / 4e-4) * 4e-4
+    lost = np.abs(time - 12.0) < 0.12
+
+    def frozen(angle, kept):
+        signals = (Signal(time[kept], x[kept, None]) for x in (angle, 0 * angle))
+        recordings = (Recording("r", *signals),)
+        dataset = Dataset("slips", MACHINE, recordings)
+        return frozen_angles(Measured.of_dataset(dataset, motions_of(recordings)))
+
+    every = np.ones(6000, dtype=bool)
+    assert not frozen(angle, every) and not frozen(angle, ~lost)
+    assert frozen(np.where(lost, angle[0], angle), every)

@@ -39,6 +39,21 @@ def test_an_arm_without_traps_is_good_and_friction_of_its_coupled_motor_is_found
     assert part.possible
 
 
+def test_joints_that_move_in_turn_and_rest_most_of_the_time(tmp_path):
+    """Each moves for 5 s of 195."""
+    single = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    verdict = check(wrist.dataset(single, wrist.frames_joint_by_joint(single)))
+    assert verdict.level == "good"
+    assert all(0.95 < fact.at_rest < 0.99 for fact in verdict.joints)
+    for j in range(3):
+        for key, true, most in (
+            ("coulomb", wrist.COULOMB[j], 0.1),
+            ("viscous", wrist.VISCOUS[j], 0.2),
+        ):
+            value, error = verdict.estimate.at(f"{key}_{j + 1}")
+            assert abs(value - true) < 3 * error and error < most * true, (key, j)
+
+
 def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm, table, tmp_path):
     """The balances of the joints that it turns show it."""
     without = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from frictionid.fitting.fit import Covariance
 from frictionid.fitting.identifiers import LeastSquares
-from frictionid.fitting.neutral import LocalCost, Unknown, followed, with_held
+from frictionid.fitting.neutral import LocalCost, Unknown, followed, sentences_of, with_held
 from frictionid.fitting.one_step.one_step_fit import covariance_of_fit
 from frictionid.fitting.parameters import FrictionBlock, InertiaBlock
 from frictionid.fitting.parameters.parameter_block import FREE, Parameter
@@ -36,6 +36,19 @@ def fitted(law, problem, rows, **settings):
 def test_what_stays_at_its_neutral_value_is_said_in_its_unit(unit, value):
     held = Unknown(Parameter("friction", "loss of joint 1", unit, 0.2), 0.0, 0.3, 1.0, 1.0)
     assert held.sentence.endswith(f"stays at {value}")
+
+
+@pytest.mark.parametrize("count", [3, 30])
+def test_many_base_parameters_are_named_in_one_sentence(count):
+    loss = Unknown(Parameter("friction", "loss of joint 1", "1", 0.2), 0.0, 0.3, 1.0, 1.0)
+    base = [
+        loss._replace(parameter=Parameter("inertia", f"Ixx_{k}", "kg m^2", 0.2))
+        for k in range(count)
+    ]
+    first, *others = sentences_of([loss, *base])
+    assert first == loss.sentence
+    assert len(others) == (3 if count == 3 else 1) and all("Ixx_0" in others[0] for _ in others)
+    assert count == 3 or "Ixx_2 and 27 more are not identified" in others[0]
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import stdtrit
 
 from frictionid.fitting import sandwich as module
 from frictionid.fitting.sandwich import (
     Groups,
+    clusters_of,
     expected,
     sandwich,
     scatter,
@@ -45,6 +46,17 @@ def unequal(rng, recordings, sizes):
     size = rng.choice(sizes, (recordings, 1, len(TRUE)))
     A = rng.standard_normal((len(labels), ROWS, len(TRUE))) * size[labels]
     return of_rows(A, A @ TRUE + rng.standard_normal(A.shape[:2]), labels)
+
+
+def test_stretches_scatter_where_one_recording_shows_nearly_all_of_a_parameter():
+    """Or where recordings are few: of one, 24, of three and more, eight of each."""
+    recording = np.repeat(np.arange(5), 16)
+    H = np.broadcast_to(np.eye(2), (80, 2, 2)).copy()
+    assert_array_equal(clusters_of(H, recording, np.arange(80)), recording)
+    H[recording > 0, 1, 1] = 1e-4  # a hundredth of what the first recording shows
+    stretches = clusters_of(H, recording, np.arange(80))
+    assert_array_equal(stretches, np.repeat(np.arange(40), 2))
+    assert len(np.unique(clusters_of(H, np.zeros(80), np.arange(80)))) == 24
 
 
 @pytest.mark.parametrize("disturbed", [0.0, 0.3])

@@ -167,6 +167,6 @@ def check_rows(fit: Linearised, weights: Array, slides: Array) -> None:
         f, j = np.argwhere(counts < needed)[0]
         raise InputError(
             f"joint {j + 1} slides in {counts[f, j]:.0f} rows of fold {f}, too few for the "
-            f"{needed[j]} parameters of {fit.law}: give recordings in which it moves, or use fewer "
-            "folds"
+            f"{needed[j]} parameters of {fit.law}: give recordings in which it moves, fewer folds, "
+            "or a mechanism without it"
         )

@@ -9,7 +9,7 @@ Rows that have the same weight in every fold are added up once; each fold then a
 
 import numpy as np
 
-from frictionid.arrays import Array, rows_by
+from frictionid.arrays import Array, stretches
 from frictionid.friction import Law
 
 from .linearised import Linearised
@@ -37,13 +37,9 @@ def clusters(problem: Problem) -> Array:
     >>> len(np.unique(labels))
     21
     """
-    each = rows_by(problem.recording)
-    pieces = 1 if len(each) >= FEW else -(-_STRETCHES // len(each))
-    labels = np.empty(len(problem.recording), dtype=int)
-    for i, rows in enumerate(each):
-        rows = rows[np.argsort(problem.time[rows], kind="stable")]
-        labels[rows] = i * pieces + np.arange(len(rows)) * pieces // max(len(rows), 1)
-    return labels
+    count = len(np.unique(problem.recording))
+    pieces = 1 if count >= FEW else -(-_STRETCHES // count)
+    return stretches(problem.recording, problem.time, pieces)
 
 
 def grams(A: Array, weights: Array, labels: Array | None = None) -> Array:

@@ -16,7 +16,7 @@ from frictionid.friction.provenance import Diagnostics, Residuals, Segment
 
 from ..covariance import least_significant
 from ..fit import Covariance, Fit
-from ..neutral import at_neutral_bound, freed, with_held
+from ..neutral import at_neutral_bound, freed, sentences_of, with_held
 from ..one_step.formulation import states_of
 from ..one_step.torque_outliers import without_torque_outliers
 from ..parameters.blocks import on_support
@@ -172,7 +172,7 @@ def refined_by(stage: Stage, start: Friction) -> Fit:
     shared = shared + smoothing_error(solution) + load_error(solution)
     covariance = solution.covariance(shared)
     limits = (*words, *limits_of_data(solution, covariance))
-    limits = (*limits, *(u.sentence for u in stage.held))
+    limits = (*limits, *sentences_of(stage.held))
     diagnostics = replace(_diagnostics(solution, limits), dropped=stage.dropped)
     friction = stage.network or as_given(estimate.friction, start)
     friction = replace(friction, calibration=estimate.calibration, parameters={})

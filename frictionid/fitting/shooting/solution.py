@@ -9,11 +9,9 @@ from frictionid.arrays import Array
 from ..covariance import grouped_covariance
 from ..fit import Covariance
 from ..parameters.parameter_block import Estimate, values_of
-from ..sandwich import FEW, Groups
+from ..sandwich import Groups, clusters_of
 from .problem import ShootingProblem
 from .windows import NormalEquations
-
-_STRETCHES = 24
 
 
 class Solution(NamedTuple):
@@ -61,11 +59,9 @@ class Solution(NamedTuple):
     def groups(self) -> Groups:
         """The windows that count; of few recordings, stretches of time are clusters."""
         recording = self.problem.intervals.recording[self.windows[:, 0]]
-        cluster, count = recording, len(recording)
-        if len(np.unique(recording)) < FEW:
-            cluster = np.arange(count) * min(_STRETCHES, count) // count
         on, H, g = self.closed, self.normal.H, self.normal.g
-        return Groups(H[on], g[on], self.move, self.free, recording[on], cluster[on])
+        cluster = clusters_of(H[on], recording[on], np.arange(len(H))[on])
+        return Groups(H[on], g[on], self.move, self.free, recording[on], cluster)
 
     def covariance(self, model_error: Array | float = 0.0) -> Covariance:
         """Covariance of the parameters, from what each recording alone would change in them.

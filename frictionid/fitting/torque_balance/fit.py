@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictionid.arrays import Array
+from frictionid.arrays import Array, stretches
 from frictionid.data.calibration import Calibration
 from frictionid.data.recordings import Dataset
 from frictionid.dynamics.tangent.law_derivatives import reads_of
@@ -26,15 +26,15 @@ from ..neutral import (
     followed,
     freed,
     holding_unknown,
+    sentences_of,
     with_held,
 )
-from ..one_step.grams import clusters
 from ..one_step.one_step_fit import checked_fit
 from ..one_step.residual import data_range
 from ..parameters import ParameterBlock
 from ..parameters.blocks import on_support
 from ..parameters.parameter_block import Estimate, free_blocks, values_of, with_excess, with_values
-from ..sandwich import FEW, Groups, excess_of
+from ..sandwich import STRETCHES, Groups, clusters_of, excess_of
 from .solve import (
     TorqueProblem,
     TorqueSettings,
@@ -178,7 +178,7 @@ def _result(solution: TorqueSolution, law: Law, dropped: tuple[Dropped, ...]) ->
             windows=int(solution.problem.balance.use.sum()),
             settled=solution.converged,
             iterations=solution.iterations,
-            warnings=(*_warnings(solution), *(u.sentence for u in solution.held)),
+            warnings=(*_warnings(solution), *sentences_of(solution.held)),
             dropped=dropped,
         ),
         friction,
@@ -251,13 +251,14 @@ def _groups(solution: TorqueSolution) -> Groups:
     Neighbouring torques agree: what scatters is the mean of a stretch, or of a recording.
     """
     balance = solution.problem.balance
-    rows = np.flatnonzero(balance.use)
-    stretch = clusters(balance.problem)[rows]
+    rows = np.flatnonzero(balance.counts.any(axis=1))
+    recording = balance.recording[rows]
+    stretch = stretches(recording, balance.problem.time[rows], STRETCHES)
     labels, first = np.unique(stretch, return_index=True)
     each = [solution.normal_equations(rows[stretch == c]) for c in labels]
     H, g = (np.stack(parts) for parts in zip(*each, strict=True))
-    recording = balance.recording[rows[first]]
-    cluster = recording if len(np.unique(recording)) >= FEW else labels
+    recording = recording[first]
+    cluster = clusters_of(H, recording, labels)
     return Groups(H, g, np.zeros(g.shape[1]), solution.free, recording, cluster)
 
 

@@ -141,6 +141,20 @@ def test_the_balance_holds_along_exact_motion():
     assert off[0] / off[1] > 10  # fourth order: 16
 
 
+@pytest.mark.parametrize("recordings", [3, 4])
+def test_joints_that_move_in_turn_show_their_friction(tmp_path, recordings):
+    """Nothing scatters between recordings that show one joint each: stretches of them do."""
+    single = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    frames = wrist.frames_joint_by_joint(single, 10.0, 8.0)
+    frames["again"] = frames["joint 1"]
+    data = wrist.dataset(single, dict(list(frames.items())[:recordings]))
+    friction = fid.fit(data, "coulomb_viscous").frame.query("block == 'friction'")
+    true = np.stack([wrist.COULOMB[:3], wrist.VISCOUS[:3]], axis=1).ravel()
+    assert friction["identified"].all()
+    assert (np.abs(friction["value"] - true) < 3 * friction["error"]).all()
+    assert (friction["error"] < 0.1 * true).all()
+
+
 def test_slopes_are_those_of_the_residual(clean):
     mechanism = plant_of(clean).mechanism
     states = RTS()([r.angle for r in clean.recordings])
