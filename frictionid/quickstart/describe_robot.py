@@ -35,10 +35,11 @@ from .robot_columns import RobotColumns, RobotFile, robot_columns
 _NOTHING = 1e-9  # of the usual inertia of a joint
 _QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own
 _MISSING = "MISSING, see above"
-_GEAR = (
+_GEARS = (
     "gear ratios (--gear, turns of each motor for one of its joint, negative where these turn "
-    "against each other): without them nothing below holds"
+    "against each other): "
 )
+_GEAR = f"{_GEARS}without them nothing below holds"
 _CONSTANTS = (
     "torque constants and gears (--kt [N m/A], --gear; their product counts, negative where a "
     "current counts the other way round): "
@@ -120,15 +121,16 @@ def describe_robot(
         *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
         *(comments, actuator, columns.velocity, columns.imu),
     )
-    if _KT in missing and _GEAR not in missing:
-        dataset = loaded(draft, tables.folder)
-        gains = dict(zip(dataset.mechanism.joints, gains_by_gravity(dataset), strict=True))
+    factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
+    if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):
+        gains = gains_by_gravity(loaded(draft, tables.folder))
         mute = tuple(joint for joint, gain in gains.items() if gain is None)
         if mute and len(mute) < len(gains) and "joints" not in options:
             return describe_robot(tables, file, options, facts, mute)
         if not mute:
-            said = _CONSTANTS + _taken(gains)
-            missing = tuple(said if text == _KT else text for text in missing)
+            head = _CONSTANTS if _KT in factor else _GEARS
+            said = head + _taken(gains)
+            missing = tuple(said if text in factor else text for text in missing)
             motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
@@ -269,8 +271,8 @@ class Gain(NamedTuple):
     error: float
 
 
-def gains_by_gravity(dataset: Dataset) -> list[Gain | None]:
-    """Gain of each joint's torque column, None where the file's masses do not show in it.
+def gains_by_gravity(dataset: Dataset) -> dict[str, Gain | None]:
+    """Gain of each joint's torque column by its name, None where the file's masses do not show.
 
     Least squares, over windows in which the joint slides, of
 
@@ -285,13 +287,13 @@ def gains_by_gravity(dataset: Dataset) -> list[Gain | None]:
     _, place = np.unique(keys, axis=0, return_inverse=True)
     place = place.reshape(-1)
     rows = np.bincount(place)
-    out: list[Gain | None] = []
-    for j in range(n):
+    out: dict[str, Gain | None] = {}
+    for j, name in enumerate(dataset.mechanism.joints):
         parts = (column[:, j], -np.sign(w[:, j]), -w[:, j], column[:, j] - left[:, j])
         *means, need = (np.bincount(place, part) / rows for part in parts)
         slides = np.bincount(place, rests[:, j]) == 0
         A = np.column_stack([*means, np.ones(len(rows))])[slides]
-        out.append(_gain(A, need[slides]))
+        out[name] = _gain(A, need[slides])
     return out
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from frictionid.check import check
 from frictionid.check.conventions import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
-from frictionid.data.readers.dataset_path import TABLES, is_table
+from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
+from frictionid.data.readers.formats import ros
 from frictionid.data.readers.table import Table, numeric_table
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
@@ -79,7 +80,7 @@ def tables_at(paths: Sequence[Path]) -> Tables:
     files = list(dict.fromkeys(each))
     for file in files:
         if not is_table(file):
-            end = ", ".join(TABLES)
+            end = ", ".join(TABLES + BAGS)
             raise InputError(
                 f"{file}: no table that ends with {end}; name one, or its folder; save others so"
             )
@@ -88,7 +89,7 @@ def tables_at(paths: Sequence[Path]) -> Tables:
         raise InputError(
             f"the tables lie in {len(folders)} folders; a data set is one folder: move them there"
         )
-    first, *others = (numeric_table(read_bytes(file), str(file)) for file in files)
+    first, *others = map(_table, files)
     for other in others:
         for name in first.columns:
             if name not in other.columns:
@@ -99,6 +100,12 @@ def tables_at(paths: Sequence[Path]) -> Tables:
     return Tables(files[0].parent, tuple(sorted(file.name for file in files)), first)
 
 
+def _table(file: Path) -> Table:
+    if file.suffix in BAGS:
+        return ros.numeric_table(file)
+    return numeric_table(read_bytes(file), str(file))
+
+
 def _tables_in(folder: Path) -> list[Path]:
     files = sorted(file for file in folder.iterdir() if is_table(file))
     if not files and (folder / "meta" / "info.json").is_file():
@@ -107,7 +114,7 @@ def _tables_in(folder: Path) -> list[Path]:
             'with [reader] kind = "lerobot", as in data/README.md of frictionid'
         )
     if not files:
-        raise InputError(f"{folder} has no table that ends with {', '.join(TABLES)}")
+        raise InputError(f"{folder} has no table that ends with {', '.join(TABLES + BAGS)}")
     return files
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from frictionid.data.readers.dataset_path import BAGS
 from frictionid.data.recordings import Dataset
 from frictionid.evaluation.folds import usual_kind
 from frictionid.mechanics import Mechanism
@@ -50,6 +51,7 @@ def dataset_text(draft: Draft) -> str:
         "g": g,
         "values": draft.mechanism.get("parameters", {}),
         "driven": any(g.torque.columns),
+        "bags": draft.files[0].endswith(BAGS),
         "rates": [f"{unit}/s" for unit in units],
         "turned": {key: signs for key, signs in g.signs.items() if set(signs) != {1}},
     }

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pandas as pd
 import pytest
+from fixtures import bags
 from fixtures import driven_wrist as wrist
 from fixtures.refusals import assert_refused
 from numpy.testing import assert_array_equal
@@ -143,7 +144,26 @@ def test_motors_have_gears_and_zeros_and_what_is_missing_is_said(call, exact):
     same(call.folder, exact)
 
 
-def test_currents_without_constants_are_taken_by_the_masses_where_these_show(call, exact):
+@pytest.mark.parametrize("plugin", ["MCAP", "SQLITE3"])
+def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
+    time, q, u = exact
+    order, names = [2, 0, 1], ["three", "one", "two"]  # as some driver sends them
+    late = np.round(1e9 * time).astype(int).tolist()
+    sent = [
+        (t, bags.message(bags.START + t, names, a[order], [], b[order]))
+        for t, a, b in zip(late, q, u, strict=True)
+    ]
+    file = bags.write(tmp_path / "bag", sent, plugin)
+    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+    code, out, _ = run(tmp_path, "init", f"bag/{file.name}", "--mechanism", "wrist.urdf")
+    assert code == 0 and 'kind = "ros"' in out
+    dataset = load_dataset(tmp_path / "bag")
+    assert dataset.mechanism.joints == ("one", "two", "three")
+    np.testing.assert_allclose(dataset.recordings[0].angle.value, q, atol=1e-12)
+    np.testing.assert_allclose(dataset.recordings[0].torque.value, u, atol=1e-12)
+
+
+def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact):
     _, q, u = exact
     factors = np.array([3.0, -2.0, 5.0])
     currents = {**named("q_{}", q), **named("current_{} [A]", u / factors)}
@@ -152,6 +172,9 @@ def test_currents_without_constants_are_taken_by_the_masses_where_these_show(cal
     np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     document, _ = call(currents, "--gear", "2")
     np.testing.assert_allclose(document["motor"]["kt"], factors / 2, rtol=0.05)
+    document, out = call({**named("q_{}", q), **named("motor_torque_{} [N m]", u / factors)})
+    assert document["motor"]["torque"] == "motor" and "taken as the masses of the file" in out
+    np.testing.assert_allclose(document["motor"]["gear"], factors, rtol=0.05)
     noise = np.random.default_rng(0).normal(size=len(q))
     document, out = call(
         {**currents, "current_three [A]": noise}, known=(("one", 0.4), ("two", 0.3))

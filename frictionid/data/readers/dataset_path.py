@@ -6,6 +6,7 @@ from frictionid.errors import InputError
 from frictionid.files import is_shipped, regular_file, shipped
 
 TABLES = (".csv", ".csv.gz", ".parquet", ".xlsx", ".mat", ".npz")
+BAGS = (".mcap", ".db3")  # of ROS 2
 
 
 def dataset_path(path: Path) -> Path:
@@ -35,5 +36,5 @@ def dataset_path(path: Path) -> Path:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a path is that of a table, by its ending."""
-    return path.name.lower().endswith(TABLES) and path.is_file()
+    """Whether a path is that of a table, or a bag, by its ending."""
+    return path.name.lower().endswith(TABLES + BAGS) and path.is_file()

@@ -14,12 +14,12 @@ from frictionid.errors import InputError, needs
 
 from ..signals import Array, Signal, first_fault
 from .csv_table import check_header, csv_columns
-from .dataset_path import TABLES
+from .dataset_path import BAGS, TABLES
 from .mat import mat_column, mat_names, read_mat
 from .unpacking import check_cells, most_bytes, unzip
 
 # Formats that only readers of their own understand.
-OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", ".mcap", ".db3")
+OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", *BAGS)
 _NAMED = 5  # rows of a fault, at most
 
 

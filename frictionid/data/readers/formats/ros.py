@@ -6,7 +6,7 @@ whose `/joint_commands/time` is a clock of its own.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -18,6 +18,7 @@ from frictionid.errors import InputError
 from ...recordings import Recording
 from ...signals import Array, Signal, first_fault
 from ..column_toml import ColumnNames
+from ..dataset_path import BAGS
 from ..table import Table, table_name
 
 _KIND = "sensor_msgs/msg/JointState"
@@ -121,7 +122,19 @@ def tables(
 ) -> dict[str, Table]:
     """Table of a bag: the rows of one topic after those of another; rows count messages."""
     chosen = checked(RosTableSettings, dict(settings), f"{file}: [reader]")
-    places = {name: _place(name, file) for name in columns.names()}
+    return {"": _table(file, chosen, columns.names())}
+
+
+def numeric_table(path: Path) -> Table:
+    """Table with all columns of the joint states of a bag that has one topic of them."""
+    first = joint_states(path, "", "header")[0][1]
+    fields = [field for field in _FIELDS if len(getattr(first, field))]
+    names = [f"{field}[{joint}]" for field in fields for joint in first.name]
+    return _table(str(path), RosTableSettings(), ["time", *names])
+
+
+def _table(file: str, chosen: RosTableSettings, names: Sequence[str]) -> Table:
+    places = {name: _place(name, file) for name in names}
     topics = list(dict.fromkeys(place.topic for place in places.values()))
     messages = {t: joint_states(Path(file), t or chosen.topic, chosen.clock) for t in topics}
     start = min(states[0][0] for states in messages.values())
@@ -139,7 +152,7 @@ def tables(
         if values is None:
             raise InputError(f"{file}: no message of {name!r} has one; name another topic or field")
         picked[name][span] = values[:, 0]
-    return {"": Table(file, np.concatenate([np.arange(size) for size in sizes]), picked)}
+    return Table(file, np.concatenate([np.arange(size) for size in sizes]), picked)
 
 
 def _place(name: str, file: str) -> Place:
@@ -165,7 +178,7 @@ def joint_states(path: Path, topic: str, clock: str) -> list[tuple[int, Any]]:
     InputError
         Without the package rosbags, for files that are no bags, and bags without the topic.
     """
-    if path.suffix not in (".mcap", ".db3"):
+    if path.suffix not in BAGS:
         raise InputError(f"{path} is no .mcap or .db3 file; name that of the bag in the patterns")
     try:
         from rosbags.highlevel import AnyReader
