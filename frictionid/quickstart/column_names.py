@@ -32,6 +32,8 @@ OTHERS = RUNS | frozenset(
     "acc acceleration ddq qdd qddot temp temperature warm volt voltage supply rpm counter count "
     "index sample frame sec".split()
 )
+# Said to be of the end of an arm.
+ENDS = frozenset("ee eef tcp cartesian".split())
 # Said to be a sensor's.
 SENSED = frozenset("meas measured act actual sensor sensed ist".split())
 FILTERED = frozenset("filt filtered smooth smoothed".split())
@@ -49,10 +51,12 @@ def words(name: str) -> list[str]:
 def quantity_of(name: str) -> str:
     """Quantity that the name of a column speaks of, or "".
 
-    >>> [quantity_of(name) for name in ("t_ms", "q2 [deg]", "i_motor", "temperature")]
-    ['time', 'angle', 'current', '']
+    >>> [quantity_of(name) for name in ("t_ms", "q2 [deg]", "i_motor", "temperature", "ee_pos")]
+    ['time', 'angle', 'current', '', '']
     """
     said = set(words(name))
+    if said & ENDS and "joint" not in said:
+        return ""
     return next((quantity for quantity, usual in WORDS.items() if said & usual), "")
 
 
