@@ -39,7 +39,7 @@ def init(
     kt : Torque constant of the motors [N m/A], one, or one per joint with commas.
     gear : Turns of the motor per joint's, one, or one per joint with commas.
     gains : P,D of a controller that follows targets [N m/rad, N m s/rad].
-    time : Column of the time.
+    time : Column of the time; of tables without one the rate of their rows, e.g. '100 Hz'.
     angle : Columns of the angles, with commas, one per joint; guessed where none is given.
     torque : Columns of torques or currents, with commas, one per joint; guessed where none is
         given.
@@ -50,7 +50,7 @@ def init(
 
     from .options import setting
 
-    source = tables_at(tables)
+    source = tables_at(tables, time)
     dataset_file, suite_file = (source.folder / f"{name}.toml" for name in ("dataset", "suite"))
     _check_free([dataset_file])
     check_outputs([dataset_file])

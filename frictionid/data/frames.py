@@ -15,7 +15,7 @@ from frictionid.mechanics import Mechanism
 
 from .readers.column_toml import SPELLINGS, Gears
 from .readers.dataset_toml import DatasetToml, check_dataset_toml
-from .readers.table import Table
+from .readers.table import Table, rate_of, with_times
 from .readers.table_recording import Recorded, recorded
 from .signals import Array
 
@@ -168,13 +168,15 @@ def _table(frame: Any, names: Sequence[str], where: str) -> Table:
         raise InputError(f"{where}: has no rows")
     columns = {}
     for name in names:
+        if rate_of(name):
+            continue
         if name == INDEX and name not in labels:
             columns[name] = _numbers(frame.index, "index", where)
             continue
         if labels.count(name) != 1:
             raise InputError(_no_single_column(name, labels, where))
         columns[name] = _numbers(frame[frame.columns[labels.index(name)]], name, where)
-    return Table(where, np.arange(length), columns)
+    return with_times(Table(where, np.arange(length), columns), names)
 
 
 def _no_single_column(name: str, labels: Sequence[str], where: str) -> str:

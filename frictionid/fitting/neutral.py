@@ -76,8 +76,8 @@ def sentences_of(held: Sequence[Unknown]) -> tuple[str, ...]:
     base = [u.parameter.name for u in held if u.parameter.block == "inertia"]
     if len(base) <= _LISTED:
         return tuple(u.sentence for u in held)
-    names, more = ", ".join(base[:_LISTED]), len(base) - _LISTED
-    together = f"{names} and {more} more are not identified by these data, and stay as they were."
+    names = f"{', '.join(base[:_LISTED])} and {len(base) - _LISTED} more"
+    together = f"{names} are not identified by these data, and stay as they were."
     return (*(u.sentence for u in held if u.parameter.block != "inertia"), together)
 
 

@@ -144,7 +144,8 @@ def _unknown(table: Table, quantity: str, fault: str) -> InputError:
     columns = ", ".join(
         f"{name!r} ({np.nanmin(c):.4g} to {np.nanmax(c):.4g})" for name, c in table.columns.items()
     )
-    return InputError(f"{table.file}: {fault}; name it with --{quantity}; there are {columns}")
+    way = ", or say --time '100 Hz' where rows are that far apart" if quantity == "time" else ""
+    return InputError(f"{table.file}: {fault}; name it with --{quantity}{way}; there are {columns}")
 
 
 # --- Time -----------------------------------------------------------------------------------------

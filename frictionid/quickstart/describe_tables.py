@@ -16,7 +16,7 @@ from frictionid.check.conventions import ABSOLUTE, SHIFTED, TORQUE_UNITS, Conven
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
 from frictionid.data.readers.formats import ros
-from frictionid.data.readers.table import Table, numeric_table
+from frictionid.data.readers.table import Table, numeric_table, with_times
 from frictionid.data.recordings import Dataset
 from frictionid.errors import InputError
 from frictionid.files import read_bytes
@@ -68,8 +68,10 @@ class Described:
     missing: tuple[str, ...] = ()
 
 
-def tables_at(paths: Sequence[Path]) -> Tables:
+def tables_at(paths: Sequence[Path], time: str = "") -> Tables:
     """The tables at some paths: files of one folder, or a folder.
+
+    time : column of the time, or the rate of the rows, "100 Hz"
 
     Raises
     ------
@@ -95,9 +97,11 @@ def tables_at(paths: Sequence[Path]) -> Tables:
             if name not in other.columns:
                 raise InputError(
                     f"{other.file} has no column of numbers {name!r}, which {first.file} has; "
-                    "name the tables that belong together"
+                    "name the tables that belong together, or paste columns of the same rows into "
+                    "one table"
                 )
-    return Tables(files[0].parent, tuple(sorted(file.name for file in files)), first)
+    names = tuple(sorted(file.name for file in files))
+    return Tables(files[0].parent, names, with_times(first, [time]))
 
 
 def _table(file: Path) -> Table:

@@ -319,7 +319,10 @@ def test_a_sliding_joint_is_in_metres():
 
 
 UNTOLD = {
-    "no time": ({"q": Q, "u": U}, "no column increases.*name it with --time; there are 'q' \\(-"),
+    "no time": (
+        {"q": Q, "u": U},
+        "no column increases.*name it with --time, or say --time '100 Hz' .*; there are 'q' \\(-",
+    ),
     "two rows the other way round": (
         {"t": TIME[[*range(9), 10, 9, *range(11, len(TIME))]], "q": Q, "u": U},
         "a.csv, row 10: 't' goes back from 0.1 to 0.09: put the rows into the order of time",

@@ -21,6 +21,7 @@ from .unpacking import check_cells, most_bytes, unzip
 # Formats that only readers of their own understand.
 OTHERS = (".json", ".json.gz", ".txt", ".txt.gz", *BAGS)
 _NAMED = 5  # rows of a fault, at most
+_RATE = re.compile(r"(\d+\.?\d*|\.\d+) ?Hz")  # of rows without a time, in place of its column
 
 
 class Table(NamedTuple):
@@ -72,6 +73,7 @@ def read_table(content: bytes, file: str, columns: Sequence[str], *, header: boo
     file : str
         Name of the file: its ending is the format, of texts without a header any; errors name it.
     columns : sequence of str
+        A rate, "100 Hz", is the time [s] of rows that far apart.
     header : bool
         Whether a text has a line with the columns' names; else they are "1", "2", ...
 
@@ -89,10 +91,32 @@ def read_table(content: bytes, file: str, columns: Sequence[str], *, header: boo
     """
     if header and not file.lower().endswith(TABLES):
         raise InputError(f"{file}: tables end with {', '.join(TABLES)}; narrow the patterns")
-    table = _table(content, file, columns, header=header)
+    written = [name for name in columns if rate_of(name) is None]
+    table = _table(content, file, written, header=header)
     if not len(table.rows):
         raise InputError(f"{file} has no rows below its header; record again or leave it out")
-    return table
+    return with_times(table, columns)
+
+
+def rate_of(name: str) -> float | None:
+    """Rate [Hz] of rows that stands in place of a column of times; None where none does.
+
+    >>> rate_of("12.5 Hz"), rate_of("time")
+    (12.5, None)
+    """
+    match = _RATE.fullmatch(name)
+    return (float(match[1]) or None) if match else None
+
+
+def with_times(table: Table, names: Sequence[str]) -> Table:
+    """The table with times [s] of its rows as columns, where names are rates.
+
+    >>> with_times(Table("a.csv", np.arange(2, 5), {}), ["q", "50 Hz"]).columns
+    {'50 Hz': array([0.  , 0.02, 0.04])}
+    """
+    rates = {name: rate for name in names if (rate := rate_of(name))}
+    times = {name: np.arange(len(table.rows)) / rate for name, rate in rates.items()}
+    return table._replace(columns=table.columns | times)
 
 
 def numeric_table(content: bytes, file: str) -> Table:

@@ -11,7 +11,7 @@ from frictionid.arrays import Array
 from frictionid.config import read_toml
 from frictionid.data.readers.dataset_path import dataset_path
 from frictionid.data.readers.dataset_toml import check_dataset_toml
-from frictionid.data.readers.table import read_table
+from frictionid.data.readers.table import rate_of, read_table
 from frictionid.data.readers.table_recording import recorded
 from frictionid.errors import InputError
 
@@ -37,6 +37,8 @@ def chunks_of(dataset: str | Path, header: str) -> Callable[[list[str]], Chunk]:
     toml = check_dataset_toml(read_toml(file), str(file))
     if toml.columns is None:
         raise InputError(f"{file}: a stream needs [columns]; this data set has a reader of its own")
+    if rate_of(toml.columns.time.angle):
+        raise InputError(f"{file}: a stream needs a column of times: lines may be lost")
 
     def chunk(lines: list[str]) -> Chunk:
         table = read_table("\n".join([header, *lines]).encode(), _NAME, toml.asked.names())

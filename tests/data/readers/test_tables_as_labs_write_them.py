@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from fixtures.dataset_files import assert_same, described, load, load_single, motion
-from fixtures.refusals import assert_refused
+from fixtures.refusals import assert_one_line, assert_refused
 from numpy.testing import assert_allclose, assert_array_equal
 
 import frictionid as fid
 from frictionid.data.readers.column_toml import SPELLINGS, UNITS, unit_named
+from frictionid.deploy.watch.stream import chunks_of
 
 TIME = np.arange(12) / 50.0
 ANGLE, CURRENT = 90.0 * np.sin(3.0 * TIME), 2.0 * np.cos(5.0 * TIME)  # [deg], [A]
@@ -155,3 +156,20 @@ def test_a_time_that_starts_again_says_how_to_split(tmp_path):
     with assert_refused("has no column 'rum'; did you mean 'run'?"):
         document = one_joint(recordings={"patterns": "*.csv", "split": "rum"})
         load(tmp_path, document, a_csv=RUNS.to_csv(index=False).encode())
+
+
+def test_rows_without_times_have_a_rate(tmp_path, run):
+    (tmp_path / "log").mkdir()
+    time = np.arange(200) / 100.0
+    frame = pd.DataFrame({"q": np.sin(5 * time), "u": 0.3 * np.cos(2 * time)})
+    frame.to_csv(tmp_path / "log" / "a.csv", index=False)
+    given = "init log --mechanism pendulum --set mass=1 --set length=0.3 --time".split()
+    assert_one_line(run(tmp_path, *given, "0 Hz"), "has no column of numbers '0 Hz'")
+    assert run(tmp_path, *given, "100 Hz")[0] == 0
+    written = fid.load_dataset(tmp_path / "log")
+    machine = fid.mechanisms.pendulum(mass=1.0, length=0.3)
+    frames = fid.Dataset.from_frames(frame, machine, time="100 Hz", angle="q", torque="u")
+    for dataset in (written, frames):
+        assert_allclose(dataset.recordings[0].angle.time, time)
+    with assert_refused("a stream needs a column of times"):
+        chunks_of(tmp_path / "log", "q,u")
