@@ -144,6 +144,8 @@ def hypotheses(
 def _signs(n: int, driven: Sequence[bool], gears: Gears | None) -> Iterator[Convention]:
     """Wrong signs of angles, of torques, of both, and of gears."""
     eye, of_gear = np.eye(n), "" if gears is None else " (that of its gear, or of its column)"
+    if sum(driven) > 1:  # those of the load, as some robots log them
+        yield Convention("flipped_torque", "all torques have the wrong sign", eye, -eye)
     for j in range(n):
         flip = np.diag(np.where(np.arange(n) == j, -1.0, 1.0))
         yield Convention("flipped_angle", f"angle {j + 1} has the wrong sign", flip, eye)

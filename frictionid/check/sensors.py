@@ -30,6 +30,7 @@ READINGS = 5  # fewest equal readings
 # and by this many times the second difference that 99 % of the other samples stay below, of a short
 # motion all but a few.
 ANGLE, LEAP, JERK, FEW = 0.08, 6.0, 1.3, 5
+AWAY = 2.0  # times the next step: what it went meanwhile
 # Shortest frozen torque [s]; windows over which balances are taken [s].
 TORQUE, WIDTH = 0.2, 0.07
 # The residual within the interval is this many times that elsewhere, and this share of the torque's
@@ -118,8 +119,12 @@ def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> 
             continue
         quantum = float(np.abs(step[step != 0]).min())
         noise = LEAP * max(float(motion.angle_noise[still.joint]), quantum)
-        around = step[max(still.first - 1, 0)], step[min(still.last, len(step) - 1)]
-        if np.abs(around).max() > max(noise, JERK * float(usual[still.joint])):
+        last = len(step) - 1
+        at = max(still.first - 1, 0), min(still.last, last), min(still.last + 1, last)
+        before, after, behind = np.abs(step[list(at)])
+        limit = max(noise, JERK * float(usual[still.joint]))
+        # a motion may start or stop at once, but neither both nor with what it went meanwhile
+        if min(before, after) > limit or after > max(limit, AWAY * behind):
             out.append(still)
     return out
 

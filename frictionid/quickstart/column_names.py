@@ -20,11 +20,11 @@ WORDS: Mapping[str, frozenset[str]] = {
         "q angle theta phi alpha pos position encoder enc winkel x observation".split()
     ),
 }
-# Not measured: commands and references, and the truth of simulations.
+# Not measured: commands and references, what observers estimate, and the truth of simulations.
 COMMANDED = frozenset(
     "action cmd command commanded con des desired ref reference target setpoint goal soll".split()
 )
-UNMEASURED = COMMANDED | {"true", "truth"}
+UNMEASURED = COMMANDED | {"ext", "external", "true", "truth"}
 # Said to tell runs in one table apart.
 RUNS = frozenset("run trial episode experiment test repetition rep session versuch".split())
 # Said to be no torque, though it is no other quantity either.

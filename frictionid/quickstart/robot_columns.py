@@ -213,8 +213,7 @@ def _trusted(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
 def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:
     """Columns by the names of the joints: by what the names share, else in their order."""
     out: dict[str, str] = {}
-    for name in columns:
-        said = tokens(name)
+    for name, said in zip(columns, _counted(columns, joints), strict=True):
         like = [j.name for j in joints if said and said <= tokens(j.name)]
         exact = [j for j in like if tokens(j) == said]
         chosen = exact if len(exact) == 1 else like
@@ -224,6 +223,14 @@ def _assigned(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]
         return out
     in_order = zip((j.name for j in joints), columns, strict=False)
     return dict(in_order) if len(columns) == len(joints) else out
+
+
+def _counted(columns: Sequence[str], joints: Sequence[Joint]) -> list[frozenset[str]]:
+    """Tokens of columns, their numbers one more where they count from 0 and the joints from 1."""
+    said = [tokens(name) for name in columns]
+    if not any("0" in each for each in said) or any("0" in tokens(j.name) for j in joints):
+        return said
+    return [frozenset(str(int(x) + 1) if x.isdecimal() else x for x in each) for each in said]
 
 
 def _named_alike(joints: Sequence[Joint], columns: Sequence[str]) -> dict[str, str]:

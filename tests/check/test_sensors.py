@@ -142,3 +142,5 @@ def test_a_joint_that_sticks_and_slips_is_not_frozen():
     every = np.ones(6000, dtype=bool)
     assert not frozen(angle, every) and not frozen(angle, ~lost)
     assert frozen(np.where(lost, angle[0], angle), every)
+    ramps = np.cumsum((time % 24.0 > 12.0) * 0.01)  # which start and stop within a sample
+    assert not frozen(ramps, every)

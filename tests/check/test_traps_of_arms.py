@@ -62,6 +62,14 @@ def test_friction_of_a_coupled_motor_that_is_not_declared_stays_unexplained(arm,
     assert (own[1:] > 3.0 * usual[1:]).all()
 
 
+def test_torques_of_the_load_in_place_of_the_motors(tmp_path):
+    single = wrist.mechanism(tmp_path, gravity=[0.0, 0.0, -9.81])
+    table = wrist.frame(single)
+    table[wrist.COLUMNS[1]] *= -1.0
+    first = check(wrist.dataset(single, table)).findings[0]
+    assert first.kind == "flipped_torque" and "all torques have the wrong sign" in first.text
+
+
 @pytest.mark.parametrize("motor", [0, 1, 2])
 def test_the_sign_of_a_gear(arm, table, motor):
     """Of the motor that turns with two joints, too, and of one whose zero is not the joint's."""

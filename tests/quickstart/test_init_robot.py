@@ -163,6 +163,22 @@ def test_a_bag_of_joint_states_is_a_table(exact, tmp_path, run, plugin):
     np.testing.assert_allclose(dataset.recordings[0].torque.value, u, atol=1e-12)
 
 
+def test_columns_may_count_from_zero_and_observers_measure_nothing(exact, tmp_path):
+    for names in (("one", "two", "three"), ("joint_1", "joint_2", "joint_3")):
+        text = wrist.URDF
+        for name, other in zip(("one", "two", "three"), names, strict=True):
+            text = text.replace(f'joint name="{name}"', f'joint name="{other}"')
+        (tmp_path / "wrist.urdf").write_text(text)
+        columns = {
+            f"{key}_{j}": exact[1][:, j] for key in ("ext_tau", "q", "tau") for j in range(3)
+        }
+        table = Table("a.csv", np.arange(len(exact[1])), columns)
+        chosen = robot_columns(robot_file(tmp_path).robot, table)
+        assert tuple(j.name for j in chosen.joints) == names
+        assert chosen.angle == ("q_0", "q_1", "q_2")
+        assert chosen.torque == ("tau_0", "tau_1", "tau_2")
+
+
 def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact):
     _, q, u = exact
     factors = np.array([3.0, -2.0, 5.0])
