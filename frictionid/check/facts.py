@@ -12,8 +12,9 @@ import numpy as np
 
 from frictionid.arrays import Array
 from frictionid.data.recordings import Recording
+from frictionid.data.state_estimators import resolutions
 
-from .motion import Motion, resolution, speeds_of
+from .motion import Motion, speeds_of
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ def joints_of(recordings: Sequence[Recording], motions: Sequence[Motion]) -> lis
         "velocity_noise": np.median([m.velocity_noise for m in motions], axis=0),
         # white noise, from second differences, robustly
         "torque_noise": np.array([scatter_of(column) for column in second.T]) / np.sqrt(6),
-        "angle_step": np.array([resolution(column) for column in q.T]),
-        "torque_step": np.array([resolution(column) for column in u.T]),
+        "angle_step": resolutions(q),
+        "torque_step": resolutions(u),
     }
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     return [JointFacts(j, **dict(zip(columns, row, strict=True))) for j, row in enumerate(rows, 1)]

@@ -16,7 +16,7 @@ from frictionid.data.outliers import Smoothed, smoothed
 from frictionid.data.plants import plant_of
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
-from frictionid.data.state_estimators import States, noise_left
+from frictionid.data.state_estimators import States, noise_left, resolutions
 from frictionid.fitting.one_step.balances import Balances, Rows, Samples, balances_of
 from frictionid.mechanics import Mechanism, Plant
 
@@ -66,7 +66,7 @@ def motions_of(recordings: Sequence[Recording]) -> tuple[Motion, ...]:
 
 def _rounding(angle: Signal, averaged: Signal) -> Array:
     """Variance (n,) [rad^2] that rounding to quantisation steps has in averaged samples."""
-    step = np.array([resolution(column, DISTINCT) for column in np.asarray(angle.value).T])
+    step = resolutions(angle.value, DISTINCT)
     return step**2 / 12 / (len(angle.time) // len(averaged.time))
 
 
@@ -81,22 +81,6 @@ def _motion(recording: Recording, angle: Signal, smooth: Smoothed) -> Motion:
     states = States(angle.time, mean[..., 0], mean[..., 1], left_out, base_motion=along)
     noise = np.sqrt(variance)
     return Motion(states, noise, noise * left.velocity, 1.0 / left.bandwidth)
-
-
-def resolution(values: Array, fewest: int = 3) -> float:
-    """Step of which all differences between readings are multiples, 0 where there is none.
-
-    fewest : different readings that show one
-
-    >>> resolution(np.array([0.1, 0.3, 0.2, 0.6, 0.2])).__round__(6)
-    0.1
-    """
-    gaps = np.diff(np.unique(values))
-    if len(gaps) + 1 < fewest:
-        return 0.0
-    step = float(np.quantile(gaps, 0.1))
-    ratio = gaps / step
-    return step if np.mean(np.abs(ratio - np.rint(ratio)) < 0.05) > 0.9 else 0.0
 
 
 class Speeds(NamedTuple):

@@ -18,12 +18,13 @@ from frictionid.arrays import Array
 from frictionid.data.clock_facts import usual_intervals
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
+from frictionid.data.state_estimators import resolution
 from frictionid.fitting.one_step.balances import Rows
 from frictionid.fitting.one_step.torque_outliers import torque_outliers, with_torques_replaced
 from frictionid.fitting.shooting.data_checks import wraps
 
 from .findings import Finding, finding
-from .motion import MIN_WINDOWS, Measured, Motion, resolution, windows_of
+from .motion import MIN_WINDOWS, Measured, Motion, windows_of
 
 READINGS = 5  # fewest equal readings
 # Shortest frozen angle [s]; the joint enters or leaves it by this many times the noise or rounding,

@@ -14,11 +14,12 @@ from frictionid.arrays import Array
 from frictionid.data.plants import LINK_TORQUE, LINK_TORQUE_REMEDY
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal, sample
+from frictionid.data.state_estimators import resolution
 
 from .facts import noise_of, repeated, unexplained_noise
 from .findings import Finding, finding, percent
 from .hypothesis_tests import HypothesisTests, sampling_findings
-from .motion import DISTINCT, resolution
+from .motion import DISTINCT
 from .passive import GravityShares, gravity_shares
 from .regression import Estimate, Regression, row_rms
 

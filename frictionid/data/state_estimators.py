@@ -245,19 +245,26 @@ def _with_noise(states: States, angle: Signal, rho: Array) -> States:
     left = noise_left(rho, usual_step(angle.time))
     off = _MAD * np.median(np.abs(angle.value - states.q), axis=0)
     noise = off / np.sqrt(1.0 - np.minimum(left.share, 0.9))
-    noise = np.maximum(noise, resolution(angle.value) / np.sqrt(12)) * left.velocity
+    noise = np.maximum(noise, resolutions(angle.value) / np.sqrt(12)) * left.velocity
     return states._replace(noise=noise)
 
 
-def resolution(value: Array) -> Array:
-    """Smallest step (n,) between two values of each column (T, n); zero where there is one only.
+def resolution(values: Array, fewest: int = 3) -> float:
+    """Step of which all differences between readings are multiples, 0 where there is none.
 
-    >>> resolution(np.array([[0.0], [0.5], [1.5], [0.5]]))
-    array([0.5])
+    fewest : different readings that show one
+
+    >>> resolution(np.array([0.1, 0.3, 0.2, 0.6, 0.2])).__round__(6)
+    0.1
     """
-    out = np.zeros(value.shape[1])
-    for j, column in enumerate(value.T):
-        steps = np.diff(np.unique(column))
-        steps = steps[steps > 1e-12 * np.abs(column).max()]
-        out[j] = steps.min(initial=np.inf) if len(steps) else 0.0
-    return out
+    gaps = np.diff(np.unique(values))
+    if len(gaps) + 1 < fewest:
+        return 0.0
+    step = float(np.quantile(gaps, 0.1))
+    ratio = gaps / step
+    return step if np.mean(np.abs(ratio - np.rint(ratio)) < 0.05) > 0.9 else 0.0
+
+
+def resolutions(values: Array, fewest: int = 3) -> Array:
+    """Resolution (n,) of each column of readings (T, n)."""
+    return np.array([resolution(column, fewest) for column in np.asarray(values).T])

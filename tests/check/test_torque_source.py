@@ -10,12 +10,12 @@ from fixtures.paths import DATA
 
 from frictionid.check import check
 from frictionid.check.facts import deviations, noise_of, unexplained_noise
-from frictionid.check.motion import resolution
 from frictionid.check.torque_source import torque_sources
 from frictionid.comparison.fit_model import fit_model
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.signals import Signal
+from frictionid.data.state_estimators import resolution
 from frictionid.fitting.identifiers import LeastSquares
 from frictionid.friction.laws import CoulombViscous
 from frictionid.report import show_fit

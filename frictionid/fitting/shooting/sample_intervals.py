@@ -14,7 +14,7 @@ from frictionid.data.integrals import Pieces, SignalIntegrals, integrals_of, pie
 from frictionid.data.recordings import Dataset, Recording
 from frictionid.data.servo import Servo
 from frictionid.data.signals import Signal, relative_noise, sample
-from frictionid.data.state_estimators import RTS, States, resolution
+from frictionid.data.state_estimators import RTS, States, resolutions
 from frictionid.data.temperatures import temperature_at
 from frictionid.errors import InputError
 
@@ -83,7 +83,7 @@ class Intervals:
     def rounding(self) -> Array:
         """Noise (n,) of rounding to the smallest step of the angles: at rest they show no other."""
         angles = np.concatenate([r.angle.value for r in self.dataset.recordings])
-        return resolution(angles) / np.sqrt(12.0)
+        return resolutions(angles) / np.sqrt(12.0)
 
     @cached_property
     def torque(self) -> SignalIntegrals:
