@@ -229,7 +229,7 @@ def _size(H: Array) -> Array:
 
 
 def scaled_inverse(H: Array, smallest: float) -> Array:
-    """H^-1 of a normal matrix (N, N) by units in which its diagonals are one; zero where singular.
+    """H^-1 of normal matrices (..., N, N) by units in which diagonals are one; zero where singular.
 
     smallest : of the largest singular value in these units, one that counts
 
@@ -238,7 +238,7 @@ def scaled_inverse(H: Array, smallest: float) -> Array:
            [0.0e+00, 0.0e+00]])
     """
     scale = np.sqrt(_size(H))
-    scale = scale[:, None] * scale
+    scale = scale[..., None] * scale[..., None, :]
     return np.linalg.pinv(H / scale, rcond=smallest, hermitian=True) / scale
 
 

@@ -125,8 +125,8 @@ def worth(H: Array, groups: Groups) -> float:
 def _left_out(H: Array, groups: Groups, label: Array) -> Array:
     """(H - H_g)^-1 (G, N, N) of the N free parameters without the groups of each label (W,)."""
     keep = np.ix_(np.flatnonzero(groups.free), np.flatnonzero(groups.free))
-    rests = ((H - groups.H[rows].sum(axis=0))[keep] for rows in rows_by(label))
-    return np.stack([scaled_inverse(rest, SINGULAR) for rest in rests])
+    rests = [(H - groups.H[rows].sum(axis=0))[keep] for rows in rows_by(label)]
+    return scaled_inverse(np.stack(rests), SINGULAR)
 
 
 def scatter(H: Array, groups: Groups, label: Array, left: Array | None = None) -> Array:
