@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ from .draft_text import Draft
 from .robot_columns import RobotColumns, RobotFile, robot_columns
 
 _NOTHING = 1e-9  # of the usual inertia of a joint
+_HARDLY = 0.05  # of the widest motion of a joint
 _QUICK = 1000.0  # [rad/s^2], by the largest torque, of a joint without an inertia of its own
 _MISSING = "MISSING, see above"
 _GEARS = (
@@ -57,6 +59,7 @@ _TORQUE = (
     "torques or currents (--torque NAME,NAME, a column for each joint): without them all joints "
     "swing freely"
 )
+_NO_LOAD = "in {} no load shows: with constants (--kt, --gear) these joints move, too"
 _IMU = (
     "where the IMU is in the frame of the base (sensor_position [m], sensor_rotation in [base]): "
     "without them at its origin, and parallel"
@@ -69,13 +72,13 @@ def describe_robot(
     file: RobotFile,
     options: Mapping[str, Any],
     facts: Known,
-    mute: Sequence[str] = (),
+    still: Mapping[str, str] = MappingProxyType({}),
 ) -> Described:
     """A dataset.toml and a first suite for tables of a robot.
 
     options : of the [mechanism] table, such as joints, and parameters, such as rotors
     facts : what is known of columns and motors
-    mute : joints whose currents say nothing of torques, which are locked
+    still : joints that are locked, and why
 
     Raises
     ------
@@ -84,7 +87,7 @@ def describe_robot(
     """
     gear = None if facts.gear is None else np.atleast_1d(np.asarray(facts.gear, dtype=float))
     columns = robot_columns(
-        file.robot, tables.first, gear, facts.columns, options.get("joints"), mute
+        file.robot, tables.first, gear, facts.columns, options.get("joints"), tuple(still)
     )
     names = mechanism_options(FORMATS[file.format])
     values = {k: v for k, v in options.items() if k not in names}
@@ -96,26 +99,14 @@ def describe_robot(
     machine = machine.with_values(table["parameters"])
     guesses = _guesses(tables, machine, columns, facts)
     motor = _motor(columns, guesses, facts)
-    of_file = "" if facts.gains else "of the file"
-    facts = _with_gains_of(facts, columns.joints)
+    known, facts = facts, _with_gains_of(facts, columns.joints)
     actuator = actuator_of(columns.target, facts.gains, _efforts(columns.joints))
     missing = tuple(_missing(machine, motor, actuator, facts))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
-    comments = {
-        file.format: "meshes are not looked at",
-        "joints": "those with columns, in their order; others are locked",
-        "base": "the file lets it go: " + ("its IMU says how" if columns.imu else _HELD),
-        "locked": columns.silent or "no column, or no motor that is measured",
-        "driven": "no torques, no targets",
-        "": "\n".join(_limits(columns.joints)),
-        **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
-        **dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia"),
-        "motor.gear": "turns of the motor for one of its joint",
-        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
-        **dict.fromkeys(("actuator.P", "actuator.D"), of_file if facts.gains else _MISSING),
-    }
+    comments = _comments(file, columns, machine, known, still)
+    comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
         *(name, tables.files, table, guesses, machine, motor, missing_lines(missing)),
@@ -124,17 +115,59 @@ def describe_robot(
     factor = {*missing} & {_KT, _GEAR}  # of the torques, where angles are the joints'
     if len(factor) == 1 and not (_GEAR in factor and "angle" in motor):
         gains = gains_by_gravity(loaded(draft, tables.folder))
-        mute = tuple(joint for joint, gain in gains.items() if gain is None)
-        if mute and len(mute) < len(gains) and "joints" not in options:
-            return describe_robot(tables, file, options, facts, mute)
-        if not mute:
+        none = [joint for joint, gain in gains.items() if gain is None]
+        if none and len(none) < len(gains) and "joints" not in options:
+            of = {j.name: name for j, name in zip(columns.joints, columns.torque, strict=True)}
+            why = _NO_LOAD.format(", ".join(of[joint] for joint in none))
+            locked = {**still, **dict.fromkeys(none, why)}
+            return describe_robot(tables, file, options, known, locked)
+        if not none:
             head = _CONSTANTS if _KT in factor else _GEARS
             said = head + _taken(gains)
             missing = tuple(said if text in factor else text for text in missing)
             motor = _with_gains(draft.motor, gains, "gear" if facts.gear is None else "kt")
             draft = replace(draft, motor=motor, evidence=missing_lines(missing))
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
-    return described_draft(draft, tables, missing, blind=blind)
+    described = described_draft(draft, tables, missing, blind=blind)
+    rest = _resting(described, columns.joints)
+    if not rest or "joints" in options or known.per_joint:
+        return described
+    why = f"{', '.join(rest)} hardly move in these tables"
+    return describe_robot(tables, file, options, known, {**still, **dict.fromkeys(rest, why)})
+
+
+def _resting(described: Described, joints: Sequence[Joint]) -> list[str]:
+    """Joints whose friction no table shows, as they hardly move beside others."""
+    missing = [f.joint for f in described.verdict.findings if f.kind == "missing_excitation"]
+    angles = [recording.angle.value for recording in described.dataset.recordings]
+    travel = np.max([np.ptp(angle, axis=0) for angle in angles], axis=0)
+    hardly = travel < _HARDLY * travel.max()
+    return [joint.name for j, joint in enumerate(joints) if hardly[j] and j + 1 in missing]
+
+
+def _comments(
+    file: RobotFile,
+    columns: RobotColumns,
+    machine: Mechanism,
+    facts: Known,
+    still: Mapping[str, str],
+) -> dict[str, str]:
+    """Comments of keys of the dataset.toml, see `Draft`."""
+    of_file = "" if facts.gains else "of the file"
+    gains = _with_gains_of(facts, columns.joints).gains
+    locked = "; ".join(dict.fromkeys(filter(None, (columns.silent, *still.values()))))
+    return {
+        file.format: "meshes are not looked at",
+        "joints": "those with columns, in their order; others are locked",
+        "base": "the file lets it go: " + ("its IMU says how" if columns.imu else _HELD),
+        "locked": locked or "no column, or no motor that is measured",
+        "driven": "no torques, no targets",
+        "": "\n".join(_limits(columns.joints)),
+        **{p.name: "; of the file" if p.default else "; not in it" for p in machine.parameters},
+        "motor.gear": "turns of the motor for one of its joint",
+        **{f"motor.{key}": _MISSING for key in ("kt", "gear") if getattr(facts, key) is None},
+        **dict.fromkeys(("actuator.P", "actuator.D"), of_file if gains else _MISSING),
+    }
 
 
 def _taken(gains: "Mapping[str, Gain | None]") -> str:

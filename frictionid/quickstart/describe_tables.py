@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from frictionid.check import check
+from frictionid.check import Verdict, check
 from frictionid.check.conventions import ABSOLUTE, SHIFTED, TORQUE_UNITS, Convention
 from frictionid.data.readers.dataset import load_dataset
 from frictionid.data.readers.dataset_path import BAGS, TABLES, is_table
@@ -53,19 +53,26 @@ class Known:
     gear: Constants | None = None
     gains: tuple[Constants, Constants] | None = None
 
+    @property
+    def per_joint(self) -> bool:
+        """Whether a constant is given for each joint."""
+        return any(np.ndim(c) for c in (self.kt, self.gear, *(self.gains or ())) if c is not None)
+
 
 @dataclass(frozen=True)
 class Described:
     """Texts of dataset.toml and suite.toml, the data set that they describe, and the guesses.
 
     missing : what was not given and no guess replaces, and what happens without it
+    verdict : of `check` on the data set, or on what was corrected last
     """
 
     dataset_toml: str
     suite_toml: str
     dataset: Dataset
     draft: Draft
-    missing: tuple[str, ...] = ()
+    missing: tuple[str, ...]
+    verdict: Verdict
 
 
 def tables_at(paths: Sequence[Path], time: str = "") -> Tables:
@@ -228,11 +235,13 @@ def described_draft(
     """
     dataset = loaded(draft, tables.folder)
     for _ in dataset.mechanism.joints:
-        corrected = _corrected(draft, dataset, blind=blind)
+        verdict = check(dataset)
+        corrected = _corrected(draft, verdict, blind=blind)
         if corrected is draft:
             break
         draft, dataset = corrected, loaded(corrected, tables.folder)
-    return Described(dataset_text(draft), suite_text(draft, dataset), dataset, draft, missing)
+    texts = dataset_text(draft), suite_text(draft, dataset)
+    return Described(*texts, dataset, draft, missing, verdict)
 
 
 def loaded(draft: Draft, folder: Path) -> Dataset:
@@ -246,9 +255,8 @@ def loaded(draft: Draft, folder: Path) -> Dataset:
             raise InputError(str(error).replace(f"{file}: ", "")) from None
 
 
-def _corrected(draft: Draft, dataset: Dataset, *, blind: bool) -> Draft:
+def _corrected(draft: Draft, verdict: Verdict, *, blind: bool) -> Draft:
     """The draft with the convention that the motion asks for, where it contradicts the guesses."""
-    verdict = check(dataset)
     kinds = {finding.kind: finding for finding in verdict.findings}
     late = [kinds[kind].text for kind in ("late_velocity", "wrong_velocity") if kind in kinds]
     if late and draft.velocity:

@@ -115,7 +115,7 @@ def robot_columns(
 
     gear : turns of the motors for one of the joints, where these are known
     named : columns of "angle" or "torque" that are known; only : names of the joints that move
-    mute : joints whose columns say nothing of torques
+    mute : joints that are locked
 
     Raises
     ------
@@ -164,7 +164,7 @@ def robot_columns(
         _of_all(kept, by["velocity"]),
         () if pushes else _of_all(kept, by["target"]),
         {j.name: round(float(np.nanmean(table.columns[by["angle"][j.name]])), 4) for j in still},
-        "; ".join(filter(None, (_words_of(silent, pushes), _words_of_mute(mute, pushes)))),
+        _words_of(silent, pushes),
         side,
         unit,
         evidence,
@@ -261,13 +261,6 @@ def _words_of(silent: Sequence[str], pushes: Mapping[str, str]) -> str:
         return ""
     columns = ", ".join(pushes[name] for name in silent)
     return f"{columns} stay near zero: nothing drives these joints, which are locked at their mean"
-
-
-def _words_of_mute(mute: Sequence[str], pushes: Mapping[str, str]) -> str:
-    if not mute:
-        return ""
-    columns = ", ".join(pushes[name] for name in mute)
-    return f"in {columns} no load shows: with constants (--kt, --gear) these joints move, too"
 
 
 def _side(

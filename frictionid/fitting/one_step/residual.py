@@ -44,6 +44,7 @@ from ..gauss_newton import MAD
 # of half a second has cost seven per cent of the friction curve.
 GAP = 5.0
 _RESTING = 0.02  # of the speeds in a recording: a joint that is slower may be at rest
+_SLOWER = 0.05  # of those in the fastest recording: the speeds of the slowest motion
 _BLIND = 1e-9  # of the best seen combination of joints
 _HARDLY = 0.03  # of the largest load of a joint: by less, no coefficient shows
 _SLOWEST = 0.01  # of the fastest speed: slowest one of a problem that does not know it
@@ -189,6 +190,8 @@ def stiction_mask(problem: Problem, velocity_threshold: float | Array | None) ->
         first = problem.nodes.first
         each = [np.abs(problem.nodes.inputs.w[a:b]) for a, b in pairwise(first)]
         usual = _RESTING * np.stack([np.quantile(speeds, 0.95, axis=0) for speeds in each])
+        # of a recording in which a joint rests a share of its speeds in others
+        usual = np.maximum(usual, _SLOWER * usual.max(axis=0))
         threshold = np.maximum(problem.slowest, usual)[problem.recording][:, None]
     slow = (np.abs(w) < threshold).any(1)
     return np.asarray(slow | ((w > 0).any(1) & (w < 0).any(1)))

@@ -145,6 +145,11 @@ class TorqueBalance:
         slowest = _slowest(self, self.slides & use[:, None])
         return replace(self, use=use, slowest=slowest, wrench=wrench)
 
+    def where(self, keep: Array) -> "TorqueBalance":
+        """The balance of some of the windows, (K,)."""
+        names = "stencil", "regressor", "base", "recording", "start", "stop", "slides", "use"
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+
     @property
     def counts(self) -> Array:
         """Rows (K, n), or (K, n + 6), that count."""
@@ -203,7 +208,9 @@ def torque_balance(
     )
     resting = stiction_mask(balance.problem, None)
     slides = ~(resting @ (plant.mechanism.friction_map != 0))
-    return replace(balance, slides=slides, slowest=_slowest(balance, slides))
+    balance = replace(balance, slides=slides, slowest=_slowest(balance, slides))
+    # what rests shows nothing, but to the base
+    return balance if balance.wrench else balance.where(slides.any(axis=1))
 
 
 def _slowest(balance: TorqueBalance, counts: Array) -> Array:
