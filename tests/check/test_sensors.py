@@ -129,7 +129,7 @@ def test_other_checks_see_torques_without_their_outliers(clean):
 def test_a_joint_that_sticks_and_slips_is_not_frozen():
     """It rests for 99 % of the time; one slip falls into a gap; a slip that is lost is found."""
     time = np.arange(6000) * 0.025
-    slips = np.maximum(time[:, None] - 12.0 - 24.0 * np.arange(5), 0.0)
+    slips = np.maximum(time[:, None] - 12.0 - 13.5 * np.arange(10), 0.0)
     angle = np.round(0.06 * (1 - np.exp(-slips / 0.03)).sum(axis=1) / 4e-4) * 4e-4
     lost = np.abs(time - 12.0) < 0.12
 
