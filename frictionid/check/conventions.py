@@ -33,6 +33,8 @@ MARGIN, EXPLAINS = 1.0, np.log(0.25)
 ALIKE = 0.05
 # Below this share of its terms a balance is good; smaller differences mean nothing.
 FLOOR = 0.02
+# A wrong zero leaves this share of some joint's at least: else none is sought.
+_WRONG = 0.1
 # A hypothesis that makes the mechanism's terms smaller than this share of the torque explains
 # nothing: free friction alone would take all of it.
 MATTERS = 0.3
@@ -180,6 +182,8 @@ def scores(measured: Measured) -> list[Scored]:
     same = [np.allclose(s.each, first.each, rtol=0.0, atol=1e-6) for s in others]
     kept = [s for s, same in zip(others, same, strict=True) if not (s.of_gears and same)]
     kept = _with_torque(kept)
+    if (first.each < 2 * np.log(_WRONG)).all():
+        return [first, *kept]
     return [first, *kept, *shifted(measured, first, kept)]
 
 

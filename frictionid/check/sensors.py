@@ -120,9 +120,8 @@ def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> 
             continue
         quantum = float(np.abs(step[step != 0]).min())
         noise = LEAP * max(float(motion.angle_noise[still.joint]), quantum)
-        last = len(step) - 1
-        at = max(still.first - 1, 0), min(still.last, last), min(still.last + 1, last)
-        before, after, behind = np.abs(step[list(at)])
+        at = np.clip([still.first - 1, still.last, still.last + 1], 0, len(step) - 1)
+        before, after, behind = np.abs(step[at])
         limit = max(noise, JERK * float(usual[still.joint]))
         # a motion may start or stop at once, but neither both nor with what it went meanwhile
         if min(before, after) > limit or after > max(limit, AWAY * behind):

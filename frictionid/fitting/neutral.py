@@ -77,8 +77,8 @@ def sentences_of(held: Sequence[Unknown]) -> tuple[str, ...]:
     if len(base) <= _LISTED:
         return tuple(u.sentence for u in held)
     names = f"{', '.join(base[:_LISTED])} and {len(base) - _LISTED} more"
-    together = f"{names} are not identified by these data, and stay as they were."
-    return (*(u.sentence for u in held if u.parameter.block != "inertia"), together)
+    others = (u.sentence for u in held if u.parameter.block != "inertia")
+    return (*others, f"{names} are not identified by these data, and stay as they were.")
 
 
 def least_known(

@@ -99,13 +99,13 @@ def describe_robot(
     machine = machine.with_values(table["parameters"])
     guesses = _guesses(tables, machine, columns, facts)
     motor = _motor(columns, guesses, facts)
-    known, facts = facts, _with_gains_of(facts, columns.joints)
-    actuator = actuator_of(columns.target, facts.gains, _efforts(columns.joints))
-    missing = tuple(_missing(machine, motor, actuator, facts))
+    filled = _with_gains_of(facts, columns.joints)
+    actuator = actuator_of(columns.target, filled.gains, _efforts(columns.joints))
+    missing = tuple(_missing(machine, motor, actuator, filled))
     if not (columns.torque or actuator) and {*map(quantity_of, guesses.unused)} - {"velocity"}:
         missing += (_TORQUE,)
     missing += (_IMU,) if columns.imu else ()
-    comments = _comments(file, columns, machine, known, still)
+    comments = _comments(file, columns, machine, facts, still)
     comments |= dict.fromkeys(stand_in, "; MISSING, a guess: its link has no inertia")
     name = tables.folder.resolve().name
     draft = Draft(
@@ -117,10 +117,10 @@ def describe_robot(
         gains = gains_by_gravity(loaded(draft, tables.folder))
         none = [joint for joint, gain in gains.items() if gain is None]
         if none and len(none) < len(gains) and "joints" not in options:
-            of = {j.name: name for j, name in zip(columns.joints, columns.torque, strict=True)}
-            why = _NO_LOAD.format(", ".join(of[joint] for joint in none))
+            pairs = zip(columns.joints, columns.torque, strict=True)
+            why = _NO_LOAD.format(", ".join(name for joint, name in pairs if joint.name in none))
             locked = {**still, **dict.fromkeys(none, why)}
-            return describe_robot(tables, file, options, known, locked)
+            return describe_robot(tables, file, options, facts, locked)
         if not none:
             head = _CONSTANTS if _KT in factor else _GEARS
             said = head + _taken(gains)
@@ -130,10 +130,10 @@ def describe_robot(
     blind = not {_GEAR, _KT, GAINS, _TORQUE}.isdisjoint(missing)
     described = described_draft(draft, tables, missing, blind=blind)
     rest = _resting(described, columns.joints)
-    if not rest or "joints" in options or known.per_joint:
+    if not rest or "joints" in options or facts.per_joint:
         return described
     why = f"{', '.join(rest)} hardly move in these tables"
-    return describe_robot(tables, file, options, known, {**still, **dict.fromkeys(rest, why)})
+    return describe_robot(tables, file, options, facts, {**still, **dict.fromkeys(rest, why)})
 
 
 def _resting(described: Described, joints: Sequence[Joint]) -> list[str]:

@@ -114,8 +114,8 @@ def with_times(table: Table, names: Sequence[str]) -> Table:
     >>> with_times(Table("a.csv", np.arange(2, 5), {}), ["q", "50 Hz"]).columns
     {'50 Hz': array([0.  , 0.02, 0.04])}
     """
-    rates = {name: rate for name in names if (rate := rate_of(name))}
-    times = {name: np.arange(len(table.rows)) / rate for name, rate in rates.items()}
+    rows = np.arange(len(table.rows))
+    times = {name: rows / rate for name in names if (rate := rate_of(name))}
     return table._replace(columns=table.columns | times)
 
 
