@@ -132,7 +132,7 @@ def describe_robot(
     rest = _resting(described, columns.joints)
     if not rest or "joints" in options or facts.per_joint:
         return described
-    why = f"{', '.join(rest)} hardly move in these tables"
+    why = f"{', '.join(rest)}: hardly any motion in these tables"
     return describe_robot(tables, file, options, facts, {**still, **dict.fromkeys(rest, why)})
 
 

@@ -179,6 +179,21 @@ def test_columns_may_count_from_zero_and_observers_measure_nothing(exact, tmp_pa
         assert chosen.torque == ("tau_0", "tau_1", "tau_2")
 
 
+def test_a_joint_that_hardly_moves_is_locked_where_it_stands(arm, tmp_path, run):
+    (tmp_path / "log").mkdir()
+    (tmp_path / "wrist.urdf").write_text(wrist.URDF)
+    frames = wrist.frames_joint_by_joint(arm, 4.0, 8.0)
+    for name in ("joint 1", "joint 2"):
+        q = frames[name][wrist.COLUMNS[0]].to_numpy() @ np.linalg.inv(wrist.GEARS.T) + wrist.ZERO
+        u = frames[name][wrist.COLUMNS[1]].to_numpy() @ wrist.GEARS
+        columns = {"t": frames[name]["t"], **named("q_{}", q), **named("tau_{}", u)}
+        pd.DataFrame(columns).to_csv(tmp_path / "log" / f"{name}.csv", index=False)
+    code, out, _ = run(tmp_path, "init", "log", "--mechanism", "wrist.urdf")
+    assert code == 0 and "three: hardly any motion in these tables" in out
+    dataset = load_dataset(tmp_path / "log")
+    assert dataset.mechanism.joints == ("one", "two")
+
+
 def test_constants_and_gears_are_taken_by_the_masses_where_these_show(call, exact):
     _, q, u = exact
     factors = np.array([3.0, -2.0, 5.0])
