@@ -118,11 +118,11 @@ def _frozen_angles(number: int, angle: Signal, motion: Motion, usual: Array) -> 
         step = np.diff(column) / np.maximum(interval / usual_intervals(interval), 1.0)
         if not step.any():
             continue
-        quantum = float(np.abs(step[step != 0]).min())
-        noise = LEAP * max(float(motion.angle_noise[still.joint]), quantum)
+        quantum = np.abs(step[step != 0]).min()
+        noise = LEAP * max(motion.angle_noise[still.joint], quantum)
         at = np.clip([still.first - 1, still.last, still.last + 1], 0, len(step) - 1)
         before, after, behind = np.abs(step[at])
-        limit = max(noise, JERK * float(usual[still.joint]))
+        limit = max(noise, JERK * usual[still.joint])
         # a motion may start or stop at once, but neither both nor with what it went meanwhile
         if min(before, after) > limit or after > max(limit, AWAY * behind):
             out.append(still)

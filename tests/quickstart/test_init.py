@@ -42,7 +42,8 @@ def lab(tmp_path_factory):
         ),
     ):
         (folder / name).mkdir()
-        (folder / name / "run1.csv").write_text(text)
+        for ending in ("csv", "MCAP"):  # a name that no reader of bags knows
+            (folder / name / f"run1.{ending}").write_text(text)
     return folder
 
 
@@ -133,10 +134,11 @@ def test_the_first_suite_can_be_compared(call, tmp_path):
 
 def test_what_is_there_is_never_overwritten(call, tmp_path):
     for name in ("dataset.toml", "suite.toml"):
-        (tmp_path / "arm" / name).write_text("mine")
+        file = tmp_path / "arm" / name
+        file.write_text("mine")
         assert_one_line(call(f"init arm {INIT} {MOTOR}"), f"arm/{name} is there already")
-        assert (tmp_path / "arm" / name).read_text() == "mine"
-        (tmp_path / "arm" / name).unlink()
+        assert file.read_text() == "mine"
+        file.unlink()
 
 
 MISSING = r"""
@@ -155,6 +157,7 @@ arm INIT --set mas=1         => --set mas: pendulum .* mean 'mass'
 arm/run9.csv INIT            => arm/run9.csv: no such file
 arm/run1.csv single/run1.csv INIT => lie in 2 folders
 . INIT                       => \. has no table that ends with \.csv
+words/run1.MCAP INIT         => run1\.MCAP: no table that ends with .*\.mcap
 words INIT                   => run1.csv, row 3: column 'pos_deg' holds 'lost', which is no
 repeated INIT --torque u     => run1.csv, row 3: .* .66 such rows: 3
 nameless INIT                => run1.csv: 0 columns look like angles, .* there are '1' \(0 to 10\)

@@ -37,4 +37,4 @@ def dataset_path(path: Path) -> Path:
 
 def is_table(path: Path) -> bool:
     """Whether a path is that of a table, or a bag, by its ending."""
-    return path.name.lower().endswith(TABLES + BAGS) and path.is_file()
+    return path.is_file() and (path.name.lower().endswith(TABLES) or path.suffix in BAGS)
